@@ -1,10 +1,10 @@
-"""Floating axes of links in space, and the damping of shapes.
+"""Floating axes of links, and the damping of shapes.
 
-Axes follow from the joints as in the plane, in each plane of bending: the tangent if only one joint holds the link's
-rotation relative to prescribed motions, else the chord of its first and last joints, else its mean rotation about its
-only joint. Shapes may follow a tangent only at the joint of the tree, as a rotation of the axes that bending undoes
-would have hardly any inertia. The motion damped by Rayleigh's mass term, a modal ratio or viscous damping does not
-depend on the tree.
+Axes follow from the joints, in each plane of bending: the tangent if only one joint holds the link's rotation relative
+to prescribed motions, else the chord of its first and last joints, else its mean rotation about its only joint. In
+space, shapes may follow a tangent only at the joint of the tree, as a rotation of the axes that bending undoes would
+have hardly any inertia. The motion damped by Rayleigh's mass term, a modal ratio or viscous damping does not depend on
+the tree.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from scipy.linalg import eigh
 from kaneflex.fem.links import Link
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.mechanism.affine import Matrix
+from kaneflex.mechanism.floating_frames import stations
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
 from kaneflex.scene import Scene
@@ -22,15 +23,13 @@ from kaneflex.scene import Scene
 _FREE = 0.5 + 1e-9
 """Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
 _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
-"""Rows of displacement and rotation of a node in either plane of bending, the rotation's axis, and its sign where the
-link turns about it."""
+"""Places of displacement and rotation among a node's motions in either plane of bending, the rotation's axis, and its
+sign where the link turns about it."""
 
 
 def shape_damping(scene: Scene, link: Link, basis: np.ndarray) -> np.ndarray:
-    """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (6 n_nodes, count)."""
+    """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (dofs n_nodes, count)."""
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
-    if not scene.is_spatial:
-        return modal_damping(scene, link, basis, M)
     apart = against_axes(scene, link, basis, M)
     mass = apart.T @ M @ apart
     modes = eigh(apart.T @ K @ apart, mass)[1]
@@ -57,16 +56,23 @@ def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.
 def against_axes(
     scene: Scene, link: Link, basis: np.ndarray, M: Matrix, hung: float | None = None
 ) -> np.ndarray:
-    """Shapes relative to a link's axes by its joints, without rigid motions, (6 n_nodes, count).
+    """Shapes relative to a link's axes by its joints, without rigid motions, (dofs n_nodes, count).
 
     ``hung``: place of the joint of the tree, where alone the axes may then follow the section.
     """
     joined, alone = _joined(scene, link, hung)
-    size, left = M.shape[0], basis.copy()
+    left, d, places = basis.copy(), link.dofs, link.motions
 
-    def row(x: float, k: int) -> np.ndarray:
-        found = np.zeros(size)
-        found[6 * node_of(link, x) + k] = 1.0
+    def rigid_motion(*moved: tuple[int, float | np.ndarray]) -> np.ndarray:
+        """Values of all coordinates from those of some motions of the nodes."""
+        found = np.zeros(len(left))
+        for motion, values in moved:
+            found[places.index(motion) :: d] = values
+        return found
+
+    def row(x: float, motion: int) -> np.ndarray:
+        found = np.zeros(len(left))
+        found[d * node_of(link, x) + places.index(motion)] = 1.0
         return found
 
     def take(rigid: np.ndarray, measured: list[np.ndarray]) -> None:
@@ -74,20 +80,17 @@ def against_axes(
         rows = np.array(measured)
         left[:] -= rigid @ np.linalg.solve(rows @ rigid, rows @ left)
 
-    for v, theta, axis, sign in _PLANES:
+    for v, theta, axis, sign in _PLANES[: d // 3]:
         at = alone.get(axis, joined[0] if joined else 0.0)
-        rigid = np.zeros((size, 2))
-        rigid[v::6, 0], rigid[v::6, 1], rigid[theta::6, 1] = 1.0, sign * (link.nodes - at), 1.0
+        rigid = np.column_stack([rigid_motion((v, 1.0)), rigid_motion((v, sign * (link.nodes - at)), (theta, 1.0))])
         if axis in alone:
             take(rigid, [row(at, v), row(at, theta)])
         elif len(joined) > 1:
             take(rigid, [row(joined[0], v), row(joined[-1], v)])
         else:
             take(rigid, [row(at, v) if joined else M @ rigid[:, 0], M @ rigid[:, 1]])
-    along = axial_place(scene, link, hung)
-    for k, at_joint in ((0, along), (3, alone.get("x"))):
-        rigid = np.zeros((size, 1))
-        rigid[k::6] = 1.0
+    for k, at_joint in ((0, axial_place(scene, link, hung)), (3, alone.get("x")))[: d // 3]:
+        rigid = rigid_motion((k, 1.0))[:, None]
         take(rigid, [M @ rigid[:, 0] if at_joint is None else row(at_joint, k)])
     return left
 
@@ -96,13 +99,16 @@ def axial_place(scene: Scene, link: Link, hung: float | None = None) -> float | 
     """Distance from a link's start [m] of its section without axial displacement in its axes: at its only joint, or at
     the one that holds its bending; None: it has none in the mean over its mass."""
     joined, alone = _joined(scene, link, hung)
-    return joined[0] if len(joined) == 1 else alone["z"] if {"y", "z"} <= {*alone} else None
+    return joined[0] if len(joined) == 1 else alone["z"] if {*"zy"[: link.dofs // 3]} <= {*alone} else None
 
 
 def _joined(scene: Scene, link: Link, hung: float | None) -> tuple[list[float], dict[str, float]]:
     """Distances from a link's start [m] of its joints, and of the section that the axes follow about each axis that a
     single joint holds."""
-    clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
+    if link.dofs == 3:
+        clamped = {each.x: "z" * each.clamped for each in stations(scene, link.name) if each.joined}
+    else:
+        clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
     places = {axis: [x for x, held in clamped.items() if axis in held] for axis in "xyz"}
     alone = {axis: of[0] for axis, of in places.items() if len(of) == 1 and hung in (None, of[0])}
     return sorted(clamped), alone

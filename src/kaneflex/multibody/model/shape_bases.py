@@ -6,8 +6,8 @@ and modes with these points held (Craig & Bampton 1968).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -15,24 +15,21 @@ from scipy.linalg import eigh
 from kaneflex.fem.links import Link, static_shapes
 from kaneflex.fem.modes import lowest_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
-from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
+from kaneflex.mechanism.floating_frames import IN_THE_MEAN, axial_modes, frame_of, stations
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
 from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_layout import Place
 from kaneflex.scene import Scene
-from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 _TURNS = 1e-6
 """Displacement of the nodes, as a share of the link's length times their rotation, below which a shape only rotates
 them."""
 _ALIKE = 1e-6  # share of the largest displacement within which the first one decides: symmetric shapes have two
-_STILL = {"mean": 1, "free": 2}
-"""Number of the lowest shapes without deformation, by the kind of frame, which has these motions itself: rotation,
-translation."""
-_KINDS = {("u",): 1, ("v", "theta_z"): 2, ("w", "theta_y"): 2, ("theta_x",): 1}
-"""A node's coordinates of each kind, with the number of rigid-body motions of a free link."""
+_KINDS = (((0,), 1), ((1, 5), 2), ((2, 4), 2), ((3,), 1))
+"""Places of the coordinates of each kind among those of a node in space, with the number of rigid-body motions of a
+free link; the first two kinds are those of the plane."""
 _NEAR = 0.99
 """Component of a joint's axis along one of the body's above which hardly any torque acts about that."""
 _EQUAL = 1e-6  # relative distance of squared frequencies that are one's
@@ -45,32 +42,61 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
     The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
     by forces at those points and by the link's own inertia.
     """
-    rows = _rows(scene, link)
-    count = modes + rows.turns
-    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
-    beam = scene.bodies[link.name].beam
-    axial = np.zeros((mass.shape[0], 0))
-    if not beam.axially_rigid:
-        loose = np.setdiff1d(3 * np.arange(len(link.nodes)), [3 * rows.node, *rows.pulled])
-        wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
-        loads = _axial_loads(link, rows.node, rows.frame.kind not in IN_THE_MEAN)
-        inertial = _inertial(stiffness, mass, loads, loose, wanted)
-        axial = np.hstack([static_shapes(stiffness, rows.pulled, loose), inertial])
-        axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass, link)
-    dynamic = np.zeros((mass.shape[0], count))
-    if count and beam.shapes != "craig-bampton":
-        dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
-    elif count:
-        dynamic = _fixed_interface(stiffness, mass, rows.free, count, rows.frame.kind in _STILL)[1]
-    transverse = np.hstack([static_shapes(stiffness, rows.held, rows.free), dynamic])
-    transverse = _orthogonal(transverse, stiffness, mass, link)[:, _STILL.get(rows.frame.kind, 0) :]
-    return _planar(scene, link, axial, transverse, rows.frame)
+    found = stations(scene, link.name)
+    frame = frame_of(found)
+    points = {node_of(link, station.x): "z" * station.turned for station in found}
+    first, freed = None if frame.kind == "free" else node_of(link, frame.at), "z" * (frame.kind != "tangent")
+    return _shapes(scene, link, modes, points, first, freed, frame.kind not in IN_THE_MEAN)
 
 
-def _planar(scene: Scene, link: Link, axial: np.ndarray, transverse: np.ndarray, frame: Frame) -> Shapes:
-    """Shapes of a link in the plane."""
-    held = None if frame.kind in IN_THE_MEAN else frame.at
-    return Shapes(scene, link, np.hstack([axial, transverse]), (axial.shape[1], transverse.shape[1]), held)
+def _shapes(
+    scene: Scene, link: Link, modes: int, points: Mapping[int, str], first: int | None, freed: str, swings: bool,
+    hung: float | None = None,
+) -> Shapes:  # fmt: skip
+    """Shapes of a link by kinds of motion.
+
+    Parameters
+    ----------
+    points : mapping
+        Node with joints or loads -> axes about which moments act on its section.
+    first : int or None
+        Node that holds the axes, but for turns about ``freed``; None: the axes have no momentum.
+    swings : bool
+        True if the link swings about that node.
+    hung : float or None
+        See :func:`against_axes`.
+    """
+    d, beam, found = link.dofs, scene.bodies[link.name].beam, list[np.ndarray]()
+    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
+    most, turning = K.shape[0], [3 + "xyz".index(axis) for axis in freed]
+    for kind, rigid in _KINDS[: 2 * d // 3]:
+        if kind == (0,) and beam.axially_rigid:
+            found.append(np.zeros((K.shape[0], 0)))
+            continue
+        bends, loose = len(kind) == 2, [motion for motion in kind if motion in turning]
+        places = {motion: link.motions.index(motion) for motion in kind}
+        rows = [d * n + k for n in range(len(link.nodes)) for k in places.values()]
+        held = [] if first is None else [d * first + places[motion] for motion in kind if motion not in turning]
+        static = [d * node + k for node, axes in sorted(points.items()) for motion, k in places.items()
+                  if motion < 3 or "xyz"[motion - 3] in axes]  # fmt: skip
+        static = [row for row in static if row not in held]
+        inner = np.setdiff1d(rows, [*held, *static])
+        if bends:
+            most, count = min(most, len(rows) - len(held) - len(static)), modes
+        else:
+            count = axial_modes(modes, beam.elements, len({*points, first} - {None}))
+        count += len(loose) if not static else 0
+        if kind == (0,):
+            modal = _inertial(K, M, _axial_loads(link, first or 0, swings), inner, count)
+        elif beam.shapes != "craig-bampton" and count:
+            modal = family(beam.shapes, link.nodes, [*held, *static], count)
+        else:
+            modal = _fixed_interface(K, M, inner, count, not static, d == 6)
+        own = _orthogonal(np.hstack([static_shapes(K, static, inner), modal]), K, M, link)
+        own = own[:, rigid if first is None else len(loose) :]
+        found.append(_orthogonal(against_axes(scene, link, own, M, hung), K, M, link))
+    counts = tuple(own.shape[1] for own in found)
+    return Shapes(scene, link, np.hstack(found), counts, axial_place(scene, link, hung), most, bool(freed))
 
 
 def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
@@ -96,29 +122,14 @@ def _axial_loads(link: Link, node: int, swings: bool) -> np.ndarray:
     return found[:, ::-1] if swings else found
 
 
-def _mean_free(axial: np.ndarray, mass: Matrix, frame: Frame) -> np.ndarray:
-    """Axial shapes of a chord with zero mean displacement."""
-    if frame.kind not in IN_THE_MEAN:
-        return axial
-    along = np.zeros(mass.shape[0])
-    along[0::3] = 1.0
-    weights = mass @ along
-    return axial - np.outer(along, weights @ axial) / (weights @ along)
-
-
 def spanned(scene: Scene, shapes: Shapes, link: Link) -> Shapes:
     """Shapes of a link of a scene that span the same space, orthogonal with respect to its mass and stiffness.
 
     The equations need orthogonal shapes; the motion depends on their space alone.
     """
-    stiffness, mass = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
-    still, frame = np.zeros((mass.shape[0], 2)), frame_of(stations(scene, link.name))
-    still[1::3] = np.column_stack([link.nodes - frame.at, np.ones(len(link.nodes))])
-    still[2::3, 0] = 1.0
-    still = still[:, : _STILL.get(frame.kind, 0)]
-    transverse = _orthogonal(np.hstack([still, shapes.transverse]), stiffness, mass, link)
-    axial = _orthogonal(_mean_free(shapes.axial, mass, frame), stiffness, mass, link)
-    return _planar(scene, link, axial, transverse[:, still.shape[1] :], frame)
+    K, M = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
+    found = [_orthogonal(against_axes(scene, link, own, M), K, M, link) for own in (shapes.axial, shapes.transverse)]
+    return Shapes(scene, link, np.hstack(found), shapes.counts, axial_place(scene, link))
 
 
 def alike(shapes: Shapes, others: Shapes) -> Shapes:
@@ -126,55 +137,24 @@ def alike(shapes: Shapes, others: Shapes) -> Shapes:
     return replace(shapes, basis=_scaled(shapes.basis, shapes.link, others.basis))
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of a link's nodes: u that something can pull at, transverse ones that a reduction keeps, the other ones.
+def _fixed_interface(K: Matrix, M: Matrix, inner: np.ndarray, count: int, free: bool, alike: bool) -> np.ndarray:
+    """Shapes, zero but in the inner rows, of the lowest ``count`` modes.
 
-    ``fixed`` are those that hold the frame, at the node ``node`` first.
+    ``free``: some of them deform nothing; ``alike``: with those of the same frequency as the last. Any mixture of modes
+    with equal frequencies, as of two spans of equal length, is a mode: only all of them together are independent of
+    which end of the link is called its start.
     """
-
-    frame: Frame
-    node: int
-    fixed: list[int]
-    pulled: list[int]
-    held: list[int]
-    free: np.ndarray
-
-    @property
-    def turns(self) -> bool:
-        """True if one of the fixed-interface modes is a rotation of the undeformed link."""
-        return self.frame.kind == "mean" and not self.held
-
-
-def _rows(scene: Scene, link: Link) -> _Rows:
-    found = stations(scene, link.name)
-    frame = frame_of(found)
-    first, last = (node_of(link, x) for x in (frame.at, frame.to))
-    fixed = {
-        "tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1], "chord": [3 * first + 1, 3 * last + 1],
-        "free": [],
-    }[frame.kind]  # fmt: skip
-    nodes = [(node_of(link, station.x), station) for station in found]
-    kept = [3 * node + 1 for node, _ in nodes] + [3 * node + 2 for node, station in nodes if station.turned]
-    held = sorted(set(kept) - set(fixed))
-    pulled = [3 * node for node, _ in nodes if node != first]
-    size = 3 * len(link.nodes)
-    free = np.setdiff1d(np.arange(size), [*range(0, size, 3), *fixed, *held])
-    return _Rows(frame, first, fixed, pulled, held, free)
-
-
-def _fixed_interface(
-    K: Matrix, M: Matrix, inner: np.ndarray, count: int, free: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Squared frequencies and shapes, zero but in the inner rows, of the lowest ``count`` modes; ``free``: some of them
-    deform nothing."""
-    own, found = [matrix[inner][:, inner] for matrix in (K, M)], np.zeros((K.shape[0], count))
+    most = min(count + _MORE * alike, len(inner))
+    own, found = [matrix[inner][:, inner] for matrix in (K, M)], np.zeros((K.shape[0], most * (count > 0)))
+    if not found.shape[1]:
+        return found
     if free:  # with a singular stiffness
-        squares, found[inner] = eigh(*map(as_array, own), subset_by_index=(0, count - 1))
+        squares, found[inner] = eigh(*map(as_array, own), subset_by_index=(0, most - 1))
     else:
-        omega, found[inner] = lowest_modes(own[0], own[1], count)
+        omega, found[inner] = lowest_modes(own[0], own[1], most)
         squares = omega**2
-    return squares, found
+    last = min(count, most) - 1
+    return found[:, : int(np.searchsorted(squares, squares[last] + _EQUAL * abs(squares[last]), side="right"))]
 
 
 def _orthogonal(basis: np.ndarray, K: Matrix, M: Matrix, link: Link) -> np.ndarray:
@@ -207,29 +187,11 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)
     joints, pushed = points_of(scene, link.name)
-    kept = {node_of(link, at) for at in (*joints, *pushed)} - {first}
-    about = {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
-    if held is None and not about:
-        about, kept = {0: "xyz"}, kept | {0}  # the remaining motions don't deform it
-    twisted = {node: [SPATIAL_NODE.index(f"theta_{axis}") for axis in axes] for node, axes in about.items()}
-    turning = [SPATIAL_NODE.index(f"theta_{axis}") for axis in freed]
-    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
-    found, most = [], 6 * len(link.nodes)
-    for kind, rigid in _KINDS.items():
-        places = [SPATIAL_NODE.index(name) for name in kind]
-        loose = [k for k in places if k in turning]
-        rows = np.array([6 * n + k for n in range(len(link.nodes)) for k in places if n != first or k in loose])
-        static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or k in twisted.get(node, ())]
-        static += [6 * first + k for k in loose if first is not None and k in twisted.get(first, ())]
-        wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
-        still = rigid if held is None else len(loose)
-        if len(places) == 2:
-            most = min(most, len(rows) - len(static))
-        loads = _axial_loads(link, first or 0, len({*joints}) == 1) if kind == ("u",) else None
-        own = _of_kind(link, rows, static, wanted + (len(loose) if not static else 0), loads)
-        found.append(_orthogonal(against_axes(scene, link, own[:, still:], M, x), K, M, link))
-    counts = tuple(own.shape[1] for own in found)
-    return Shapes(scene, link, np.hstack(found), counts, axial_place(scene, link, x), most, bool(freed))
+    points = dict.fromkeys([node_of(link, at) for at in pushed], "")
+    points |= {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
+    if held is None and not joints:
+        points[0] = "xyz"  # the remaining motions don't deform it
+    return _shapes(scene, link, modes, points, first, freed, len({*joints}) == 1, x)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
@@ -260,31 +222,3 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
             own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body) @ carried
             found |= {axis for axis, along in zip("xyz", own, strict=True) if abs(along) < _NEAR}
     return "".join(sorted(found))
-
-
-def _of_kind(
-    link: Link, rows: np.ndarray, static: list[int], modes: int, loads: np.ndarray | None = None
-) -> np.ndarray:
-    """Shapes over all rows, by ascending frequency of the link held at its axes.
-
-    ``loads``: motions whose inertia gives shapes in the place of modes.
-    """
-    K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
-    inner = np.setdiff1d(rows, static)
-    modal = np.zeros((K.shape[0], 0))
-    if loads is not None:
-        modal = _inertial(K, M, loads, inner, modes)
-    elif modes and len(inner):
-        squares, modal = _fixed_interface(K, M, inner, min(modes + _MORE, len(inner)), not static)
-        modal = modal[:, : _whole(squares, modes)]
-    return _orthogonal(np.hstack([static_shapes(K, static, inner), modal]), K, M, link)
-
-
-def _whole(squares: np.ndarray, count: int) -> int:
-    """Number of modes: the first ``count`` of ascending squared frequencies, and those equal to the last of them.
-
-    Any mixture of modes with equal frequencies, as of two spans of equal length, is a mode: only all of them together
-    are independent of which end of the link is called its start.
-    """
-    last = min(count, len(squares)) - 1
-    return int(np.searchsorted(squares, squares[last] + _EQUAL * abs(squares[last]), side="right"))
