@@ -100,7 +100,7 @@ def test_rigid_flanks_are_met_at_instants_in_closed_form():
     speeds = SPEED * 0.8 ** np.arange(1.0, 10.0)
     assert [impact.separation for impact in solution.impacts] == pytest.approx(speeds, rel=1e-10)
     told = contact_line(solution.model.scene.contacts["coupling_1"])
-    assert "play 0.5 deg, rigid, law newton, restitution 0.8" in told
+    assert "0.5 deg from the middle, rigid, law newton, restitution 0.8" in told
 
 
 def test_flanks_of_an_elastic_arm_are_those_of_a_hub_that_is_welded_to_it():
@@ -165,7 +165,7 @@ def test_units_are_those_of_angles_and_torques():
     assert (flank.fastest_m_s, flank.largest_force) == (None, None)
     assert flank.fastest_rad_s == pytest.approx(10) and flank.largest_torque > 100
     told = contact_line(solution.model.scene.contacts["coupling_1"])
-    assert "flank of shaft.start that turns wheel.start on, play 0.5 deg, 1e+06 N m/rad^1.5, " \
+    assert "flank of shaft.start that turns wheel.start forwards, 0.5 deg from the middle, 1e+06 N m/rad^1.5, " \
         "law exact, restitution 0.8" in told  # fmt: skip
 
 
@@ -174,9 +174,9 @@ def test_units_are_those_of_angles_and_torques():
     ('{materials = ["steel", "steel"], restitution = 1}', (), "Hertz's theory does not apply to flanks"),
     (EXACT, ("drives.coupling={law='t', free='none', initial_speed='none'}",),
      "coupling has backlash, and its drive prescribes the same angle"),
-    (EXACT, ("drives.coupling.angle=2 deg",), "at the start it is 2 deg from the middle of its play"),
+    (EXACT, ("drives.coupling.angle=2 deg",), "at the start its angle is 2 deg from the middle of the backlash"),
     (EXACT, ("drives.coupling.angle=-719.9 deg",), "is -719.9 deg from the middle"),
-    (EXACT, ("drives.coupling.angle=361 deg",), "at the start it is 361 deg from the middle"),
+    (EXACT, ("drives.coupling.angle=361 deg",), "at the start its angle is 361 deg from the middle"),
     (EXACT, ("sensors.on={contact_force='coupling_1', contact_torque='none'}",),
      "a flank has a torque and an angle. Write contact_torque"),
     (EXACT, ("solve.preset=rigid",), "preset rigid does not support a joint with a clearance"),
@@ -199,5 +199,5 @@ def test_bodies_whole_turns_apart_are_named():
     text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
     good = scene_of(text)
     assert solve(load(good)).impacts
-    with pytest.raises(SceneError, match="at the start it is 1 full turns from the middle of its play"):
+    with pytest.raises(SceneError, match="at the start its angle is 1 full turns from the middle of the backlash"):
         solve(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

@@ -128,7 +128,7 @@ BAD = {
         "bodies.pi: a reserved name: laws use it. Choose another name."),
     "sensor over itself": (
         "[sensors]", '[sensors]\ntime = {position = "rod"}',
-        "sensors.time: a reserved name: it is the results' coordinate. Choose another name."),
+        "sensors.time: a reserved name: it names the time axis of the results. Choose another name."),
     "key of a table within": (
         LENGTH, LENGTH + ", elements = 3",
         "bodies.rod.elements = 3: unknown key. It belongs to bodies.rod.beam."),
@@ -454,7 +454,7 @@ BAD = {
         "drives.main.cycle = '720 deg': a drive that spins up does not repeat. Leave it out."),
     "law with an angle": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "t", angle = "1 deg"}',
-        "drives.main.angle = '1 deg': the law gives the joint's start already. Leave it out."),
+        "drives.main.angle = '1 deg': the law already gives the joint's start. Leave it out."),
     "speed with a column": (
         'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", column = "angle"}',
         "drives.main.column = 'angle': belongs to a table; this drive has a speed. Leave it out."),

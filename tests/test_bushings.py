@@ -272,6 +272,6 @@ preset = "coupled"
 duration = "0.3 s"
 steps = 300
 """
-    expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Turn it less"
+    expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Limit the"
     with pytest.raises(SceneError, match=expected):
         solved(scene_of(tmp_path, text))

@@ -190,7 +190,7 @@ def test_what_is_refused(write, message, stiffness, peer):
 @pytest.mark.parametrize(
     "header, nodes, message",
     [
-        ("array real general\n100000 100000", 50_000, "is read as a full matrix, which takes 224 GiB of 16 GiB"),
+        ("array real general\n100000 100000", 50_000, "is read as a full matrix of 224 GiB; this machine has 16 GiB"),
         ("coordinate real symmetric\n100000 100000 1", 5, "has the shape (100000, 100000), with 5 nodes"),
         ("coordinate real symmetric\n1000000000000 1000000000000 1", 5, "(1000000000000, 1000000000000), with 5"),
     ],
@@ -209,7 +209,7 @@ def test_large_punched_matrices_are_refused(monkeypatch):
     monkeypatch.setattr("kaneflex.support.machine.installed", lambda: 16 * 2**30)
     cards = (f"DMIG*   KAAX    {node:16d}{axis:16d}\n" for node in range(1, 33335) for axis in (1, 2, 3))
     Path("job.pch").write_text("".join(cards))
-    with pytest.raises(Fault, match=r"job\.pch is read as a full matrix, which takes 224 GiB of 16 GiB"):
+    with pytest.raises(Fault, match=r"job\.pch is read as a full matrix of 224 GiB; this machine has 16 GiB"):
         read_matrix("job.pch", NUMBERS, "k")
 
 

@@ -363,4 +363,4 @@ def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
     )
     assert solution.trajectory.energy.drift < 1e-9
     told = printed(solution.model.scene, parts(solution.model.scene))
-    assert "play 2 deg, rigid, law newton, restitution 0.5" in told
+    assert "2 deg from the middle, rigid, law newton, restitution 0.5" in told

@@ -266,7 +266,7 @@ def test_a_steady_deformation_is_a_motion_that_the_equations_allow():
 
 
 def test_where_free_joints_go_is_not_known_beyond_the_run():
-    with pytest.raises(SceneError, match=r"t = 0.1: the motion of tip is known from 0 to 0\.001 s"):
+    with pytest.raises(SceneError, match=r"t = 0.1: the motion of tip is computed from 0 to 0\.001 s"):
         _space(TOP.format(speed=1, **WHEEL) + SHORT.format(1), t=0.1)
 
 

@@ -350,7 +350,7 @@ def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):
     text = FOUR_BAR.replace("[solve]", 'foot = {position = "foot", component = "angle"}\n[solve]')
     shaft = 'shaft = {free = true, initial_speed = "5 rad/s"}'
     path.write_text(text.replace(shaft, "foot = {free = true, angle = 0.3}"))
-    with pytest.raises(SceneError, match=r"drives.foot.angle = 0.3.*the loops don't close there, but nearby at"):
+    with pytest.raises(SceneError, match=r"drives.foot.angle = 0.3.*the loops don't close at this position, but at"):
         load(read_scene(path))
 
 

@@ -55,7 +55,7 @@ def _number(section: str, text: str) -> float:
     "with the names of the places.",
 )  # fmt: skip
 @click.option("--modes", type=Count(1, 50), default=4, show_default=True,
-              help="Number of modes with the points held; without --space, of bending modes.")  # fmt: skip
+              help="Number of modes with all points held (without --space: of bending modes).")  # fmt: skip
 @click.option(
     "--coupling", type=click.Choice(["rigid", "averaged"]), default="rigid", show_default=True,
     help="rigid: the nodes of a point move as a rigid body; averaged: the point follows their mean.",

@@ -59,8 +59,8 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 def check(asked: SceneArguments, as_json: bool) -> None:
     """Check every entry of SCENE and close its loops over the range of the drives, without solving it.
 
-    It prints the range of each joint, the distance of the loops from dead centres, and the degrees of freedom by count
-    and by rank. It also prints the warnings that need no solution, such as steps that are too long for the loads.
+    It prints the range of each joint, how near each loop comes to a dead centre, and the degrees of freedom. It also
+    prints the warnings that need no solution, such as steps that are too long for the loads.
     Deflections, energy, impacts and errors are known only after a run.
 
     \b
@@ -89,7 +89,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
 @click.option("--count", type=Count(min=1), help="Number of modes, lowest first. [default: all, 50 at most]")
 @json_option
 @path_option(
-    "--export", metavar="FOLDER", help="Write instead the modal data of each link for preset coupled: FOLDER/LINK.npz."
+    "--export", metavar="FOLDER", help="Write modal data of each link for preset coupled instead: FOLDER/LINK.npz."
 )
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
 @gathered(asked=SceneArguments)

@@ -175,7 +175,7 @@ def _check_full(path: str, count: int) -> None:
     """Raise Fault if reading a full matrix of so many entries takes more than the machine's memory."""
     needed, there = _COPIES * 8 * count, machine.installed()
     if there is not None and needed > there:
-        reason = f"{path} is read as a full matrix, which takes {machine.gib(needed)} of {machine.gib(there)}"
+        reason = f"{path} is read as a full matrix of {machine.gib(needed)}; this machine has {machine.gib(there)}"
         raise Fault(reason, "Export it as a sparse one: Matrix Market 'coordinate', OUTPUT4 or lines of entries")
 
 

@@ -143,7 +143,7 @@ def _in_words(
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     driven = f", drives {len(mechanism.drives)}" if mechanism.drives else ""
     cure = "; ".join(cures) or "compare with the count of `kaneflex show`"
-    reasons.append(f"of {3 * count.bodies} degrees of freedom the joints take {taken}{driven}")
+    reasons.append(f"bodies have {3 * count.bodies} degrees of freedom, constraints are {taken}{driven}")
     return "; ".join(reasons), cure[:1].upper() + cure[1:]
 
 
@@ -187,7 +187,7 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     if held_free := [name for name in spare if name.endswith(".free")]:
         raise SceneError(
             f"bodies.{held_free[0]}", None, "joints and drives determine the body's motion, at least in part",
-            "Leave free out: free joints give coordinates and speeds at their drives",
+            "Leave free out; give coordinates and speeds of free joints at their drives",
         )  # fmt: skip
     # Motions in the null space are undetermined.
     _, sizes, shapes = np.linalg.svd(jacobian)

@@ -149,7 +149,7 @@ def _blur(setup: Setup, period_steps: int) -> float:
 def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
     closest = multipliers[np.argmin(np.abs(multipliers - 1.0))]
     if abs(closest - 1.0) < _NEAR_ONE:
-        outcome, cure = Outcome.NO_PERIODIC_STATE, "give a start state, or damp or hold the free motion"
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "start from a given state, add damping, or restrain the free motion"
         return outcome, f"{outcome.value}: {_multiplier_text(closest)}; {cure}"
     largest = multipliers[0]
     if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:

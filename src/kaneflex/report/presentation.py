@@ -311,8 +311,8 @@ _SIDES = {
 
 
 def contact_line(contact: Contact) -> str:
-    """Line of a contact: its two sides, its stiffness, and the share that returns of an approach."""
-    where = _SIDES[contact.kind].format(*contact.sides, way="on" if contact.direction[0] > 0 else "back")
+    """Line of a contact: its two sides, stiffness and restitution."""
+    where = _SIDES[contact.kind].format(*contact.sides, way="forwards" if contact.direction[0] > 0 else "back")
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
     stiffness, exponent = contact.pushing
@@ -320,7 +320,7 @@ def contact_line(contact: Contact) -> str:
         room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         law = "rigid" if contact.law == "newton" else law
-        return f"{where}, play {math.degrees(room):.6g} deg, {law}, {restitution_line(contact)}"
+        return f"{where}, {math.degrees(room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
     if contact.joint is not None:
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"

@@ -43,7 +43,7 @@ class Instant(PlainTable):
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the drive within its cycle, degrees; null if it does not identify one instant"
+        description="angle of the drive within its cycle, degrees; null if other instants have the same angle"
     )
 
 

@@ -77,7 +77,7 @@ class Drive(SceneTable):
     def _consistent(self) -> Drive:
         given = the_one_given(self, _KINDS)
         if given not in ("speed", "free"):
-            self.refuse(("angle", "position"), f"the {given} gives the joint's start already")
+            self.refuse(("angle", "position"), f"the {given} already gives the joint's start")
         for owner, fields in _OWN.items():
             if given != owner:
                 self.refuse(fields, f"belongs to a {owner}; this drive has a {given}")

@@ -17,7 +17,7 @@ from kaneflex.support import units
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import Dimension, to_si
 
-RESULT_NAMES = {"time": "it is the results' coordinate"}
+RESULT_NAMES = {"time": "it names the time axis of the results"}
 """Reserved names of sensors with the reason: a sensor's name is that of a variable of the results."""
 _OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
 CONTACT_RESULTS = (

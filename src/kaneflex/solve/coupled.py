@@ -171,7 +171,7 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
             if turns:
                 raise SceneError(
                     f"joints.{name}.clearance", None,
-                    f"at the start it is {turns} full turns from the middle of its play",
+                    f"at the start its angle is {turns} full turns from the middle of the backlash",
                     "Start the drives of its bodies without full turns, or add them to the middle",
                 )  # fmt: skip
 

@@ -113,7 +113,7 @@ def _spatial_motion(model: Model, read: Read) -> Motion:
 
 def _check(outcome: Outcome, message: str) -> None:
     if outcome is not Outcome.COMPLETED:
-        raise Unknown(f"the motion of a richer model is {message}")
+        raise Unknown(f"a richer model fails: {message}")
 
 
 def _embedded(read: Read, richer: Model) -> State:

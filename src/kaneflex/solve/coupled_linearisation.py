@@ -59,7 +59,7 @@ def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations[A
         return planar, planar.now(t)
     motion, end = cast(CoupledKinematics, model.motion), model.options.duration
     if motion.module.FREE and not 0.0 <= t <= end:
-        reason = f"the motion of {motion.module.FREE[0]} is known from 0 to {end:.6g} s"
+        reason = f"the motion of {motion.module.FREE[0]} is computed from 0 to {end:.6g} s only"
         raise SceneError("t", t, reason, "Choose an instant of the run, or a longer solve.duration")
     system, state = motion.module.system, motion.undeformed(t)
     if not moves:

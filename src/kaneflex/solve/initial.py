@@ -171,6 +171,6 @@ def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
     if abs(away) > contact.clearance.angle + _TOUCHING:
         raise SceneError(
             f"joints.{contact.joint}.clearance", None,
-            f"at the start it is {np.degrees(away):.6g} deg from the middle of its play, beyond a flank",
-            "Start within the play, for example by the start of free drives, or change its middle",
+            f"at the start its angle is {np.degrees(away):.6g} deg from the middle of the backlash, beyond a flank",
+            "Start between the flanks, for example by the start of free drives, or change the middle",
         )  # fmt: skip

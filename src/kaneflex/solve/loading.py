@@ -403,5 +403,5 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     every = -(-options.steps // MAX_STORED)
     if every > 1 and options.dynamics in ("dynamic", "frozen"):
         instants = options.steps // every + 1
-        found.append(f"one in {every} of solve.steps = {options.steps} is stored: {instants} instants")
+        found.append(f"solve.steps = {options.steps}: one instant is stored every {every} steps, {instants} in all")
     return tuple(found)

@@ -143,7 +143,7 @@ def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> 
         run = replace(run, start=found)
     moved = integrate(run)
     if moved.outcome is not Outcome.COMPLETED:
-        raise Unknown(f"the motion of a richer model is {moved.message}")
+        raise Unknown(f"a richer model fails: {moved.message}")
     basis = richer.modal_basis
     z, v, a = (part.T if basis is None else basis @ part.T for part in (moved.z, moved.v, moved.a))
     return _motion_of(read, richer, (z, v, a))

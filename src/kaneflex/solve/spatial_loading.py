@@ -144,7 +144,8 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
         times = np.linspace(0.0, options.duration, SWEEP + 1)
         far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).bushings)
         if far:
-            raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or use a load with a law")
+            cure = "Limit the rotation, or use loads with laws"
+            raise SceneError(f"springs.{far[0]}.bushing", None, far[1], cure)
 
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:

@@ -14,7 +14,7 @@ class PlainTable(BaseModel):
 
 
 class PeakSpread(PlainTable):
-    """Range of a sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+    """Range of a sensor's peak, in SI, if matrices are frozen at other drive angles."""
 
     smallest: float = Field(description="smallest peak")
     largest: float = Field(description="largest peak")
@@ -78,13 +78,13 @@ class Choice(PlainTable):
     reference_note: str = Field(description="limits of the reference")
     doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
     indicators: dict[str, float | None] = Field(
-        description="by group of terms: change of the quasi-static displacements without it, to first order; "
+        description="by group of terms: first-order change of quasi-static displacements if it is left out; "
         "speed_ratio: fastest drive speed over lowest natural frequency; buckling_ratio: largest axial "
         "force over buckling load; null if unknown"
     )
     attempts: list[Attempt] = Field(description="models in the order of trial")
     seconds: float = Field(description="wall time of the choice, s")
-    remembered: bool = Field(description="whether the choice was cached")
+    remembered: bool = Field(description="whether the choice was read from the cache")
 
 
 class SensorDerivative(PlainTable):

@@ -90,8 +90,8 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
         stands = float(q[system.columns([name], COORDINATE)[0]])
         if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
             raise SceneError(
-                f"drives.{name}.{field}", drive.start, f"the loops don't close there, but nearby at {stands:.9g}",
-                "Start there, or leave it out",
+                f"drives.{name}.{field}", drive.start, f"the loops don't close at this position, but at {stands:.9g}",
+                "Give that position, or leave the entry out",
             )  # fmt: skip
 
 

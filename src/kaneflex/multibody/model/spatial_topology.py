@@ -176,7 +176,7 @@ def build_tables(mechanism: SpatialMechanism, flexible: Flexible = RIGID) -> tup
             raise SceneError(
                 f"joints.{name}", None,
                 "drives, laws or springs use the coordinates of all joints of its loop",
-                "Use one coordinate of this loop less: leave out a drive, a spring or a coordinate of a law",
+                "Leave out a drive, a spring or a coordinate in a law at one joint of this loop",
             )  # fmt: skip
         found = _cut(maker, joint, rows)
         cuts += found

@@ -296,7 +296,8 @@ class Run(Curve):
     def _stopped(self, t: float, message: str = "", far: tuple[str, str] | None = None) -> SceneError:
         if far:
             reason = f"the motion can't continue after t = {t:.6g} s: {far[1]}"
-            return SceneError(f"springs.{far[0]}.bushing", None, reason, "Turn it less, or use a torque with a law")
+            cure = "Limit the rotation, or use loads with laws"
+            return SceneError(f"springs.{far[0]}.bushing", None, reason, cure)
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"

@@ -106,11 +106,11 @@ class Passing:
         """Warnings about the accuracy of a run over such positions, if below the requested one."""
         if not self._passed or (self._asked >= EXACT and self._method != "LSODA"):
             return []
-        said = f"{self._loops} pass singular positions, the first at t = {self._passed[0]:.6g} s: rounding "
+        said = f"{self._loops} pass singular positions, the first at t = {self._passed[0]:.6g} s: "
         if self._method == "LSODA":
-            cure = "solve.forward.method = LSODA wrong there; use DOP853, which steps over them"
-            return [f"{said}can make steps of {cure}"]
-        return [f"{said}limits the accuracy to that of solve.forward.tolerance = {EXACT:g}, not {self._asked:g}"]
+            cure = "solve.forward.method = LSODA can be wrong there; use DOP853"
+            return [f"{said}steps of {cure}"]
+        return [f"{said}rounding limits accuracy to that of solve.forward.tolerance = {EXACT:g}, not {self._asked:g}"]
 
 
 def _gap(solver: Any) -> float | None:

@@ -232,7 +232,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
     gone = _without_their_joint(scene, names, welded)
     settings += _left_out(scene, gone)
     free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
-    reason = "the scene has too few free drives to remove"
+    reason = "the scene has too few free drives that could be left out"
     closed = [name for name in names if name not in welded]
     for dropped, ways in product(combinations(free, held), _ways(scene, closed)):
         found = (*settings, *ways, *(f"drives.{name}=none" for name in dropped))
