@@ -44,7 +44,7 @@ _SVG, _ALL = "svg", "all"
 _WITH_OTHERS = {"terms": "trade", "price": "trade", "bifurcation": "sweep", "poincare": "sweep"}
 """Kinds of pictures of studies that are functions of this name -> their module."""
 _WITHOUT_MOTION = ("modes",)
-"""Kinds that need no instant of a run."""
+"""Kinds of pictures that do not need an instant of a run."""
 
 
 def kinds_of(text: str) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ def draw_all(
 
 
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
-    """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
+    """Write the picture of a study's result into an existing folder, as KIND.png and KIND.svg.
 
     ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade"; of a sweep's
     dataset "sweep". Some kinds are functions there: "terms", "price", "bifurcation", "poincare".
@@ -225,7 +225,7 @@ def explore(
 
 
 def _makers(solution: Solution, kinds: Iterable[str]) -> list[tuple[str, Callable[..., Any]]]:
-    """Kind and function of all that is to be drawn; a run that found no periodic state holds no instant to draw."""
+    """Kinds of pictures to draw with their functions; a run without a periodic state has no instant to draw."""
     found = []
     for kind in (kind for kind in kinds if kind != _SVG):
         names = KINDS[kind][solution.model.scene.is_spatial]

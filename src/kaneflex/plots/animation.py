@@ -29,7 +29,7 @@ PER_SECOND, DPI = 12, 80
 
 
 def demand_ffmpeg() -> str:
-    """The encoder's file. Raises SceneError where imageio-ffmpeg, which brings one, is not installed."""
+    """Path of the encoder. Raises SceneError if imageio-ffmpeg, which contains it, is not installed."""
     with told("--mp4", None), installed("imageio-ffmpeg", "mp4", "imageio_ffmpeg", instead="leave it out"):
         from imageio_ffmpeg import get_ffmpeg_exe
     return str(get_ffmpeg_exe())

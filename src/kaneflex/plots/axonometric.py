@@ -1,4 +1,4 @@
-"""Mechanisms in space as pictures show them: an axonometric projection onto the picture's plane."""
+"""Axonometric projection of mechanisms in space onto the plane of a picture."""
 
 from __future__ import annotations
 

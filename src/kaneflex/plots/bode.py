@@ -1,4 +1,4 @@
-"""Bode plots of a state space: how outputs answer to harmonic inputs, over their frequency (Bode 1945)."""
+"""Bode plots of a state space: response of outputs to harmonic inputs over the frequency (Bode 1945)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kaneflex.solve.statespace import StateSpace
 from kaneflex.support.errors import SceneError
 
 _POLES = 6
-"""The axis goes from below the lowest pole that vibrates to above so many of them."""
+"""Number of vibrating poles that the frequency axis includes."""
 _POINTS = 600
 
 

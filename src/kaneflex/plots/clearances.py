@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _CORNERS = ("right, behind", "right, before", "left, behind", "left, before")
-"""For a block, seen along its guide, in the order of their contacts."""
+"""Names of a block's corners, seen along its guide, in the order of their contacts."""
 _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 """Corners of a block: the two of a face often go together."""
 _LEAST = 0.01
-"""Share of the most tilt there is room for below which the axis of a tilt is not stretched."""
+"""Share of the largest possible tilt below which the axis of the tilt is not stretched."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -43,7 +43,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
 
 def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
-    """The path of a pin's middle; its eccentricity and the force over time."""
+    """Path of a pin's centre; its eccentricity and the force over time."""
     factor, unit = readable("m", np.array([loose.room]))
     title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} in radius{shown.note}"
     figure, path, over = _page(title, 2)
@@ -126,7 +126,7 @@ def _forces(axes: Axes, shown: View, contacts: Mapping[str, str]) -> None:
 
 
 def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
-    """Legends, and a shade behind the panels over time where something touches."""
+    """Legends, and shading of the times of contact."""
     for axes in over:
         axes.fill_between(
             shown.x, 0, 1, where=touching, transform=axes.get_xaxis_transform(), color=TOUCHED, linewidth=0, zorder=0

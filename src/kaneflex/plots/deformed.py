@@ -1,4 +1,4 @@
-"""The mechanism at its worst instant, its deformation enlarged, elastic links coloured by their stress."""
+"""Picture of the mechanism at its worst instant: enlarged deformation, elastic links coloured by stress."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 """Coordinate of a drive [rad or m] below which it is zero."""
 _MARGIN = 0.06
 _HATCHES = 26
-"""Strokes of the hatching along one size of the mechanism."""
+"""Number of strokes of a hatching as long as the mechanism."""
 _MARKED = 4
 _MARK = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgewidth": 0.9}
 _TICK = 0.03

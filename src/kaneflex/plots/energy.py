@@ -1,4 +1,4 @@
-"""Energy of a run and its flow: what is stored, what was supplied and dissipated."""
+"""Energy of a run: stored, supplied and dissipated."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ _BENT = 0.25
 _APART = 0.02
 """Largest gap that an enlargement may open between two sides of a joint, in sizes of the mechanism."""
 _NOTHING = 1e-9
-"""Displacement that is none, in sizes of the mechanism: warming steel by 0.0001 K lengthens it as much."""
+"""Displacement that counts as zero, in sizes of the mechanism (thermal expansion of steel by 0.0001 K)."""
 _RUN = 90
-"""Instants of the undeformed motion at which bodies that cross are looked for."""
+"""Number of instants of the undeformed motion that are examined for crossing bodies."""
 
 
 class Enlarged(NamedTuple):

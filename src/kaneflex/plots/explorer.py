@@ -1,4 +1,4 @@
-"""A window with a slider for each number that is left open; its curves follow at once."""
+"""Window with a slider for each varied number; its curves follow at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kaneflex.study.exploration import Exploration
 
 _PANELS = 4
-"""Panels that are shown where no sensors are named: the first of them."""
+"""Largest number of panels if no sensors are named."""
 _WIDTH, _PANEL, _SLIDER, _HEAD, _FOOT = 9.6, 1.75, 0.34, 1.3, 0.75
 """Inches: of the window, then what a panel, a slider, the title with the message, and the abscissa take in height."""
 _PAUSE = 20
@@ -36,7 +36,7 @@ _MOST_LINES = 3
 
 @dataclass(eq=False)
 class _Panel:
-    """Sensors of one kind: their lines, and pale ones of the scene as it is."""
+    """Sensors of one kind: their lines, and pale lines of the unchanged scene."""
 
     axes: Axes
     quantity: str
@@ -126,7 +126,7 @@ class Explorer:
         return self.exploration.settings(self.values)
 
     def _begin(self) -> None:
-        """The curves of the scene as it is, and where the sliders stand."""
+        """Curves of the unchanged scene, and of the sliders' scene."""
         with suppress(UserError):  # it has no curves then
             shown = view(self.exploration.solve())
             for panel in self._panels:
@@ -147,7 +147,7 @@ class Explorer:
             self._timer.start()
 
     def update(self) -> None:
-        """Solve where the sliders stand and draw it; nothing to do where that is drawn already."""
+        """Solve the sliders' scene and draw it, unless it is already drawn."""
         self._waiting = False
         values = self.values
         if values == self._drawn:
@@ -209,5 +209,5 @@ def open_window(exploration: Exploration) -> list[str]:
 
 
 def figure(exploration: Exploration) -> Figure:
-    """The window as it opens."""
+    """Window with its curves and sliders."""
     return Explorer(new_figure(_WIDTH, _WIDTH, "", layout="none"), exploration).figure

@@ -70,7 +70,7 @@ def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
 
 
 def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tuple[str, np.ndarray]]) -> Figure:
-    """Torque over the speed that it follows, as motors and brakes are chosen by."""
+    """Torque over speed: the characteristic of a motor or brake."""
     scene = shown.solution.model.scene
     figure = new_figure(6.6, 0.8 + 2.6 * len(speeds), f"Loads over speeds{shown.note}")
     places = figure.subplots(len(speeds), 1, squeeze=False)[:, 0]

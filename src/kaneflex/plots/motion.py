@@ -1,4 +1,4 @@
-"""The rigid mechanism: kinematics of what is guided and of what turns, courses and torques of the drives."""
+"""Kinematics of guided and turning bodies of the rigid mechanism; laws and torques of the drives."""
 
 from __future__ import annotations
 

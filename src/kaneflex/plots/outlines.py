@@ -1,4 +1,4 @@
-"""Lines of a mechanism in a picture: what stands still, and what moves."""
+"""Lines of a mechanism in a picture: fixed and moving ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every sensor by several models, one curve over the other, as the paper overlays its model and Adams.
+"""Curves of every sensor by several models, as the paper compares its model with Adams.
 
 Paper Figs. 18-22, 27, 28.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from kaneflex.study.comparison import Comparison
 
 _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
-"""The later a curve is drawn, the more gaps it has, so that those below it are seen."""
+"""Line styles: later curves have more gaps, so that earlier ones remain visible."""
 
 
 def figure(comparison: Comparison) -> Figure:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
 _ONE = 1e-3
-"""Share of the mechanism's size within which two points have one path."""
+"""Distance of two paths, as a share of the mechanism's size, below which they count as one."""
 _APART = 30.0
 """Between two dots [deg]; where no angle is the abscissa, a twelfth of what is drawn."""
 
@@ -67,7 +67,7 @@ def read_points(scene: Scene) -> list[Address]:
 
 
 def _together(shown: View, points: list[Address], apart: float) -> dict[tuple[Address, ...], np.ndarray]:
-    """Points that go the same way, as those that a pin joins do -> that way [m], (2, n_times)."""
+    """Points with the same path, such as those joined by a pin -> this path [m], (2, n_times)."""
     found: dict[tuple[Address, ...], np.ndarray] = {}
     for point in points:
         place = shown.motion.place(point.body, shown.solution.model.scene.point(point))

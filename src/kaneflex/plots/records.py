@@ -61,7 +61,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
 
 def impact_zones(solution: Solution) -> list[tuple[float, float]]:
-    """Begin and end [s] of every spell of impacts, from the first of them to where the last closes for good or opens.
+    """Begin and end [s] of every zone of impacts, from the first of them to where the last closes for good or opens.
 
     A pause of a tenth of a turn of the fastest drive, or of the run where none turns, parts two of them.
     """
@@ -253,7 +253,7 @@ def _natural(model: Model) -> np.ndarray:
 
 
 def _last_above(frequencies: np.ndarray, amplitudes: np.ndarray) -> float:
-    """Frequency [Hz] above which nothing is left to see, with a tenth more."""
+    """Upper limit [Hz] of a spectrum's axis: a tenth above the last visible amplitude."""
     visible = np.flatnonzero(amplitudes > _FLOOR * amplitudes.max())
     last = visible[-1] if len(visible) else len(frequencies) - 1
     return float(min(1.1 * frequencies[last], frequencies[-1])) or float(frequencies[-1])

@@ -1,4 +1,4 @@
-"""A scene as a drawing: bodies, joints, drives, loads, masses, sensors with their names, before anything is derived."""
+"""Drawing of a scene without deriving it: bodies, joints, drives, loads, masses and sensors with names."""
 
 from __future__ import annotations
 

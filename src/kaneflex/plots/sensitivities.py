@@ -1,4 +1,4 @@
-"""By how much each sensor's peak answers to each number of a scene: bars side by side."""
+"""Bars of the relative change of each sensor's peak with each number of a scene."""
 
 from __future__ import annotations
 

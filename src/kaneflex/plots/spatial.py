@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _GHOSTS = 9
 """Instants at which the mechanism is drawn pale beside its first."""
 _STILL = 1e-8
-"""A point that would go so far in all that is shown, in sizes of the mechanism, stands still."""
+"""Travel of a point, in sizes of the mechanism, below which it counts as fixed."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:

@@ -16,7 +16,7 @@ from kaneflex.study.stability.sweep import FORWARD, Sweep
 _APART = 8.5
 """Distance of two names of 7 points [points]."""
 _LEAST = 1e-3
-"""Multiplier under which all disturbances are gone after a period."""
+"""Multiplier below which disturbances have decayed after one period."""
 
 
 def figure(found: Stability) -> Figure:

@@ -1,4 +1,4 @@
-"""Stresses of elastic links along their lengths, and their share of what the material bears."""
+"""Stresses of elastic links along their lengths, and their share of the yield strength."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The look of every picture: palette, units of people, panels, and reproducible files."""
+"""Common style of pictures: palette, common units, panels, and reproducible files."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def styled() -> Iterator[None]:
 
 
 class Picture(Figure):
-    """A figure that a notebook shows, which would show those of pyplot alone."""
+    """Figure that notebooks display, as they do those of pyplot."""
 
     def _repr_png_(self) -> bytes:
         return picture(lambda: self, "png")
@@ -170,7 +170,7 @@ def grid_of(count: int) -> tuple[int, int]:
 
 
 def save(figure: Figure, stem: Path, svg: bool = True) -> list[Path]:
-    """Write STEM.png and, unless it is not wanted, STEM.svg."""
+    """Write STEM.png and, if requested, STEM.svg."""
     files = [stem.with_name(f"{stem.name}.{ending}") for ending in ("png", *["svg"] * svg)]
     for file in files:
         _write(figure, file, file.suffix[1:])
@@ -210,7 +210,7 @@ def _write(figure: Figure, file: Path | io.BytesIO, kind: str) -> None:
 
 
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
-    """Factor from the SI ``unit`` and label of the unit in which all of ``values``, NaN left out, are read at ease."""
+    """Factor from the SI ``unit``, and label, of a unit in which ``values`` (without NaN) have few digits."""
     largest = max((float(np.fmax.reduce(np.abs(part), axis=None, initial=0.0)) for part in values), default=0.0)
     choices = _READ_AS.get(unit, ((unit, 1.0, 0.0),))  # others, as of derivatives, in SI
     if largest == 0.0:

@@ -1,4 +1,4 @@
-"""Part of a solution that is drawn: the instants, and the axis that they are drawn over."""
+"""Part of a solution that is drawn: instants and abscissa."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Findings of `kaneflex check` before anything is solved: the model, its distance from trouble, doubtful entries."""
+"""Findings of `kaneflex check` without a solution: the model, dead centres, doubtful entries."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from kaneflex.solve.validity import foreseen
 from kaneflex.support.kept import Kept
 
 _MOST_INSTANTS = 20_000
-"""Instants at which stiffness is looked at, however many a run would store."""
+"""Number of instants at which the stiffness is evaluated."""
 _MOST_NAMES = 12
-"""Coordinates that fit two lines of a terminal."""
+"""Number of coordinates that fit into two lines of a terminal."""
 _CLOSINGS: Kept[Model, list[Closing]] = Kept()
 
 
@@ -69,7 +69,7 @@ def warnings(model: Model) -> tuple[str, ...]:
 
 
 def notes(model: Model) -> Iterator[str]:
-    """Findings that may be intended: loops near dead centres, and beams that are none."""
+    """Findings that may be intended: loops near dead centres, and beams too short for beam theory."""
     yield from (found.note for found in _closings(model) if found.note)
     yield from stubby_links(model.scene)
 
@@ -115,7 +115,7 @@ def _mobility(model: Model) -> Blocks:
 
 
 def _lowest(model: Model) -> dict[str, str]:
-    """The lowest natural frequency at the reference configuration beside the steps; nothing where nothing vibrates."""
+    """Lowest natural frequency at the reference configuration with the steps per period; empty without vibration."""
     vibrates = model.options.dynamics == "dynamic" and has_modes(model)
     lowest = float(reference_modes(model, 1)[0][0]) / (2.0 * math.pi) if vibrates else 0.0
     if not lowest:

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 REPORT_FILE = "report.html"
 _TEMPLATE = Path(__file__).with_name("page.html")
 _LARGEST = 990_000
-"""Bytes of a page at most, so that it can be sent: a megabyte less the names of pictures that find no room."""
+"""Largest size of a page in bytes, so that it can be sent: a megabyte less the names of omitted pictures."""
 _MOST, _NUMBERS = 1500, 60_000
-"""Instants of a curve at most, and numbers of all curves together, of 8 to 13 bytes each: half a page."""
+"""Largest number of instants of a curve, and of numbers in all curves (8 to 13 bytes each): half a page."""
 _MORE = 1.25
-"""Instants with the extremes, in those that are allowed without them."""
+"""Largest number of instants including extremes, relative to the number without them."""
 _AT_TOP, _DRAWN_HERE = "mechanism", "sensors"
-"""The picture above all numbers, and the one of what the page itself draws."""
+"""Picture above all numbers, and the picture of the curves that the page itself draws."""
 _KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
@@ -90,7 +90,7 @@ def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) ->
 
 
 def _text(styled: str) -> str:
-    """Text of the terminal, without its bold."""
+    """Terminal text without its bold type."""
     return html(click.unstyle(styled))
 
 
@@ -105,7 +105,7 @@ def _warnings(summary: Summary) -> str:
 
 
 def _more(summary: Summary) -> Iterator[str]:
-    """Tables that not every run has, and the reason where no error is known."""
+    """Optional tables, and the reason for missing error estimates."""
     if summary.errors:
         yield f"<p>Errors of the sensors: {html(summary.errors)}.</p>"
     for title, text in more_tables(summary):
@@ -187,6 +187,6 @@ def _numbers(values: np.ndarray) -> str:
 
 
 def _as_json(data: Mapping[str, Any]) -> str:
-    """JSON of curves, whose arrays are written already."""
+    """JSON of curves whose arrays are already text."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace('"\\u0000', "").replace('\\u0000"', "")

@@ -1,4 +1,4 @@
-"""Description of a scene in words, for `kaneflex check` and its like."""
+"""Description of a scene in words, for `kaneflex check` and `show`."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from kaneflex.scene.springs import Spring
 
 _LONGEST = 72
-"""Characters of a law that are shown."""
+"""Largest number of characters of a law that are shown."""
 Blocks = dict[str, Mapping[str, str]]
-"""Texts by their names, under titles."""
+"""Texts by name, under titles."""
 
 
 def printed(scene: Scene, blocks: Blocks) -> str:
@@ -89,7 +89,7 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
 
 
 def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
-    """Count of the freedoms of a mechanism in space, by the rank of what its joints demand."""
+    """Degrees of freedom of a mechanism in space, by the rank of its joints' constraints."""
     left, tied = len(choice.independent), len(choice.dependent)
     spare = system.row_count - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
@@ -103,7 +103,7 @@ def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
 
 
 def _options(model: Model) -> dict[str, str]:
-    """Every option of a run in words, with its unit; those that its preset has no use for are left out."""
+    """Every option of a run in words, with its unit; options that the preset does not use are left out."""
     options, dynamics = model.options, model.options.dynamics
     per = "in a cycle" if options.cycles else "in the run"
     shown = {
@@ -170,7 +170,7 @@ def at_drive(model: Model) -> str:
 
 
 def parts(scene: Scene) -> Blocks:
-    """Bodies, joints, loads, sensors and whatever else a mechanism has."""
+    """Bodies, joints, loads, sensors and all other parts of a mechanism."""
     closing = () if scene.is_spatial else scene.loop_joints()
     return {
         "bodies": {name: _body(body) for name, body in scene.bodies.items()},
@@ -218,7 +218,7 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
 
 
 def _overconstrained(twice: int) -> str:
-    """Explanation for joints that leave more freedoms than Gruebler's formula counts."""
+    """Explanation for joints that leave more degrees of freedom than Gruebler's formula counts."""
     return (
         f"without drives, by the rank of the constraints: {twice} redundant for these lengths and angles, so "
         "reactions are statically indeterminate; preset coupled supports this"
@@ -259,7 +259,7 @@ def _load(load: Load) -> str:
 
 
 def _course(given: Load | Drive) -> str:
-    """The law itself, or the file of a table."""
+    """Law of a load, or the file of its table."""
     if given.table is not None:
         return f"table {Path(given.table).name}"
     law = f"law {given.law}"

@@ -1,4 +1,4 @@
-"""Tables of a run's results for people: SI comes in, millimetres, kilonewtons and degrees go out."""
+"""Tables of a run's results, converted from SI to common units (millimetres, kilonewtons, degrees)."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "rad/s^2": ("deg/s^2", 180.0 / math.pi),
 }
 _NOTHING = 1e-12
-"""Share of the root mean square below which a mean is rounding's."""
+"""Share of the root mean square below which a mean is rounding error."""
 _WHEN_SMALL = {"m": (1e-6, "um", 1e6), "N": (10.0, "N", 1.0)}
-"""SI unit: values below this are shown in that unit, which is so many times finer."""
+"""SI unit -> limit below which values are shown in a smaller unit, this unit, and the factor to it."""
 _WHEN_LARGE = {"N": (1e6, "MN", 1e-6), "N m": (1e4, "kN m", 1e-3)}
 """SI unit: values from there on are shown in that unit."""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """Rows of text in aligned columns, the first ``left`` of them to the left, under a bold head."""
+    """Rows of text in aligned columns, the first ``left`` of them aligned to the left, under a bold header."""
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
 
     def line(cells: Sequence[str]) -> str:
@@ -51,7 +51,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
 
 
 def summary_table(summary: Summary) -> str:
-    """The sensors of a run with their extremes, and where they are."""
+    """Sensors of a run with their extremes and the instants of these."""
     return table(*sensor_cells(summary), left=2)
 
 
@@ -85,7 +85,7 @@ def unit_and_factor(unit: str, largest: float) -> tuple[str, float]:
 
 
 def _when(instant: Instant) -> str:
-    """The drive's angle [deg], or the time [s] where there is none."""
+    """Angle of the drive [deg], or the time [s] if there is none."""
     return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
 
 
@@ -98,7 +98,7 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
 
 
 def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:
-    """Titles and tables of what not every run has."""
+    """Titles and tables that only some runs have."""
     of = {
         "Matrices frozen at other angles": (summary.mode_angle_spread, envelope_table),
         "Contacts": (summary.contacts, contact_table),
@@ -143,7 +143,7 @@ def friction_table(summary: Summary) -> str:
 
 
 def stress_table(summary: Summary) -> str:
-    """The largest stress in every link, and where it is."""
+    """Largest stress in every link, with its place."""
     rows, unit = [], "deg" if any(each.at.drive_deg is not None for each in summary.stresses.values()) else "s"
     for name, stress in summary.stresses.items():
         share = "" if stress.utilisation is None else f"{100.0 * stress.utilisation:.3g}"
@@ -154,7 +154,7 @@ def stress_table(summary: Summary) -> str:
 
 
 def run_lines(summary: Summary) -> str:
-    """Lines on a run: what was run, what solved it where that was chosen, and what it took, a line each."""
+    """Lines about a run: the model, the chosen solver if any, and the computing time."""
     timing = summary.timing
     parts = [f"{timing.set_up_s + timing.compile_s:.2f} s to set up", f"{timing.integrate_s:.2f} s to solve"]
     if timing.derive_s:
@@ -179,7 +179,7 @@ def run_lines(summary: Summary) -> str:
 
 
 def ending(summary: Summary) -> str:
-    """Sentence on the end of a run that was not completed; nothing of others."""
+    """Sentence on the end of a run that was not completed; empty for completed runs."""
     if summary.outcome == "completed":
         return ""
     # a whole cycle, which any disturbance leaves
@@ -230,7 +230,7 @@ def _nodal(model: Model, shapes: np.ndarray) -> tuple[list[str], np.ndarray]:
 
 
 def poles_table(system: StateSpace) -> str:
-    """The slowest poles of a state space: frequency and damping ratio."""
+    """Slowest poles of a state space: frequency and damping ratio."""
     poles = system.poles[:_MOST_POLES]
     damping = [round(-pole.real / abs(pole), 8) + 0.0 for pole in poles]  # without the sign of a rounded zero
     rows = [
@@ -241,7 +241,7 @@ def poles_table(system: StateSpace) -> str:
 
 
 def _rounded(components: np.ndarray) -> str:
-    """Components side by side; what is rounding beside the largest one is zero."""
+    """Components in a row; those of the size of rounding errors are zero."""
     least = 1e-9 * abs(components).max()
     return ", ".join(f"{x:.6g}" if abs(x) > least else "0" for x in components)
 
