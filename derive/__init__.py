@@ -29,8 +29,7 @@ The pipeline, one file a stage:
     body_space  bodies in space that deform, printed by kinds of shapes: spatial_shapes_text()
     body_shortening  inertia that foreshortening adds to twist, for beams in space
     body_plane  the same kernels in the plane, and those of a point: body_text()
-    spatial_module    drives and loads of a scene in space: generate_spatial(scene) -> text
-    coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
+    laws_module     drives and loads, for the engine of all structures: generate_laws(scene) -> text
 """
 
 if __name__ == "derive":

@@ -10,20 +10,18 @@ from kaneflex.derive import packs
 from kaneflex.derive.body_plane import body_text
 from kaneflex.derive.body_space import spatial_shapes_text
 from kaneflex.derive.contact import contact_text
-from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
 from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
+from kaneflex.derive.laws_module import generate_laws
 from kaneflex.derive.lookups_numba import laws_text, tables_text
 from kaneflex.derive.module_text import COMPILING
 from kaneflex.derive.rows import rows_text
 from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts
-from kaneflex.derive.spatial_module import generate_spatial
-from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.scene.structure import coupled_hash, structure_hash
+from kaneflex.scene.structure import laws_hash, structure_hash
 
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 
@@ -45,16 +43,11 @@ def modules() -> dict[str, str]:
     structures: dict[str, str] = {}
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
-        shapes = shape_counts(scene) if scene.solve.preset == "coupled" else None
-        structure = structure_hash(scene) if shapes is None else coupled_hash(scene, shapes)
+        laws = scene.is_spatial or scene.solve.preset == "coupled"
+        structure = (laws_hash if laws else structure_hash)(scene)
         if structure not in structures:
-            if shapes is None:
-                structures[structure] = name.replace("-", "_")
-                text = generate_spatial(scene) if scene.is_spatial else generate(scene)
-            else:
-                structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
-                text = generate_coupled(scene, shapes, structure)
-            texts[f"{structures[structure]}.py"] = text
+            structures[structure] = name.replace("-", "_") + "_laws" * laws
+            texts[f"{structures[structure]}.py"] = (generate_laws if laws else generate)(scene)
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
     texts["__init__.py"] = INDEX.format(entries=entries)
     return texts

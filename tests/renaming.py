@@ -131,20 +131,14 @@ def under_new_names(module: ModuleType, new: Renaming) -> ModuleType:
     found.__dict__.update(module.__dict__)
     found.PARAMETERS = tuple((new.path(path), unit) for path, unit in module.PARAMETERS)
     found.TABLES = tuple(map(new.path, module.TABLES))
-    if not hasattr(module, "SCALARS"):  # of a scene in space, whose tables name nothing more
+    if hasattr(module, "LOADS"):  # laws alone
+        found.DRIVES = {new.of["joints"][name]: kind for name, kind in module.DRIVES.items()}
+        found.LOADS = tuple(new.of["loads"][name] for name in module.LOADS)
+        if hasattr(module, "BODIES"):
+            found.BODIES = {new.of["bodies"][name]: counts for name, counts in module.BODIES.items()}
         return found
     found.SCALARS = tuple((new.scalar(name), *rest) for name, *rest in module.SCALARS)
     bodies, joints = new.of["bodies"], new.of["joints"]
-    if hasattr(module, "BODIES"):
-        found.BODIES = {bodies[name]: counts for name, counts in module.BODIES.items()}
-        found.JOINTS = {
-            joints[name]: (kind, new.address(first), new.address(second), drive)
-            for name, (kind, first, second, drive) in module.JOINTS.items()
-        }
-        found.DRIVES = {joints[name]: kind for name, kind in module.DRIVES.items()}
-        found.LOADS = tuple(new.of["loads"][name] for name in module.LOADS)
-        found.SPRINGS = tuple(new.of["springs"][name] for name in module.SPRINGS)
-        return found
     found.CONSTANTS = {new.scalar(name): value for name, value in module.CONSTANTS.items()}
     found.LINKS = {bodies[name]: first for name, first in module.LINKS.items()}
     found.FREE = tuple(joints[name] for name in module.FREE)

@@ -24,25 +24,24 @@ from kaneflex.derive.generate import generate
 from kaneflex.derive.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
 from kaneflex.generated.packs import fill, pack, unpacked
-from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
-from kaneflex.scene.structure import coupled_hash, structure_hash
+from kaneflex.scene.structure import laws_hash, structure_hash
 from kaneflex.support.contract import (
     BEAMS,
     ELEMENT_KERNELS,
     ELEMENT_PARAMETERS,
     FORMAT,
+    LAWS_ATTRIBUTES,
     LINK_SCALARS,
     REQUIRED_ATTRIBUTES,
-    SPATIAL_ATTRIBUTES,
 )
 from kaneflex.support.module_cache import cache_folder
 from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 EVERY = sorted(kaneflex.generated.STRUCTURES.values())
-SPATIAL = [name for name in EVERY if not hasattr(importlib.import_module(f"kaneflex.generated.{name}"), "SCALARS")]
-NAMES = [name for name in EVERY if not name.endswith("_coupled") and name not in SPATIAL]
+LAWS = [name for name in EVERY if name.endswith("_laws")]
+NAMES = [name for name in EVERY if name not in LAWS]
 ELEMENTS = *BEAMS, *SPATIAL_BEAMS
 KERNELS = {"M": M, "K_s": K_s, "K_d": K_d, "K_g": K_g, "C": C, "F": F}
 
@@ -99,8 +98,8 @@ def test_modules_that_no_scene_has_any_more_are_removed_from_generated_alone(tmp
 def test_every_shipped_scene_is_served_by_a_module_of_its_structure():
     for name in shipped_scenes():
         scene = read_scene(name)
-        coupled = scene.solve.preset == "coupled"
-        structure = coupled_hash(scene, shape_counts(scene)) if coupled else structure_hash(scene)
+        laws = scene.is_spatial or scene.solve.preset == "coupled"
+        structure = (laws_hash if laws else structure_hash)(scene)
         assert module(kaneflex.generated.STRUCTURES[structure]).STRUCTURE == structure
 
 
@@ -121,10 +120,10 @@ def test_contract(name):
         assert names[first : first + len(block)] == block
 
 
-@pytest.mark.parametrize("name", SPATIAL)
-def test_contract_of_drives_and_loads_in_space(name):
+@pytest.mark.parametrize("name", LAWS)
+def test_contract_of_drives_and_loads(name):
     found = module(name)
-    assert [attribute for attribute in SPATIAL_ATTRIBUTES if not hasattr(found, attribute)] == []
+    assert [attribute for attribute in LAWS_ATTRIBUTES if not hasattr(found, attribute)] == []
     assert found.FORMAT == FORMAT
 
 

@@ -14,8 +14,8 @@ from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.model.module_loading import (
     bind_parameters,
     find_coupled_module,
+    find_laws_module,
     find_module,
-    find_spatial_module,
 )
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import structure_of
@@ -54,8 +54,8 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     new = renaming.drawn(scene, 4)
     other = renaming.renamed(scene, new)
     if scene.is_spatial:
-        spatial = renaming.under_new_names(find_spatial_module(scene, quiet)[0], new)
-        finding = "kaneflex.solve.spatial_loading.find_spatial_module"
+        spatial = renaming.under_new_names(find_laws_module(scene, quiet)[0], new)
+        finding = "kaneflex.solve.spatial_loading.find_laws_module"
         monkeypatch.setattr(finding, lambda scene, progress: (spatial, 0.0))
     modules = (None if scene.is_spatial else find_module(scene, quiet)[0]), None
     if scene.solve.preset == "coupled":

@@ -20,7 +20,7 @@ from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
 from kaneflex.multibody.model.bound_model import keep_terms
-from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
 from kaneflex.multibody.model.spatial_system import build_spatial_system
@@ -528,7 +528,7 @@ def test_a_rigid_body_on_a_hinge_has_the_stiffness_that_its_nonlinear_equations_
     found = matrices(load(scene(elastic, "elastic.toml")), t)
     lowest = eig(found["K"], found["M"], right=False).real.min()
     free = scene(rigid, "rigid.toml")
-    system = build_spatial_system(free, find_spatial_module(free, lambda stage: None)[0])
+    system = build_spatial_system(free, find_laws_module(free, lambda stage: None)[0])
     start = start_of(system)
     at, speed = (int(system.columns(["hinge"], what)[0]) for what in (COORDINATE, SPEED))
     rates = []

@@ -18,7 +18,7 @@ from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.time import spatial_curves
 from kaneflex.scene import with_settings
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
+from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
 from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
@@ -101,7 +101,7 @@ duration = 1
     mechanism = spatial_mechanism_of(scene)
     tables, _ = build_tables(mechanism)
     assert sum(ROWS[what] for what in tables.cuts[:, WHAT]) == held == 6 - mechanism.joints["first"].freedoms
-    system = build_spatial_system(scene, find_spatial_module(scene, lambda stage: None)[0])
+    system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     rng = np.random.default_rng(SEED)
     for _ in range(4):
         q = rng.normal(size=system.coordinates)
@@ -194,7 +194,7 @@ def joint_by_hand(kind, q):
 def test_rows_of_joints_by_hand(tmp_path, kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
     scene = scene_of(tmp_path, GUIDED % (kind, AXES[kind]))
-    system = build_spatial_system(scene, find_spatial_module(scene, lambda stage: None)[0])
+    system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     assert system.coordinates == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
         system.place(q)

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.fem.recovery import IN_PLANE, padded, section_forces
 from kaneflex.multibody.model.inertia_integrals import link_data
-from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import build_coupled_system
 from kaneflex.multibody.model.system import build_system
@@ -27,7 +27,7 @@ from kaneflex.support.atomic_output import refuse_existing
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:
     """Modal data of every elastic link of a scene, in the plane or in space."""
     if scene.is_spatial:
-        module, _ = find_spatial_module(scene, progress)
+        module, _ = find_laws_module(scene, progress)
         options = replace(resolve_options(scene), modes=modes_of(scene))
         shapes = build_coupled_system(scene, module, options).layout.shapes
     else:

@@ -35,7 +35,7 @@ def structure_of(scene: Scene) -> dict[str, Any]:
 
 def _structure(scene: Scene) -> dict[str, Any]:
     if scene.is_spatial:
-        return _in_space(scene)
+        return laws_of(scene)
     tables = {"springs": _spring, "contacts": _contact}
     acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
     closing = scene.loop_joints()
@@ -53,15 +53,16 @@ def _structure(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _in_space(scene: Scene) -> dict[str, Any]:
-    """Structure of a spatial scene: kinds of its drives and loads."""
+def laws_of(scene: Scene) -> dict[str, Any]:
+    """Structure of a scene's laws, on which alone its module depends in space and under preset coupled: kinds of its
+    drives and loads."""
     observed = {"observed": list(scene.observed)} if scene.observed else {}
     named = {*scene.drives, *scene.observed, *(load.torque_at for load in scene.torques.values())}
     joints = {name: {"kind": joint.kind, "between": ["ground", "ground"], "closes_loop": False}
               for name, joint in scene.joints.items() if name in named}  # fmt: skip
     drives = {name: _drive(scene, name) for name in scene.drives}
     return observed | {
-        "space": True, "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives,
+        "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives,
         "loads": {name: _size(scene, name) for name in scene.loads}, "gravity": [0, 0], "frame": False,
         "viscous": False,
     }  # fmt: skip
@@ -80,10 +81,9 @@ def share_structure(scene: Scene, other: Scene) -> None:
     _HASHES.of(scene, lambda: structure_hash(other))
 
 
-def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
-    """Hash of the structure with these numbers of axial and transverse shapes of each elastic link."""
-    counts = {name: list(numbers) for name, numbers in shapes.items()}
-    return _digits({"format": FORMAT, "shapes": counts, **structure_of(scene)})
+def laws_hash(scene: Scene) -> str:
+    """Hash of the structure of the laws."""
+    return _digits({"format": FORMAT, **laws_of(scene)})
 
 
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:

@@ -80,11 +80,8 @@ def derive_code(scene: SceneLike, form: str = "module", progress: Progress | Non
 
         return standalone(scene, progress)
     progress("importing SymPy")
-    from kaneflex.mechanism.floating_frames import shape_counts
-    from kaneflex.multibody.model.module_loading import coupled_text, generate_text, pruned_text
+    from kaneflex.multibody.model.module_loading import generate_text, laws_text, pruned_text
 
     if form == "pruned":
         return pruned_text(scene, progress)
-    if coupled and not scene.is_spatial:
-        return coupled_text(scene, shape_counts(scene), progress)
-    return generate_text(scene, progress)
+    return (laws_text if coupled else generate_text)(scene, progress)

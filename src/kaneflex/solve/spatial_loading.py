@@ -17,7 +17,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.model.determinacy import check_sensors
 from kaneflex.multibody.model.independent_speeds import choose
-from kaneflex.multibody.model.module_loading import find_spatial_module
+from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
 from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
@@ -56,7 +56,7 @@ def load_spatial(
         notes = tuple(_idle_settings(scene))
         if "tolerance" not in scene.solve.forward.model_fields_set:
             options = replace(options, forward_tolerance=scene.solve.tolerance or options.forward_tolerance)
-    generated, derived = find_spatial_module(scene, progress)
+    generated, derived = find_laws_module(scene, progress)
     coupled = options.dynamics == "coupled"
     if coupled:  # before its shapes are computed
         check_memory(scene, options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
@@ -150,7 +150,7 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
     """Mechanism in space, its initial state, and its motion at that instant."""
-    system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
+    system = build_spatial_system(scene, find_laws_module(scene, progress)[0])
     start = start_of(system)
     return system, start, _standing(SpatialModule(system), start).at(0.0)
 

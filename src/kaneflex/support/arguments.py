@@ -84,8 +84,9 @@ def _numbers(value: Any) -> bool:
 
 
 def _kernels(value: Any) -> bool:
-    names = ("LINK_SCALARS", "ELEMENT_PARAMETERS") if isinstance(value, ModuleType) else ("shapes", "parameters")
-    return all(hasattr(value, name) for name in names)
+    if isinstance(value, ModuleType):  # of an element, a structure, or laws
+        return hasattr(value, "LINK_SCALARS") or hasattr(value, "DRIVES")
+    return hasattr(value, "shapes") and hasattr(value, "parameters")
 
 
 _SCENE, _MODEL, _SOLUTION, _STATE = (_ours(name) for name in ("Scene", "Model", "Solution", "State"))

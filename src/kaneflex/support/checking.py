@@ -67,24 +67,24 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
 
 def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     """Shapes by kernel and argument; -1 stands for any length."""
+    found = dict[str, dict[str, Shape]]()
+    if hasattr(module, "DRIVES"):  # kernels of laws share long arrays by offsets
+        numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
+        prescribed = sum(kind != "free" for kind in module.DRIVES.values())
+        found |= {"courses": numbers | {"out": (3 * prescribed,)}, "magnitudes": numbers | _of_laws(module)}
+    if not hasattr(module, "LINK_SCALARS"):
+        return found
     count = len(module.ELEMENT_PARAMETERS)
     # displacements and rotations of an element's two nodes; in the plane there is no a_z
     nodes = 12 if "a_z" in {name for name, *_ in module.LINK_SCALARS} else 6
     element: dict[str, Shape] = {"p": (count,), "s": (len(module.LINK_SCALARS),)}
-    found: dict[str, dict[str, Shape]] = {}
     found |= {name: element | {"out": (nodes, nodes)} for name in ELEMENT_KERNELS if name != "F"}
     found["F"] = element | {"out": (nodes,)}
     rows: dict[str, Shape] = {"p": (-1, count), "s": (-1, len(module.LINK_SCALARS))}
     found["element_matrices"] = rows | {"out": (-1, -1, len(ELEMENT_KERNELS), nodes, nodes)}
-    if not hasattr(module, "PARAMETERS"):  # a module of elements
+    if not hasattr(module, "FREE"):  # a module of elements, or of laws with the element of its links
         return found
-    numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
-    if hasattr(module, "DRIVES"):  # its kernels share long arrays by offsets
-        prescribed = sum(kind != "free" for kind in module.DRIVES.values())
-        return found | {
-            "courses": numbers | {"out": (3 * prescribed,)},
-            "magnitudes": numbers | _of_laws(module),
-        }
+    numbers = {"p": (len(module.PARAMETERS),)}
     scalars, free = len(module.SCALARS), len(module.FREE)
     return found | {
         "motion": numbers | {"s": (scalars,)},
@@ -94,7 +94,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
 
 
 def _of_laws(module: ModuleType) -> dict[str, Shape]:
-    """Shapes of the joint arrays that a coupled module's kernel of magnitudes reads and writes."""
+    """Shapes of the joint arrays that a kernel of magnitudes reads and writes."""
     switches = len(getattr(module, "SWITCHES", ()))
     joints, loads = len(module.DRIVES) + len(getattr(module, "OBSERVED", ())), len(module.LOADS)
     return {"x": (3 * joints + switches if switches else 2 * joints,), "out": (loads + 2 * switches,)}

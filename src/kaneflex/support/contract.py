@@ -109,13 +109,7 @@ REQUIRED_ATTRIBUTES = (
 )  # fmt: skip
 """Attributes of every structure's module; with elastic links also ``element_matrices`` and the kernels of the terms."""
 
-COUPLED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "JOINTS", "DRIVES", "LOADS", "SPRINGS", "SCALARS",
-    "OPERATIONS", "courses", "magnitudes",
-)  # fmt: skip
-"""Attributes of every coupled module; with elastic links also ``element_matrices``."""
-
-SPATIAL_ATTRIBUTES = (
+LAWS_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "DRIVES", "OBSERVED", "LOADS", "OPERATIONS", "courses", "magnitudes",
 )  # fmt: skip
-"""Attributes of every module of a scene in space."""
+"""Attributes of every module of drives and loads."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.settings import number_at
-from kaneflex.scene.spatial_check import refuse_in_space
-from kaneflex.scene.structure import coupled_hash, pruned_hash, structure_hash
-from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
+from kaneflex.scene.structure import laws_hash, pruned_hash, structure_hash
+from kaneflex.support.contract import COURSES, LAWS_ATTRIBUTES, REQUIRED_ATTRIBUTES, beam_module
 from kaneflex.support.errors import SceneError
 
 Progress = Callable[[str], None]
@@ -34,34 +34,34 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     return _find(structure_hash(scene), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
 
 
+def find_laws_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """Module of a scene's drives and loads, all that the engine needs of a structure; see :func:`find_module`."""
+    return _find(laws_hash(scene), lambda stage: laws_text(scene, stage), LAWS_ATTRIBUTES, progress)
+
+
+def laws_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of the module of a scene's drives and loads."""
+    from kaneflex.derive.laws_module import generate_laws
+
+    return generate_laws(scene, progress)
+
+
 Counts = Mapping[str, tuple[int, ...]]
 """Elastic link -> numbers of axial and transverse shapes."""
 
 
 def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
-    """Coupled module of a scene's structure with these numbers of shapes; see :func:`find_module`."""
-    structure = coupled_hash(scene, shapes)
-    return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress)
-
-
-def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
-    """Text of the coupled module of a scene's structure with these numbers of shapes."""
-    from kaneflex.derive.coupled_module import generate_coupled
-
-    refuse_in_space(scene, "solve.preset", "preset coupled moves")
-    return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
-
-
-def find_spatial_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """Module of drives and loads of a scene in space; see :func:`find_module`."""
-    return _find(structure_hash(scene), lambda stage: spatial_text(scene, stage), SPATIAL_ATTRIBUTES, progress)
-
-
-def spatial_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
-    """Text of the module of drives and loads of a scene in space."""
-    from kaneflex.derive.spatial_module import generate_spatial
-
-    return generate_spatial(scene, progress)
+    """Module of a planar scene's drives and loads, with the element of its links, and numbers of shapes in BODIES."""
+    laws, seconds = find_laws_module(scene, progress)
+    counts = {name: (*shapes.get(name, ()), 0, 0, 0)[:3] for name in scene.bodies}
+    profiles, element = [body.profile for body in scene.bodies.values() if body.elastic], dict[str, Any]()
+    if profiles:
+        has = {of: any(getattr(profile, of) for profile in profiles) for of in ("rotary", "shear", "varying")}
+        has["rotary"] |= has["shear"]
+        element = vars(importlib.import_module(f"kaneflex.generated.{beam_module(**has)}"))
+    found = ModuleType(laws.__name__)
+    vars(found).update(element | vars(laws) | {"SCALARS": (), "BODIES": counts})
+    return found, seconds
 
 
 def _find(
@@ -97,7 +97,7 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         If the drives and joints don't determine the motion; names undetermined motions and redundant constraints.
     """
     if scene.is_spatial:
-        return spatial_text(scene, progress)
+        return laws_text(scene, progress)
     from kaneflex.derive.generate import generate
 
     with derivable(scene):
@@ -117,13 +117,11 @@ def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, fl
 def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """Text of a module of the scene without the terms that its options leave out.
 
-    Under preset coupled, the coupled module. Raises SceneError as :func:`generate_text`.
+    Under preset coupled, the module of its laws. Raises SceneError as :func:`generate_text`.
     """
-    from kaneflex.mechanism.floating_frames import shape_counts
-
     options = resolve_options(scene)
     if options.dynamics == "coupled":
-        return coupled_text(scene, shape_counts(scene))
+        return laws_text(scene, progress)
     scene, without = acting(scene, options), left_out(options)
     return _without(scene, without, progress) if without else generate_text(scene, progress)
 

@@ -1,46 +1,31 @@
-"""A structure's part in the coupled equations: tables, its drives' courses and loads; its bodies' kernels."""
+"""Modules of drives and loads, which are all that the engine needs of a structure."""
 
-import hashlib
+import tomllib
 
 import numpy as np
 import pytest
 from runs import STENCIL, model
 
 import kaneflex
-from kaneflex.derive.coupled_module import generate_coupled
-from kaneflex.mechanism.floating_frames import shape_counts
-from kaneflex.multibody.model.module_loading import bind_parameters, import_file
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.derive.laws_module import generate_laws
+from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module, find_laws_module
+from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 
 SHIPPED = [name for name in sorted(shipped_scenes()) if read_scene(name).solve.preset == "coupled"]
 MOVING = ("engine", "mathieu", "quick-return", "spin-up", "two-link-arm")
 """Constant speeds, spin-ups, laws; constant loads, tables and laws against the time, drives and their speeds."""
 
 
-def text(name, *settings):
-    scene = with_settings(read_scene(name), ["solve.preset=coupled", *settings])
-    return scene, generate_coupled(scene, shape_counts(scene), structure(name))
-
-
-def structure(name):
-    return hashlib.sha256(f"multibody {name}".encode()).hexdigest()[:16]
-
-
-def module(name, folder):
-    scene, written = text(name)
-    file = folder / f"{structure(name)}.py"
-    file.write_text(written)
-    return scene, import_file(file, structure(name), ("courses", "magnitudes"))
+def module(name):
+    scene = with_settings(read_scene(name), ["solve.preset=coupled"])
+    return scene, find_laws_module(scene, lambda stage: None)[0]
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_module_is_short_whatever_the_number_of_modes(name):
-    _, few = text(name, "solve.modes=1")
-    _, many = text(name, "solve.modes=9")
-    assert len(few.splitlines()) == len(many.splitlines()) <= 200
-    changed = [b for a, b in zip(few.splitlines(), many.splitlines(), strict=True) if a != b]
-    assert all(line.startswith("    '") for line in changed)
-    assert len(changed) == sum(body.elastic for body in read_scene(name).bodies.values())
+def test_a_module_is_short_and_the_same_for_all_numbers_of_modes(name):
+    few, many = (with_settings(read_scene(name), [f"solve.modes={modes}"]) for modes in (1, 9))
+    assert generate_laws(few) == generate_laws(many) and len(generate_laws(few).splitlines()) <= 200
+    assert find_laws_module(few, pytest.fail)[0] is find_laws_module(many, pytest.fail)[0]
 
 
 def chain(bars):
@@ -57,21 +42,16 @@ def chain(bars):
     ])  # fmt: skip
 
 
-def test_no_kernel_grows_with_the_bodies(tmp_path):
-    found = []
-    for bars in (4, 40):
-        file = tmp_path / "chain.toml"
-        file.write_text(chain(bars))
-        scene = read_scene(str(file))
-        found.append(generate_coupled(scene, shape_counts(scene), structure("chain")))
+def test_no_kernel_grows_with_the_bodies():
+    found = [generate_laws(scene_of(tomllib.loads(chain(bars)))) for bars in (4, 40)]
     few, many = (text[text.index("OPERATIONS = ") :] for text in found)
     assert few == many and "magnitudes" in few
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name, tmp_path):
+def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name):
     """Coordinates and loads against the rigid module's scalars, speeds and accelerations by differences in time."""
-    scene, found = module(name, tmp_path)
+    scene, found = module(name)
     p, motion = bind_parameters(scene, found), model(name).motion
     drives = list(found.DRIVES)
     assert drives == list(scene.drives) and list(found.LOADS) == list(scene.loads)
@@ -92,9 +72,9 @@ def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name, tmp_path):
         assert sizes[1:-1] == pytest.approx([rigid[load][0] for load in found.LOADS], rel=1e-12)
 
 
-def test_loads_follow_the_speeds_of_free_drives(tmp_path):
+def test_loads_follow_the_speeds_of_free_drives():
     """The motor's law 170 (1 - omega / 628.3) [N m], and the gas of each cylinder by the crank's angle."""
-    scene, found = module("engine-torque", tmp_path)
+    scene, found = module("engine-torque")
     p, sizes = bind_parameters(scene, found), np.zeros(len(found.LOADS))
     gas = scene.loads["gas_2"]
     found.magnitudes.py_func(0.0, np.array([gas.offset + gas.curve()[2], 250.0]), 0, p, sizes, 0)
@@ -105,10 +85,10 @@ def test_loads_follow_the_speeds_of_free_drives(tmp_path):
     assert by_name["gas_2"] == pytest.approx(gas.curve()[2 + intervals + 1], rel=1e-12)  # the first of its values
 
 
-def test_without_drives_and_loads_nothing_is_stored(tmp_path):
+def test_without_drives_and_loads_nothing_is_stored():
     """By kernels that such structures have in common."""
-    _, found = module("elastic-double-pendulum", tmp_path)
-    _, other = module("elastic-pendulum", tmp_path)
+    _, found = module("elastic-double-pendulum")
+    _, other = module("elastic-pendulum")
     assert (found.courses, found.magnitudes) == (other.courses, other.magnitudes)
     p, x, out = np.full(9, 2.5), np.full(9, 2.5), np.full(9, 3.5)
     found.courses(0.1, p, out, 1)
@@ -116,8 +96,8 @@ def test_without_drives_and_loads_nothing_is_stored(tmp_path):
     assert (out == 3.5).all()
 
 
-def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_path):
-    scene, found = module("engine", tmp_path)
+def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused():
+    scene, found = module("engine")
     safe, p = kaneflex.checked(found), bind_parameters(scene, found)
     safe.courses(0.0, p, np.zeros(3), 0)
     safe.courses(0.0, p, np.zeros(8), 5)
@@ -131,7 +111,8 @@ def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_pa
         safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
 
 
-def test_a_module_says_which_bodies_have_shapes(tmp_path):
-    _, found = module("slider-crank-150-coupled", tmp_path)
-    assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)}
-    assert found.JOINTS["guide"] == ("prismatic", "ground.origin", "slider.start", "")
+def test_a_bound_module_says_which_bodies_have_shapes():
+    scene, laws = module("slider-crank-150-coupled")
+    found, seconds = find_coupled_module(scene, {"rod": (2, 3, 1)}, pytest.fail)
+    assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)} and seconds == 0.0
+    assert (found.courses, found.magnitudes) == (laws.courses, laws.magnitudes)

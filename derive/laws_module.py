@@ -1,22 +1,20 @@
-"""Text of a coupled module: what of a structure the one engine can't know before it meets it.
+"""Module of a structure's laws: how its drives move, and sizes of its loads.
 
-The bodies' kernels are printed for any numbers of shapes (``generated/body.py``), those of joints and springs once
-(``generated/joints.py``). A structure's own are which bodies there are and how many shapes they have, how its drives
-move, and sizes of its loads.
+Everything else of the engine is numbers. The bodies' kernels are printed for any numbers of shapes
+(``generated/body.py``, ``generated/spatial_shapes.py``), those of joints and springs once (``generated/joints.py``,
+``generated/spatial.py``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import sympy as sm
 
 from kaneflex.derive import lookups_numba, module_text
-from kaneflex.derive.generate import beam_of, element_tables, import_element, operations_table, table_paths
+from kaneflex.derive.generate import operations_table, table_paths
 from kaneflex.derive.laws import Switches
-from kaneflex.derive.links import forced_points
 from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import drive_courses, load_size
@@ -24,61 +22,21 @@ from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.derive.steps import Steps
-from kaneflex.scene.structure import structure_of
-from kaneflex.support.contract import ELEMENT_KERNELS
-
-Progress = Callable[[str], None]
-Shapes = Mapping[str, tuple[int, ...]]
-"""Link with shapes -> numbers of its axial and transverse ones, and 1 where its start moves in its frame."""
-
-@dataclass(frozen=True)
-class Topology:
-    """Bodies with their numbers of shapes, by the mechanism's numbers of them.
-
-    ``bodies`` maps a body to its axial and transverse shapes and to 1 where its start moves in its frame.
-    """
-
-    mechanism: SymbolicMechanism
-    bodies: dict[str, tuple[int, int, int]]
-
-    @property
-    def jumps(self) -> tuple[tuple[str, str, str], ...]:
-        """Forces on links between their ends: by what the axial force grows there."""
-        return tuple(
-            (f"{body}.link.jump_{point}", "N", f"growth of the axial force at {point}")
-            for body, (axial, transverse, _) in self.bodies.items()
-            if axial + transverse
-            for point in sorted(forced_points(self.mechanism, body) - {"start", "end"})
-        )
+from kaneflex.scene.structure import laws_hash, laws_of
 
 
-def generate_coupled(
-    scene: Any, counts: Shapes, structure: str, progress: Progress = lambda stage: None
-) -> str:
-    """Text of the coupled module of a scene with so many shapes of each link that has some."""
+def generate_laws(scene: Any, progress: Callable[[str], None] = lambda stage: None) -> str:
+    """Text of the module of a scene's drives and loads; equal laws give equal text."""
     progress("courses and loads")
-    description = structure_of(scene)
-    mechanism = read_structure(description)
-    number = mechanism.names.number
-    shapes = {number["body", name]: count for name, count in counts.items()}
-    topology = Topology(mechanism, {name: (*shapes.get(name, ()), 0, 0, 0)[:3] for name in mechanism.bodies})
-    switches = Switches()
+    mechanism, switches = read_structure(laws_of(scene)), Switches()
     kernels, parameters = courses_and_loads(mechanism, switches)
     progress("module text")
-    beam = beam_of(description) if counts else ""
-    names = mechanism.names
-    functions, imports = printed(kernels, names)
     return module_text.module(
-        "A structure's part in the coupled equations",
-        _ABOUT,
-        [
-            *_tables(topology, beam, names.told(tuple(switches.of))),
-            *laws_tables(mechanism, parameters),
-            operations_table(emit.operations(kernels), beam),
-        ],
-        functions,
-        [*([import_element(beam, ["TERMS", *ELEMENT_KERNELS])] if beam else []), *imports],
-        structure=structure,
+        "Drives and loads of a mechanism",
+        ["Courses of its drives and sizes of its loads, for the engine of all structures.", "", module_text.CHECKED],
+        [*_tables(mechanism, switches, parameters), operations_table(emit.operations(kernels))],
+        *printed(kernels, mechanism.names),
+        structure=laws_hash(scene),
         made="kaneflex derive SCENE --preset coupled -o FILE.py",
     )
 
@@ -168,39 +126,13 @@ def printed(kernels: Iterable[emit.Printed], names: Names) -> tuple[list[str], l
     return emit.print_kernels((kernel for kernel, _ in own), names), [*imports, *lookups]
 
 
-_ABOUT = (
-    "Data of this structure for the engine of all structures: its bodies and joints, courses of its drives, and",
-    "sizes of its loads.",
-    "",
-    module_text.CHECKED,
-)
-
-
-def _tables(topology: Topology, beam: str, switched: tuple[str, ...]) -> list[str]:
-    mechanism, told = topology.mechanism, topology.mechanism.names.told
-    drives = {name: drive.kind for name, drive in mechanism.drives.items()}
-    joints = {
-        joint.name: (joint.kind, *(f"{side.body}.{side.name}" for side in joint.sides), drives.get(joint.name, ""))
-        for joint in mechanism.joints.values()
-    }
-    bodies = (f"{body!r}: {counts!r}" for body, counts in told(topology.bodies).items())
-    observed, springs = (told(tuple(of)) for of in (mechanism.observed, mechanism.springs))
-    return [
-        module_text.table("BODIES", bodies, "axial, transverse shapes; 1 where its start moves in its frame", "{}"),
-        module_text.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
-        *([module_text.literal("OBSERVED", observed, "joints that laws know beside them")] * bool(observed)),
-        *([module_text.literal("SWITCHES", switched, "loads that change where magnitudes' next pass zero")]
-          * bool(switched)),
-        module_text.literal("SPRINGS", springs, "between points and at joints"),
-        module_text.literal("SCALARS", told(topology.jumps), "of the links beside LINK_SCALARS: name, unit, meaning"),
-        *([] if beam else element_tables(beam)),
-    ]
-
-
-def laws_tables(mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]]) -> list[str]:
+def _tables(
+    mechanism: SymbolicMechanism, switches: Switches, parameters: Mapping[str, tuple[sm.Symbol, str]]
+) -> list[str]:
     """Tables of the inputs and outputs of courses and magnitudes."""
     told, drives = mechanism.names.told, {name: drive.kind for name, drive in mechanism.drives.items()}
     read = told(tuple((path, unit) for path, (_, unit) in parameters.items()))
+    switched = "loads that change where magnitudes' next pass zero"
     return [
         module_text.literal("PARAMETERS", read, "p: path, unit"),
         module_text.literal(
@@ -208,4 +140,6 @@ def laws_tables(mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.
         ),
         module_text.literal("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
         module_text.literal("LOADS", told(tuple(mechanism.loads)), "in the order of magnitudes"),
+        module_text.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),
+        *([module_text.literal("SWITCHES", told(tuple(switches.of)), switched)] if switches.of else []),
     ]
