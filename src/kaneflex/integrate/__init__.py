@@ -1,17 +1,17 @@
 """Integrators of M(t) z'' + C(t) z' + K(t) z = F(t), reading a table of the motion's scalars.
 
-task, run                 input of an integration; integrate a system
-by_steps, by_scipy        with steps of equal length; with steps that scipy chooses
-methods, outcome          which methods there are; how a run ended
-system, streams           what is integrated; its table, in pieces
-stepping, periodic        drive the loops over a run, and to the motion that repeats itself
-spectral, disturbances    that motion by its harmonics, without steps; whether it attracts its neighbours
-instants, corrections     the compiled parts of that
-fourier                   Fourier transforms of a cycle that lies in lanes
-steppers                  the compiled loops
-conventions               constants and arrays that the compiled loops share with Python
-lanes, matrices           eight numbers in a register, and the compiled parts made of them
-modal                     decoupled modes exactly
+task, run                 input of an integration; integration of a system.
+by_steps, by_scipy        steps of equal length; steps chosen by scipy.
+methods, outcome          available methods; outcome of a run.
+system, streams           equations of a system; their table, in blocks.
+stepping, periodic        loops over the steps of a run; search for the periodic motion by steps.
+spectral, disturbances    periodic motion by harmonics, without steps; growth of disturbances of it.
+instants, corrections     compiled parts of these.
+fourier                   Fourier transforms of a cycle that is stored in lanes.
+steppers                  compiled loops over steps.
+conventions               constants and arrays that compiled loops share with Python.
+lanes, matrices           eight numbers per register (SIMD), and compiled functions of such numbers.
+modal                     exact solution of decoupled modes.
 
-Import from these modules: a list of the methods needs no numba.
+Import from these modules; this one imports nothing, since a list of the methods needs no numba.
 """

@@ -82,7 +82,7 @@ class Engine:
         return np.concatenate([[t], *self.motion, self.standing, np.zeros(self.count(at.WORKS))])
 
     def stand(self, row: np.ndarray) -> None:
-        """Take the motion of a row."""
+        """Set the motion to that of a row."""
         first, held = 1, len(self.holds)
         for part in (*self.motion, self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT]):
             part[:] = row[first : first + len(part)]

@@ -28,7 +28,7 @@ _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
 _STEPPED = ("dynamic", "frozen")
 """Kinds of dynamics with time steps in C."""
 _ROUNDING = 1e-13
-"""Share of a scalar's size below which a load does not change it."""
+"""Share of a scalar's size; a smaller change by a load counts as none."""
 
 
 Start = tuple[tuple[float, ...], tuple[float, ...]]

@@ -163,7 +163,7 @@ def longest(scene: Scene) -> float:
 
 
 def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
-    """Raise SceneError if the bodies of a joint with backlash start whole turns apart."""
+    """Raise SceneError if the bodies of a joint with backlash start with different whole turns."""
     for name, joint in scene.joints.items():
         if joint.clearance is not None:
             first, second = (q[system.start[a.body] + 2] if a.body != "ground" else 0.0 for a in joint.addresses)

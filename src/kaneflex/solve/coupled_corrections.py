@@ -54,7 +54,7 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
 
 
 def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
-    """Successively richer models and what each adds; those without effect are left out."""
+    """Successively richer models and the part that each adds; those without effect are left out."""
     scene, options = model.given or model.scene, model.options
     tolerance, forward = (max(_LEAST, each / _TIGHTER) for each in (options.tolerance, options.forward_tolerance))
     options = replace(options, tolerance=tolerance, forward_tolerance=forward, steps=2 * options.steps)
@@ -69,7 +69,7 @@ def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
 
 
 def _with_modes(scene: Scene, modes: int, **update: object) -> Scene:
-    """The scene with so many modes, of each link at most as many as its elements have."""
+    """Scene with ``modes`` modes per link, limited by its elements."""
     solve = scene.solve.model_copy(update=update | {"modes": modes})
     solve.model_fields_set.discard("modes")  # a number that a user gives is not limited
     return scene.seen(solve=solve)

@@ -24,7 +24,7 @@ READ = 256
 
 
 class Unknown(Exception):
-    """The effect of a richer model is not found; the argument is the reason."""
+    """Effect of a richer model that cannot be computed; the argument is the reason."""
 
 
 @dataclass(frozen=True, eq=False)

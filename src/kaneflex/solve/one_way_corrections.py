@@ -180,7 +180,7 @@ def _instants(solution: RunResult) -> int:
 
 
 def _richer(model: Model) -> Iterator[tuple[str, Model]]:
-    """Ever richer models, with what each adds: those that add nothing are left out."""
+    """Successively richer models, with the part that each adds; models that add nothing are left out."""
     options = model.options
     if options.dynamics == "dynamic":
         yield "time", model

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kaneflex.response.stresses import LinkStresses
 
 MOST_FREQUENCIES = 50
-"""Largest number of natural frequencies of a run: more would take longer than the run."""
+"""Largest number of natural frequencies of a run; more would take longer than the run."""
 _OF_A_STEP, _IN_SPACE, _OF_A_TANGENT, _OF_A_BAND = 2.5e-6, 5e-7, 1e-7, 5e-8
 """Seconds on one core of a server of 2023, within a factor of three over 16 runs of shipped scenes: per coupled step in
 the plane and coordinate; in space per evaluation and speed, and for the tangent of a cycle per squared number of these;
@@ -68,7 +68,7 @@ class RunResult:
         return len(self.series)
 
     def __bool__(self) -> bool:
-        """True, also without sensors."""
+        """True, even for a solution without sensors."""
         return True
 
     def keys(self) -> KeysView[str]:

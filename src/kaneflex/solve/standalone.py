@@ -34,7 +34,7 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 
 MOST_LINES = 400
-"""Lines of a file that can be read in one go."""
+"""Largest number of lines of a readable file."""
 _FEW = 3
 """Largest number of coordinate ranges that are listed one by one."""
 

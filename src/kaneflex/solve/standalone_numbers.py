@@ -113,7 +113,7 @@ def narrowed(text: str) -> str:
 
 
 def _last_comma(text: str) -> tuple[int, int, int] | None:
-    """First line that is too long: its number, the column of the last comma to break at, and of the alignment."""
+    """First line that is too long: its number, and the columns of the last possible break and of the alignment."""
     lines, opened, found, depth = text.split("\n"), list[int](), None, 0
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         row, column = token.start[0] - 1, token.start[1]
@@ -183,7 +183,7 @@ def tables(model: Model) -> Iterator[str]:
 
 
 def _knots(x: np.ndarray) -> str:
-    """Numbers in a row; evenly spaced ones by their ends."""
+    """Text of a row of numbers; evenly spaced ones by their ends."""
     if abs(np.linspace(x[0], x[-1], len(x)) - x).max() <= 1e-15 * abs(x).max():
         return f"np.linspace({float(x[0])!r}, {float(x[-1])!r}, {len(x)})"
     return f"np.array({tuple(x.tolist())!r})"

@@ -178,7 +178,7 @@ class Model:
 
     @property
     def awaits_run(self) -> bool:
-        """True if a run integrates the motion first, of free joints or of a coupled mechanism in space."""
+        """True if a run first integrates the motion: with free joints, or of a coupled mechanism in space."""
         coupled = self.coupled_in_space
         return self.motion.is_start or (coupled is not None and coupled.verdict is None)
 
@@ -199,7 +199,7 @@ class Model:
 
     @property
     def shapes_given(self) -> tuple[str, ...]:
-        """Coordinates of the shapes of bodies with modal data, which preset coupled solves for as they are."""
+        """Coordinates of the shapes of bodies with modal data, which preset coupled does not reduce."""
         return () if self.coupled is None else shapes_given(self.scene)
 
     @property
@@ -304,7 +304,7 @@ class Model:
         return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
 
     def sharing(self, like: Model) -> Model:
-        """The model, with cached results of another one with the same equations and options."""
+        """This model with the cached results of another one that has the same equations and options."""
         if self.reduced is like.reduced:
             vars(self).update({name: vars(like)[name] for name in _FROM_EQUATIONS if name in vars(like)})
         return self

@@ -93,7 +93,7 @@ def build_model(
 
 
 def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
-    """Model of the same scene along an integrated motion, of which it had known the start."""
+    """Model of the same scene along an integrated motion; ``model`` has only the start of the motion."""
     found = build_model(model.scene, model.options, motion, like=model)
     warnings = (*found.warnings, *model.warnings)
     found = replace(found, energy=energy, warnings=warnings, seconds=model.seconds, given=model.given)
@@ -135,7 +135,7 @@ def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, referen
 
 
 def _no_equations() -> ElasticEquations:
-    """Equations of no coordinates."""
+    """Equations without coordinates."""
     names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
     return ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
 

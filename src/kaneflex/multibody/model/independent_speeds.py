@@ -124,4 +124,4 @@ def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
 
 def _rank(r: np.ndarray) -> int:
     pivots = abs(np.diag(r))
-    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
+    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of the size of rounding errors have none

@@ -1,4 +1,4 @@
-"""The rigid mechanism beside a coupled one, computed by the engine without derived equations.
+"""Rigid reference of a coupled mechanism, computed by the engine without derived equations.
 
 Bodies without shapes use the engine, too. With all drives prescribed, and free ones at given positions, the loops place
 the bodies; this module computes the positions, speeds and accelerations that a mechanism's own module tabulates, and
@@ -51,13 +51,13 @@ class RigidTwin:
     Attributes
     ----------
     mechanism : NumericMechanism
-        As the scene says.
+        Mechanism of the scene.
     system : CoupledSystem
         Whose courses of drives and sizes of loads these are.
     rigid : CoupledSystem
         Of the rigid bodies, whose drives and loads are as row after row of its parameters says.
     start : Placement
-        From where the loops are followed.
+        Position from which the loops are followed.
     """
 
     mechanism: NumericMechanism
@@ -76,7 +76,7 @@ class RigidTwin:
         return self.system.module.__file__
 
     def __getattr__(self, name: str) -> object:
-        """Elements and the like are those of the structure's coupled module."""
+        """Other attributes are those of the structure's coupled module."""
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self.system.module, name)
@@ -272,7 +272,7 @@ class RigidTwin:
 
 
 class TwinKinematics(RigidKinematics):
-    """Motion of a twin, whose bodies are placed on request."""
+    """Motion of a rigid reference, whose bodies are placed on request."""
 
     module: Any
 
@@ -287,7 +287,7 @@ class FollowedKinematics(TwinKinematics):
     followed: CoupledTrajectory
 
     def table(self, times: np.ndarray) -> np.ndarray:
-        """Table as of the twin."""
+        """Table of scalars, as of the rigid reference."""
         t = self.followed
         place = np.minimum(np.searchsorted(t.times, times), len(t.times) - 1)
         if not (t.times[place] == times).all():
@@ -334,7 +334,7 @@ class _Placed(RigidMotion):
 
 
 def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTwin:
-    """The rigid mechanism of a scene, from where its bodies stand at first."""
+    """Rigid mechanism of a scene at the initial position of its bodies."""
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
     placed = replace(mechanism, drives=drives, contacts={}, observed=(), frictions={})

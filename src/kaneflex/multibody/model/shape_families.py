@@ -40,7 +40,7 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
 
 
 def _between_ends(found: list[Station], length: float) -> bool:
-    """True if a link has its chord between joints at both of its ends."""
+    """True if a link has joints at both ends."""
     frame = frame_of(found)
     return frame.kind in IN_THE_MEAN and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
 

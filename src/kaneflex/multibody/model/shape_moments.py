@@ -1,4 +1,4 @@
-"""Moments of a body's shapes: the sums over its mass that Kane's equations of a body that deforms in space take."""
+"""Moments of a body's shapes: sums over its mass in Kane's equations of a body that deforms in space."""
 
 from __future__ import annotations
 

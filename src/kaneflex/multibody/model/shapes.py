@@ -65,7 +65,7 @@ class Shapes:
 
     @property
     def transverse(self) -> np.ndarray:
-        """All but the axial shapes."""
+        """Shapes other than axial ones."""
         return self.basis[:, self.counts[0] :]
 
     @property
@@ -104,7 +104,7 @@ class Shapes:
 
     @cached_property
     def moments(self) -> ShapeMoments:
-        """Integrals over the sections, whose fibres at y and z go along with them.
+        """Integrals over the sections with their fibres at y and z.
 
         A section that bends the shortest way by theta_y and theta_z and then turns by theta_x about itself moves these
         to the second order by

@@ -1,4 +1,4 @@
-"""Preset coupled in space: deforming bodies, with the rigid mechanism beside them."""
+"""Preset coupled in space: deforming bodies and their rigid reference."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class CoupledKinematics(SpatialKinematics):
     verdict: Verdict | None = None
 
     def along(self, curve: Curve) -> CoupledKinematics:
-        """The same mechanism in another motion."""
+        """This mechanism with another motion."""
         moved, rigid = SpatialKinematics(self.module, self.parameters, curve), self.rigid
         beside = _Beside(moved, rigid.module.system, rigid.curve.start)
         return replace(self, curve=curve, rigid=replace(rigid, curve=beside))

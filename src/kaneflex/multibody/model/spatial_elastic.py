@@ -169,7 +169,7 @@ def elastic_stage(
     Raises
     ------
     SceneError
-        For what elastic bodies can't have in space so far, and where nothing holds them in one way.
+        For entries that elastic bodies in space do not support, and for undetermined motions.
     """
     mechanism = spatial_mechanism_of(scene)
     for name, spring in mechanism.springs.items():

@@ -29,7 +29,7 @@ class Choice:
     rows, dependent, independent : ndarray
         Numbers of the rows and speeds.
     lent : ndarray (s,)
-        Virtual inertia of speeds that nothing but the loops gives any, else 0.
+        Virtual inertia of speeds that have inertia through the loops only, else 0.
     """
 
     rows: np.ndarray
@@ -60,7 +60,7 @@ class SpatialEngine(Engine):
     chosen: list[Choice | None] = field(default_factory=lambda: [None])
 
     def choose_speeds(self, choice: Choice) -> None:
-        """Make a choice that of the compiled functions."""
+        """Set the choice that compiled functions use."""
         if self.chosen[0] is choice:
             return
         plan, kept = self.tables.plan, len(choice.rows)

@@ -281,7 +281,7 @@ class SpatialSystem:
         return (*self.scene.drives, *self.scene.observed)
 
     def node(self, joint: str) -> int:
-        """Number of the node that has a joint's first coordinate; of a cylindrical one's, its turn."""
+        """Number of the node with a joint's first coordinate; of a cylindrical joint, its rotation."""
         nodes, sign = self.layout.tree[joint]
         if self.mechanism.joints[joint].kind != "cylindrical":
             return nodes[0 if sign > 0 else -1]

@@ -143,7 +143,7 @@ class _Maker:
 
         Shapes are affine in the mean, so the load's power equals that of its resultant there.
         """
-        link = cast(Axis, self.shapes[body])  # of others no scene spreads a load along
+        link = cast(Axis, self.shapes[body])  # loads are spread along axes only
         share, x, rows, G = link.spread(*((0.0, 1.0) if rises else (1.0, 0.0)))
         self.sections.append((self.station(body, (x / share, 0.0, 0.0), (rows / share, G / share)), np.zeros(3)))
         return len(self.sections) - 1

@@ -113,7 +113,7 @@ class Run:
             rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
-        # What is bounded by its largest values so far is known better after every piece.
+        # Bounds by the largest values so far are updated after every piece.
         most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
         since = 0
         while self.filled + 1 < len(self.times):
@@ -310,7 +310,7 @@ class Run:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
         done, count, held = rows[:, -works:], found.gaps.shape[1], found.frictions.shape[1]
-        gaps = found.gaps[:, : len(self.touching)]  # what switches laws stands behind them
+        gaps = found.gaps[:, : len(self.touching)]  # the switches of laws follow them
         lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
         happened = self.impacts
         if self.touching:

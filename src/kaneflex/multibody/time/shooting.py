@@ -182,7 +182,7 @@ class Cycles(ABC, Generic[At, Cycle]):
                     return found, None
                 found, failure = before, "; Newton's method leads to a state without motion"
             last, missed = missed, self.missed(found)
-            # closer than that the errors of the steps hide whether a neighbour repeats
+            # below this, errors of the steps are larger than the change over a cycle
             stalled = not self.judges and count and self._way(missed) > 0.5 * self._way(last)
             if self.repeats(found, REPEATS if stalled else self.left):
                 tell(1.0)

@@ -67,8 +67,8 @@ class Run(Curve):
         self.longest = options.duration / options.steps
         method = Method("radau", options.tolerance, system.mechanism.size, options.bounded)
         self.bounds = ErrorBounds(system.engine, method, self.longest)
-        self.reason = ""  # for which the rates were not known somewhere
-        self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
+        self.reason = ""  # why the rates are not defined
+        self.stopped: SceneError | None = None  # error of an incomplete run, raised by the caller
 
     def go(self) -> None:
         """Integrate to the end of the run. Raises SceneError if the motion can't continue."""
@@ -92,7 +92,7 @@ class Run(Curve):
             aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
             self.bounds.update(taken)
             control[2:5] = min(most, PATIENT) if control[6] else most, 0.0, 0.0
-            most = min(2 * most, _PIECE)  # largest values so far are known better after every piece
+            most = min(2 * most, _PIECE)  # the largest values so far grow with every piece
             engine.choose_speeds(choice)
             ended = engine.integrate(
                 TABLES["radau"], control, here, here[:0], aims, rows, counts, steps, wide=len(here)
@@ -201,7 +201,7 @@ class Run(Curve):
         grown = _largest(system, choice)
         if grown < self.growth:
             return found
-        self.growth = 2.0 * grown  # where nothing is better others are not tried at every step
+        self.growth = 2.0 * grown  # without a better choice, others are tried rarely
         try:
             other = system.project(found.t, found.q, found.u, choose_anew(system, found.q, choice))
         except ArithmeticError:

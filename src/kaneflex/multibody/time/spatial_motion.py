@@ -251,7 +251,7 @@ class SpatialKinematics(RigidKinematics):
         return q[:, first]
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
-        """Sizes of the loads alone at ``times`` [s], with joint coordinates interpolated from known instants, as
+        """Sizes of the loads at ``times`` [s], with joint coordinates interpolated from known instants, as
         evaluating the mechanism at that many would take longer than the run."""
         from scipy.interpolate import CubicSpline
 
