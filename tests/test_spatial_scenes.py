@@ -11,7 +11,7 @@ from runs import solved
 
 from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.cli import main
-from kaneflex.generated import spinning_top
+from kaneflex.generated import spinning_top_laws
 from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
 from kaneflex.response.time_statistics import between_steps
@@ -544,7 +544,7 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
     done = runner.invoke(main, ["modes", "bricard"])
     assert done.exit_code == 2 and "no body is elastic" in done.output
     done = runner.invoke(main, ["derive", "spinning-top", "-o", str(tmp_path / "top.py")])
-    assert done.exit_code == 0 and (tmp_path / "top.py").read_bytes() == Path(spinning_top.__file__).read_bytes()
+    assert done.exit_code == 0 and (tmp_path / "top.py").read_bytes() == Path(spinning_top_laws.__file__).read_bytes()
     done = runner.invoke(main, ["equations", "bricard"])
     assert done.exit_code == 2 and "only planar scenes so far" in done.output
 
