@@ -64,16 +64,16 @@ safe.
 
 ## One-way presets
 
-The reference is preset `stiffened` with four times the elements, all modes and four times the steps by `radau`.
-Sensors whose error is below ten times that of the reference or below 1e-6 of their peak are left out, and so are
-quasi-static runs of scenes that start from rest.
+The reference is preset `stiffened` with four times the elements, all modes and four times the steps by `radau`. Left
+out are sensors whose error is below ten times that of the reference or below 1e-6 of their peak, and quasi-static
+runs of scenes that start from rest.
 
 {one_way}
 ## Preset coupled
 
 Runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with four times the
-elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its error is estimated as a quarter of
-the change that half as many elements and modes cause. Sensors whose error is below ten times this value are left out.
+elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance. Its error is estimated as a quarter of
+its change with half the elements and modes. Sensors whose error is below ten times this value are left out.
 
 {coupled}
 ## Prices and runs
