@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.plots.outlines import BOX
@@ -41,6 +42,13 @@ _EDGES = np.array([
 def seen(points: np.ndarray, view: np.ndarray = VIEW) -> np.ndarray:
     """Points (..., 3) in the picture, (..., 2), in their unit."""
     return points @ view.T
+
+
+def label_flat(axes: Axes, view: np.ndarray, label: str) -> None:
+    """Equal scales of a view along an axis, and the names of the two others, in place of the braces of a label."""
+    across, up = ("xyz"[k] for k in view.argmax(axis=1))
+    axes.set(xlabel=label.format(across), ylabel=label.format(up))
+    axes.set_aspect("equal", adjustable="datalim")
 
 
 def view_of(scene: Scene) -> np.ndarray:

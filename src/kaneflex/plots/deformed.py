@@ -78,9 +78,7 @@ def _worst(solution: Solution) -> _Worst:
     shown, links = view(solution), solution.model.links
     if links:
         places = [(name, float(x)) for name, link in links.items() for x in link.nodes]
-        size = len(scene.vector((0.0, 0.0)))
-        moved = np.array([np.linalg.norm(shown.motion.displacement(name, scene.vector((x, 0.0)))[0][:size], axis=0)
-                          for name, x in places])  # fmt: skip
+        moved = np.vstack([np.linalg.norm(shown.displaced(name, link.nodes), axis=1) for name, link in links.items()])
         which, at = np.unravel_index(int(moved.argmax()), moved.shape)
         name, place = places[int(which)]
         factor, unit = readable("m", moved)

@@ -139,7 +139,7 @@ def _surfaces(shown: View, name: str, length: float) -> Figure:
     figure = new_figure(9.6, 6.6, title, layout="none")  # the constrained one leaves axes in space a wide margin
     figure.subplots_adjust(left=0.0, right=0.95, bottom=0.05, top=0.92, wspace=0.08, hspace=0.16)
     x = np.linspace(0.0, length, _ALONG)
-    local = np.array([shown.motion.displacement(name, (at, 0.0))[0][:2] for at in x]).swapaxes(0, 1)
+    local = shown.displaced(name, x).swapaxes(0, 1)
     titles = "Longitudinal, link axes", "Transverse, link axes", "X, global axes", "Y, global axes"
     fields = (*local, *shown.rigid.frame(name).to_global(local))
     for k, (title, field) in enumerate(zip(titles, fields, strict=True)):

@@ -73,7 +73,8 @@ def enlarged(shown: View) -> Enlarged:
         coupled = solution.model.options.dynamics == "coupled" and any(body.deforms for body in scene.bodies.values())
         moved = outline(shown.motion, fixed, float(coupled))
         return Enlarged(fixed, still, moved, 1.0 if coupled else None, still.farthest(moved))
-    sizes = {name: _largest(shown, name) for name in solution.model.links}
+    sizes = {name: float(np.linalg.norm(shown.displaced(name, link.nodes), axis=1).max())
+             for name, link in solution.model.links.items()}  # fmt: skip
     largest = max(sizes.values())
     if largest <= _NOTHING * fixed.size:
         return Enlarged(fixed, still, still, 1.0, largest)
@@ -85,14 +86,6 @@ def enlarged(shown: View) -> Enlarged:
         if factor <= 1.0 or not (_opens(shown, fixed, factor) or _passes(shown, fixed, moved)):
             return Enlarged(fixed, still, moved, factor, largest)
         factor = max(1.0, round_down(0.9 * factor))
-
-
-def _largest(shown: View, link: str) -> float:
-    """Largest elastic displacement of a link's nodes [m]."""
-    scene = shown.solution.model.scene
-    places = [scene.vector((float(x), 0.0)) for x in shown.solution.model.links[link].nodes]
-    moved = [shown.motion.displacement(link, at)[0][: len(at)] for at in places]
-    return float(np.linalg.norm(moved, axis=1).max())
 
 
 def _opens(shown: View, fixed: Scenery, factor: float) -> bool:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.widgets import Slider
 
-from kaneflex.plots.sensors import QUANTITY, grouped
+from kaneflex.plots.sensors import grouped, quantity_of
 from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable, styled
 from kaneflex.plots.view import view
 from kaneflex.support.errors import UserError
@@ -93,7 +93,7 @@ class Explorer:
         grid = {"left": 0.09, "right": 0.77, "top": 1.0 - _HEAD / height, "bottom": bottom, "hspace": 0.42}
         axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw=grid).ravel()
         self._panels = [
-            _new_panel(each, title, names, QUANTITY[scene.sensors[names[0]].kind], scene.sensors[names[0]].unit)
+            _new_panel(each, title, names, quantity_of(scene.sensors[names[0]]), scene.sensors[names[0]].unit)
             for each, (title, names) in zip(axes, groups.items(), strict=True)
         ]
         self.sliders = tuple(self._slider(number, height) for number in range(len(exploration.open)))

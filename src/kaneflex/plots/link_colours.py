@@ -43,11 +43,8 @@ def stress_field(solution: Solution, instants: np.ndarray, count: int = ALONG_LI
 
 def displacement_field(shown: View) -> Field | None:
     """Size of the elastic displacement; None without elastic links."""
-    scene, sizes = shown.solution.model.scene, {}
-    for name, length in shown.lengths.items():
-        places = [scene.vector((float(x), 0.0)) for x in np.linspace(0.0, length, 2 * ALONG_LINK - 1)[1::2]]
-        moved = [shown.motion.displacement(name, at)[0][: len(at)] for at in places]
-        sizes[name] = np.linalg.norm(moved, axis=1).T
+    sizes = {name: np.linalg.norm(shown.displaced(name, np.linspace(0.0, length, 2 * ALONG_LINK - 1)[1::2]), axis=1).T
+             for name, length in shown.lengths.items()}  # fmt: skip
     if not sizes:
         return None
     factor, unit = readable("m", *sizes.values())

@@ -21,6 +21,7 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.axonometric import view_of
 from kaneflex.plots.drawing import MM
+from kaneflex.plots.mechanism import frame_of
 from kaneflex.plots.style import PALETTE
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -56,9 +57,7 @@ class Standing:
 
     def point(self, body: str, at: Any) -> np.ndarray:
         """Place in the drawing of a point in a body's axes [mm], (2,)."""
-        if isinstance(self.placed, Placement):
-            return MM * np.array(self.placed.pose(body).place(at))
-        return MM * self.view @ self.placed.frame(body).place(at)[:, 0]
+        return MM * self.view @ frame_of(self.placed, body).place(at)[:, 0]
 
     def at(self, address: Address) -> np.ndarray:
         """Place in the drawing of an address [mm], (2,)."""
@@ -66,9 +65,7 @@ class Standing:
 
     def direction(self, body: str, vector: Any) -> np.ndarray:
         """A vector in a body's axes as it is drawn, (2,); shorter where it points to or from the viewer."""
-        if isinstance(self.placed, Placement):
-            return np.array(self.placed.pose(body).turn(vector))
-        return self.view @ self.placed.frame(body).to_global(np.reshape(vector, (3, 1)))[:, 0]
+        return self.view @ frame_of(self.placed, body).to_global(np.reshape(vector, (-1, 1)))[:, 0]
 
     def around(self, joint: str, turn: np.ndarray) -> np.ndarray:
         """Points at angles [rad] of the unit circle around a joint's axis, as they are drawn, (n, 2)."""

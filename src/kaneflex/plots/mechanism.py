@@ -60,7 +60,7 @@ def rigid_scenery(scene: Scene, rigid: Rigid) -> Scenery:
     size = lines_size(scene, lines) if space else float(np.hypot(*(upper - lower))) or 1.0
     guides, all_guides = {}, guides_of(scene)
     for name, (carrier, rider, direction) in all_guides.items():
-        frame = _frame(rigid, carrier.body)
+        frame = frame_of(rigid, carrier.body)
         points = frame.to_body(_places(rigid, rider.body, [scene.point(rider)])[0] - frame.origin).T
         carried = [] if space or carrier.body == "ground" else used_points(scene, carrier.body)
         ends = _travel(points, np.array(direction), (BOX[0] if len(points) > 1 else STANDING) * size, carried)
@@ -122,7 +122,7 @@ class _Pose:
         self.scene, self.rigid, self.space = scene, rigid, scene.is_spatial
         self.motion, self.factor = motion if factor else None, factor
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
-        self.lines = {name: _global(rigid, name, axis) for name, axis in self.axes.items()}
+        self.lines = {name: _places(rigid, name, axis) for name, axis in self.axes.items()}
         if self.space:
             self.lines |= {name: np.array([self._point(name, at) for at in outline_points(scene, name)])
                            for name in scene.bodies if name not in self.axes}  # fmt: skip
@@ -161,11 +161,11 @@ class _Pose:
     def _point(self, body: str, at: Vector) -> np.ndarray:
         """Global position of a body's point, displaced, (2 or 3, n_times); of a link's on the line that is drawn."""
         if body not in self.axes:
-            return np.asarray(_frame(self.rigid, body).place(self._moved(body, at)))
+            return np.asarray(frame_of(self.rigid, body).place(self._moved(body, at)))
         share = at[0] / (self.scene.bodies[body].length or 1.0) * (ALONG_LINK - 1)
         k, axis = min(max(int(share), 0), ALONG_LINK - 2), self.axes[body]
         local = axis[k] + (share - k) * (axis[k + 1] - axis[k]) + np.reshape((0.0, *at[1:]), (-1, 1))
-        return np.asarray(_frame(self.rigid, body).place(local))
+        return np.asarray(frame_of(self.rigid, body).place(local))
 
     def _bar(self, name: str, fixed: Scenery) -> list[np.ndarray]:
         """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
@@ -190,7 +190,7 @@ class _Pose:
         """Corners of a guided body about its joint, along its guide, (n_corners, 2 or 3, n_times)."""
         side = max(rider, carrier, key=lambda side: side.body in self.axes) if self.space else rider
         centre = self._point(side.body, self.scene.point(side))
-        t = _frame(self.rigid, carrier.body).to_global(direction)
+        t = frame_of(self.rigid, carrier.body).to_global(direction)
         if self.space:
             return block(centre, t, size)
         corners = np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
@@ -219,17 +219,12 @@ def _in_picture(line: np.ndarray, view: np.ndarray) -> np.ndarray:
     return seen(line.transpose(2, 0, 1), view)
 
 
-def _frame(rigid: Rigid, body: str) -> Any:
+def frame_of(rigid: Rigid, body: str) -> Any:
+    """Axes of a body over a rigid motion, or at one configuration."""
     return BodyFrame(rigid, body) if isinstance(rigid, Placement) else rigid.frame(body)
 
 
 def _places(rigid: Rigid, body: str, points: Sequence[Vector] | np.ndarray) -> np.ndarray:
-    """Global positions of points of the rigid mechanism, (n_points, 2 or 3, n_times)."""
-    frame = _frame(rigid, body)
+    """Global positions of points in a body's axes, (n_points, 2 or 3, n_times)."""
+    frame = frame_of(rigid, body)
     return np.array([frame.place(at) for at in points])
-
-
-def _global(rigid: Rigid, body: str, local: np.ndarray) -> np.ndarray:
-    """Points (n_points, 2 or 3, n_times) from a body's axes to global ones."""
-    frame = _frame(rigid, body)
-    return np.array([frame.place(at) for at in local])

@@ -23,7 +23,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     """``motion``: positions, velocities and accelerations, translation left and rotation right, drives below."""
     shown = view(solution)
     columns = [column for column in (_guided(shown), _turning(shown)) if any(curves for *_, curves in column)]
-    drives = _courses(shown) + _drives(shown)
+    drives = _drives(shown)
     rows = 3 * bool(columns)
     if not columns and not drives:
         return {}
@@ -59,13 +59,10 @@ def _guided(shown: View) -> list[tuple[str, str, str, Curves]]:
             continue
         t_x, t_y = joint.direction
         name, origin = second.body, scene.point(first)
-
-        def along(x: str, y: str, name: str = name, t_x: float = t_x, t_y: float = t_y) -> np.ndarray:
-            return t_x * rigid[f"{name}.{x}"] + t_y * rigid[f"{name}.{y}"]
-
-        position.append((name, along("x", "y") - t_x * origin[0] - t_y * origin[1]))
-        velocity.append((name, along("v_x", "v_y")))
-        acceleration.append((name, along("a_x", "a_y")))
+        x, v, a = (t_x * rigid[f"{name}.{key}x"] + t_y * rigid[f"{name}.{key}y"] for key in ("", "v_", "a_"))
+        position.append((name, x - t_x * origin[0] - t_y * origin[1]))
+        velocity.append((name, v))
+        acceleration.append((name, a))
     whose = f" of {position[0][0]}" if len(position) == 1 else ""
     return [
         (f"Position{whose} along its guide", "position", "m", position),
@@ -80,42 +77,30 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
     driven = {address.body for name in scene.drives for address in scene.joints[name].addresses}
     names = [name for name in scene.bodies if name not in driven and np.ptp(rigid[f"{name}.s"]) > 1e-9]
     angles = [(name, shown.motion.turned(name)) for name in names]
+    rates, accelerations = ([(name, rigid[f"{name}.{key}"]) for name in names] for key in ("omega", "epsilon"))
     whose = f" of {names[0]}" if len(names) == 1 else ""
     return [
         (f"Angle{whose}", "angle", "rad", angles),
-        (f"Angular velocity{whose}", "ang. velocity", "rad/s", [(name, rigid[f"{name}.omega"]) for name in names]),
-        (
-            f"Angular acceleration{whose}",
-            "ang. acceleration",
-            "rad/s^2",
-            [(name, rigid[f"{name}.epsilon"]) for name in names],
-        ),
+        (f"Angular velocity{whose}", "ang. velocity", "rad/s", rates),
+        (f"Angular acceleration{whose}", "ang. acceleration", "rad/s^2", accelerations),
     ]
 
 
-def _courses(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """Coordinates of the drives that do not turn or slide evenly, by laws, tables or from rest."""
-    scene, found = shown.solution.model.scene, []
-    moved = [name for name, drive in scene.drives.items() if drive.kind in ("law", "table") or drive.spin_up]
-    for quantity, unit, slides in (("angle", "rad", False), ("position", "m", True)):
-        names = [name for name in moved if scene.slides(name) == slides]
-        if names:
-            curves = [(name, shown.rigid[f"{name}.angle"]) for name in names]
-            title = f"{quantity.capitalize()} of {'the drives' if len(names) > 1 else names[0]}"
-            found.append((title, quantity, unit, curves))
-    return found
-
-
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """Forces and torques of the drives; none where the rigid mechanism only follows the coupled run."""
+    """Coordinates of the drives that do not turn or slide evenly, by laws, tables or from rest; then their forces and
+    torques, but where the rigid mechanism only follows the coupled run."""
     motion, scene, found = shown.motion, shown.solution.model.scene, []
-    if not motion.has_rigid_forces:
-        return []
-    for quantity, unit, slides in (("torque", "N m", False), ("force", "N", True)):
-        names = [name for name in scene.drives if scene.slides(name) == slides]
-        if names:
-            curves = [(name, motion.rigid_forces[f"{name}.drive"]) for name in names]
-            found.append((f"{quantity.capitalize()} of the drives", quantity, unit, curves))
+    uneven = [name for name, drive in scene.drives.items() if drive.kind in ("law", "table") or drive.spin_up]
+    kinds = [(uneven, shown.rigid, "angle", quantity) for quantity in (("angle", "rad"), ("position", "m"))]
+    if motion.has_rigid_forces:
+        forces = motion.rigid_forces
+        kinds += [([*scene.drives], forces, "drive", quantity) for quantity in (("torque", "N m"), ("force", "N"))]
+    for names, values, key, (quantity, unit) in kinds:
+        own = [name for name in names if scene.slides(name) == (quantity in ("position", "force"))]
+        if own:
+            whose = own[0] if key == "angle" and len(own) == 1 else "the drives"
+            curves = [(name, values[f"{name}.{key}"]) for name in own]
+            found.append((f"{quantity.capitalize()} of {whose}", quantity, unit, curves))
     return found
 
 

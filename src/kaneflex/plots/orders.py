@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from kaneflex.plots.records import marked
-from kaneflex.plots.sensors import QUANTITY, grouped
+from kaneflex.plots.sensors import grouped, quantity_of
 from kaneflex.plots.style import GREY, PALETTE, finish, legend_beside, pages, readable
 from kaneflex.plots.view import view
 
@@ -51,7 +51,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
         for frequency, what in natural:
             label = what if axes is panels[0] else None
             axes.axvline(frequency / one, color=GREY, linestyle="--", linewidth=0.8, label=label, zorder=1)
-        axes.set(title=title, ylabel=f"{QUANTITY[scene.sensors[names[0]].kind]} [{unit}]")
+        axes.set(title=title, ylabel=f"{quantity_of(scene.sensors[names[0]])} [{unit}]")
         axes.set(yscale="log", ylim=(_FLOOR * top, 3.0 * top), xlim=(0.0, x[-1] + x[0]))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.yaxis.set_minor_locator(NullLocator())  # half of the time to draw

@@ -16,6 +16,7 @@ from kaneflex.fem.links import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.plots.axonometric import FLAT, body_lines, joint_axes, label_flat, seen
 from kaneflex.plots.drawing import (
     MM,
     ROUNDING,
@@ -28,7 +29,7 @@ from kaneflex.plots.drawing import (
 )
 from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
-from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.outlines import Scenery
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
@@ -70,7 +71,8 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
         if kind == "links":
             line.set_marker("none")  # marks stand for nodes here
             _mark_nodes(axes, stand, name)
-    labels = Labels(axes, [*_paths(drawn), *ground])
+    bodies = (*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values())
+    labels = Labels(axes, [*(MM * part[0] for part in bodies), *ground])
     if fixed.view is not None:
         for corner in draw_triad(axes, fixed.view):
             labels.block(corner)
@@ -110,16 +112,12 @@ def refuse_places(at: Mapping[str, float]) -> None:
 
 def _draw_flat_views(figure: Figure, scene: Scene, motion: RigidMotion, height: float) -> None:
     """The bodies seen along the three axes, side by side below the drawing, in that share of the figure's height."""
-    from kaneflex.plots.axonometric import FLAT, body_lines, seen
-
     width, inches = figure.get_size_inches()
     lines = body_lines(scene, motion)
     for k, (title, view) in enumerate(FLAT.items()):
         axes = figure.add_axes(((_LEFT + k * 2.75) / width, _BELOW / inches, 2.0 / width, height - 1.1 / inches))
-        axes.set_aspect("equal", adjustable="datalim")
+        label_flat(axes, view, "{} [mm]")
         axes.set_title(title)
-        names = ["xyz"[row] for row in view.argmax(axis=1)]
-        axes.set(xlabel=f"{names[0]} [mm]", ylabel=f"{names[1]} [mm]")
         axes.locator_params(nbins=5)
         for name, points in lines.items():
             colour = ELASTIC if scene.bodies[name].elastic else "black"
@@ -150,12 +148,6 @@ def _configuration(scene: Scene, stand: Standing | Placement) -> str:
     places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in stand.drives.items()}
     told = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in places.items())
     return fill(f"at {told}", _TOLD) if told else ""
-
-
-def _paths(drawn: Outline) -> list[np.ndarray]:
-    """Lines of the bodies [mm], which labels keep clear of."""
-    parts = [*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values()]
-    return [MM * part[0] for part in parts]
 
 
 class _Parts:
@@ -199,11 +191,8 @@ class _Parts:
     def _joints(self) -> None:
         """Names of joints, one label a place."""
         here: dict[tuple[float, ...], list[str]] = {}
-        if self.scene.is_spatial:
-            from kaneflex.plots.axonometric import joint_axes
-
-            for ends in joint_axes(self.scene, cast("RigidMotion", self.stand.placed)):
-                self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
+        for ends in joint_axes(self.scene, cast("RigidMotion", self.stand.placed)) if self.scene.is_spatial else ():
+            self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
         for name, joint in self.scene.joints.items():
             at = self.at(joint.addresses[1])
             here.setdefault(tuple(np.round(at, 6)), []).append(name)
@@ -220,33 +209,27 @@ class _Parts:
 
     def _drive(self, name: str) -> None:
         drive = self.scene.drives[name]
-        said = drive.kind in ("free", "law", "table")
+        said, back = drive.kind in ("free", "law", "table"), (drive.speed or 0.0) < 0.0
         text = drive.kind if said else self.scene.written_speed(name, drive.speed, 4)
-        if self.scene.slides(name):
-            self._sliding(name, text, back=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
+        style = "--" if drive.kind == "free" else "-"
+        if not self.scene.slides(name):
+            self._turning(name, DRIVE, text, way=-1 if back else 1, style=style)
             return
-        self._turning(name, DRIVE, text, clockwise=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
-
-    def _sliding(self, joint: str, text: str, back: bool, dashed: bool) -> None:
-        """An arrow along a driven guide, from the point that slides."""
-        first, second = self.scene.joints[joint].addresses
-        start = self.at(second)
-        along = self.stand.direction(first.body, self.scene.joints[joint].given_axes[0])
+        first, second = self.scene.joints[name].addresses  # an arrow along the guide, from the point that slides
+        start, along = self.at(second), self.stand.direction(first.body, self.scene.joints[name].given_axes[0])
         end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
-        self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle="--" if dashed else "-", zorder=4.6)
+        self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle=style, zorder=4.6)
         self._arrow(end - 1e-3 * (end - start), end, DRIVE)
         self.labels.add(text, end, DRIVE, size=8)
 
     def _turning(
-        self, joint: str, colour: str, text: str, radius: float = _ARC, clockwise: bool = False, dashed: bool = False
+        self, joint: str, colour: str, text: str, radius: float = _ARC, way: int = 1, style: str = "-"
     ) -> None:
-        """An arrow around a joint."""
+        """An arrow around a joint, clockwise with ``way`` = -1."""
         centre = self.at(self.scene.joints[joint].addresses[0])
         turn = np.radians(np.linspace(-60.0, 200.0, 40))
-        arc = centre + radius * self.size * self.stand.around(joint, turn)
-        if clockwise:
-            arc = arc[::-1]
-        self.axes.plot(*arc.T, color=colour, linewidth=1.6, linestyle="--" if dashed else "-", zorder=4.6)
+        arc = (centre + radius * self.size * self.stand.around(joint, turn))[::way]
+        self.axes.plot(*arc.T, color=colour, linewidth=1.6, linestyle=style, zorder=4.6)
         self._arrow(arc[-3], arc[-1], colour)
         self.labels.block(arc)
         self.labels.add(text, arc[20], colour, size=8)

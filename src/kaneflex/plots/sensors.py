@@ -18,16 +18,6 @@ if TYPE_CHECKING:
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
-QUANTITY = {
-    "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
-    "axial_force": "force", "shear_force": "force", "bending_moment": "moment",
-    "torsional_moment": "moment", "strain": "strain", "stress": "stress",
-    "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
-    "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
-    "contact_torque": "torque", "contact_angle": "gap",
-    "friction_force": "force", "friction_torque": "torque",
-}  # fmt: skip
-
 _ALIKE = 0.1
 """Share of a panel's largest span below which a curve gets another axis."""
 _ROUNDING = 1e-6
@@ -94,6 +84,11 @@ def in_clearance(scene: Scene, sensor: Sensor) -> bool:
     return isinstance(sensor.position, Address) and sensor.position.body in scene.loose
 
 
+def quantity_of(sensor: Sensor) -> str:
+    """Name of what an axis shows of a sensor."""
+    return "gap" if sensor.kind == "contact_angle" else sensor.quantity
+
+
 def _title(sensor: Sensor) -> str:
     what = sensor.kind.replace("_", " ").capitalize()
     if sensor.component.startswith("angle"):
@@ -137,5 +132,5 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
         axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated +-")
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
-    axes.set(title=title, ylabel=f"{QUANTITY[sensor.kind]} [{label}]", xmargin=0)
+    axes.set(title=title, ylabel=f"{quantity_of(sensor)} [{label}]", xmargin=0)
     legend_beside(axes)

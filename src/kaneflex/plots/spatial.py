@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.axonometric import FLAT, VIEW, body_lines, joint_axes, seen
+from kaneflex.plots.axonometric import FLAT, VIEW, body_lines, joint_axes, label_flat, seen
 from kaneflex.plots.drawing import MM, draw_triad
 from kaneflex.plots.paths import curve, dotted, read_points, velocity
 from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable
@@ -63,8 +63,7 @@ def hodographs(solution: Solution) -> dict[str, Figure]:
     factor, unit = readable("m/s", *found.values())
     heading = f"Hodographs, velocity vectors from one origin, starting at the ring, {dotted(shown)}{shown.note}"
     figure = new_figure(8.6, 7.0, heading)
-    label = f"v_{{}} [{unit}]"
-    for axes, projection in _views(figure, label):
+    for axes, projection in _views(figure, f"v_{{}} [{unit}]"):
         for (name, velocities), colour in zip(found.items(), PALETTE, strict=False):
             curve(axes, shown, factor * seen(velocities.T, projection).T, colour, name)
         axes.plot(0.0, 0.0, "+", color="black", markersize=9)
@@ -75,9 +74,8 @@ def hodographs(solution: Solution) -> dict[str, Figure]:
 def _finish(figure: Figure, unit: str) -> None:
     """Names beside the views, and the axes of the one at an angle."""
     legend_beside(figure.axes[1])
-    angled = figure.axes[-1]
     figure.draw_without_rendering()  # limits with equal scales are known only then
-    draw_triad(angled, VIEW, unit)
+    draw_triad(figure.axes[-1], VIEW, unit)
 
 
 def _views(figure: Figure, label: str) -> Iterator[tuple[Axes, np.ndarray]]:
@@ -86,10 +84,8 @@ def _views(figure: Figure, label: str) -> Iterator[tuple[Axes, np.ndarray]]:
     ``label`` names an axis, with braces for x, y or z.
     """
     for place, (title, flat) in enumerate(FLAT.items(), 1):
-        names = ["xyz"[k] for k in flat.argmax(axis=1)]
         axes = figure.add_subplot(2, 2, place, title=title)
-        axes.set(xlabel=label.format(names[0]), ylabel=label.format(names[1]))
-        axes.set_aspect("equal", adjustable="datalim")
+        label_flat(axes, flat, label)
         yield axes, flat
     axes = figure.add_subplot(2, 2, 4, title="at an angle")
     axes.set_aspect("equal", adjustable="datalim")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -65,6 +66,12 @@ class View:
     def lengths(self) -> dict[str, float]:
         """Length of every elastic link [m]."""
         return {name: link.length for name, link in self.solution.model.links.items()}
+
+    def displaced(self, link: str, places: Iterable[float]) -> np.ndarray:
+        """Displacements of points of a link's axis at distances [m] from its start, in its axes, (n_places, 2 or 3,
+        n_times)."""
+        points = [self.solution.model.scene.vector((float(x), 0.0)) for x in places]
+        return np.array([self.motion.displacement(link, at)[0][: len(at)] for at in points])
 
     @cached_property
     def x(self) -> np.ndarray:
@@ -138,17 +145,14 @@ def frames_of(shown: View, count: int) -> View:
     still = scene.vector((0.0, 0.0))
     points = {name: {still, *map(scene.vector, body.points_all.values())} for name, body in scene.bodies.items()}
     places = [_widest([shown.rigid.frame(name).place(at) for at in own]) for name, own in points.items()]
-    moved = [
-        _widest([shown.motion.displacement(name, scene.vector((float(x), 0.0)))[0][: len(still)] for x in link.nodes])
-        for name, link in shown.solution.model.links.items()
-    ]
+    moved = [_widest(shown.displaced(name, link.nodes)) for name, link in shown.solution.model.links.items()]
     picked = frames(np.array(moved or places), count, cycles)
     hasty = missed(np.array(moved + places), picked).max() > MISSED
     note = f"{len(picked)} of {len(shown.instants)} instants, some motion is too fast for them" if hasty else ""
     return replace(shown, instants=shown.instants[picked], thinned=note)
 
 
-def _widest(vectors: list[np.ndarray]) -> np.ndarray:
+def _widest(vectors: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """The component that varies most of some vectors over time, each (components, n_times)."""
     components = np.vstack(vectors)
     return components[np.ptp(components, axis=1).argmax()]

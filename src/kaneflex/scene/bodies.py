@@ -90,47 +90,24 @@ def _modal(path: object) -> ModalData | None:
     return read_modal_data(path)
 
 
-def _profile(data: dict) -> Profile | None:
-    beam, length = data.get("beam"), data.get("length")
-    if beam is None or not length or not (beam.has_area or data.get("mass")):
-        return None
-    return beam.profile(length, data.get("mass") or 0.0)
-
-
 def _default_length(data: dict) -> float | None:
     modal = _modal(data.get("modal_data"))
     return modal.length if modal else None
 
 
-def _default_mass(data: dict) -> float:
-    modal = _modal(data.get("modal_data"))
-    if modal is not None:
-        return modal.rigid[0]
-    profile = _profile(data)
-    return profile.inertia(profile.length).mass if profile else 0.0
-
-
-def _default_centre(data: dict) -> tuple[float, ...]:
-    modal = _modal(data.get("modal_data"))
-    if modal is not None:
-        return modal.rigid[1]
-    profile, length = _profile(data), data.get("length") or 0.0
-    if profile is None or not profile.varying:
-        return (length / 2, 0.0)
-    whole = profile.inertia(length)
-    return (whole.first / whole.mass, 0.0)
-
-
-def _default_inertia(data: dict) -> float | tuple[float, ...]:
-    modal = _modal(data.get("modal_data"))
-    if modal is not None:
-        return modal.rigid[2]
-    profile, length = _profile(data), data.get("length") or 0.0
-    slender = data["mass"] * length**2 / 12
-    if profile is None:
-        return slender
-    whole = profile.inertia(length)
-    return (whole.second - whole.first**2 / whole.mass if profile.varying else slender) + profile.rotary_inertia(length)
+def _by_default(data: dict) -> tuple[float, tuple[float, ...], float | tuple[float, ...]]:
+    """Mass, centre and inertia of a body: those of its modal data or its beam, else of a uniform bar."""
+    modal, beam, length, mass = (data.get(key) for key in ("modal_data", "beam", "length", "mass"))
+    if (known := _modal(modal)) is not None:
+        return known.rigid
+    length, mass = length or 0.0, mass or 0.0
+    if beam is None or not length or not (beam.has_area or mass):
+        return mass, (length / 2, 0.0), mass * length**2 / 12
+    profile = beam.profile(length, mass)
+    whole, rotary = profile.inertia(length), profile.rotary_inertia(length)
+    if not profile.varying:
+        return whole.mass, (length / 2, 0.0), (mass or whole.mass) * length**2 / 12 + rotary
+    return whole.mass, (whole.first / whole.mass, 0.0), whole.second - whole.first**2 / whole.mass + rotary
 
 
 class Pose(SceneTable):
@@ -172,9 +149,9 @@ class Body(SceneTable):
     modal_data: str | None = Field(default=None, description="npz file of a link's modal data")
     length: PositiveLength | None = Field(default_factory=_default_length)
     beam: Beam | None = None
-    mass: PositiveMass = Field(default_factory=_default_mass)
-    centre: Point = Field(default_factory=_default_centre)
-    inertia: BodyInertia = Field(default_factory=_default_inertia)
+    mass: PositiveMass = Field(default_factory=lambda data: _by_default(data)[0])
+    centre: Point = Field(default_factory=lambda data: _by_default(data)[1])
+    inertia: BodyInertia = Field(default_factory=lambda data: _by_default(data)[2])
     rotation: Rotation | None = None
     pose: Pose | None = None
     free: Free | None = None

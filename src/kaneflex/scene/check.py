@@ -23,7 +23,7 @@ from kaneflex.scene.sensors import (
     Sensor,
 )  # fmt: skip
 from kaneflex.scene.spatial_check import dimension_problems, joint_read
-from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
+from kaneflex.support.errors import LONGEST_NAME, Problem, nearest, taken, unknown
 
 
 def problems_of(scene: Scene) -> list[Problem]:
@@ -49,22 +49,9 @@ def _gravity(scene: Scene) -> Iterator[Problem]:
 
 def _problems(scene: Scene) -> list[Problem]:
     """Problems of the scene with contacts in place of its joints with clearance."""
-    found = [
-        *_gravity(scene),
-        *_names(scene),
-        *_beams(scene),
-        *_joints(scene),
-        *_masses(scene),
-        *_poses(scene),
-        *drive_problems(scene),
-        *load_problems(scene),
-        *spring_problems(scene),
-        *contact_problems(scene),
-        *_sensors(scene),
-        *event_problems(scene),
-        *modal_problems(scene),
-        *_horizon(scene),
-    ]
+    checks = (_gravity, _names, _beams, _joints, _masses, _poses, drive_problems, load_problems, spring_problems,
+              contact_problems, _sensors, event_problems, modal_problems, _horizon)  # fmt: skip
+    found = [problem for check in checks for problem in check(scene)]
     return found or [*_periods(scene), *tilt_problems(scene)]
 
 
@@ -73,37 +60,31 @@ def _names(scene: Scene) -> Iterator[Problem]:
     for table in tables:
         for name in getattr(scene, table):
             key = f"{table}.{name}"
+            reserved = RESULT_NAMES if table == "sensors" else RESERVED_NAMES
             if keyword.iskeyword(name):
-                reason = "a keyword of Python, which generated modules can't use"
-                yield Problem(key, None, reason, "Choose another name")
+                yield taken(key, "a keyword of Python, which generated modules can't use")
             elif not name.isidentifier() or not name.isascii():
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
             elif len(name) > LONGEST_NAME:
                 reason = f"a name of more than {LONGEST_NAME} characters"
                 yield Problem(key[:LONGEST_NAME], None, reason, "Choose a shorter one")
-            elif name in (RESULT_NAMES if table == "sensors" else RESERVED_NAMES):
-                reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
-                yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
+            elif name in reserved:
+                yield taken(key, f"a reserved name: {reserved[name]}")
             elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
-                yield Problem(key, None, "contacts have a result of this name", "Choose another name")
+                yield taken(key, "contacts have a result of this name")
             elif table == "sensors" and scene.frictions and name in FRICTION_RESULTS:
-                yield Problem(key, None, "friction has a result of this name", "Choose another name")
-    for name in scene.joints:
-        if name in scene.bodies:
-            yield Problem(f"joints.{name}", None, "a body has the same name", "Choose another name")
-    for own in ("springs", "contacts"):
+                yield taken(key, "friction has a result of this name")
+    yield from (taken(f"joints.{name}", "a body has the same name") for name in scene.joints if name in scene.bodies)
+    tables = ("bodies", "joints", "masses", "loads", "springs")
+    for own, others in {"springs": tables[:4], "contacts": tables}.items():
         for name in getattr(scene, own):
-            for table in ("bodies", "joints", "masses", "loads", "springs")[: 5 if own == "contacts" else 4]:
-                if name in getattr(scene, table):
-                    reason = f"{table} has an entry of this name"
-                    yield Problem(f"{own}.{name}", None, reason, "Choose another name")
+            yield from (taken(f"{own}.{name}", f"{table} has an entry of this name")
+                        for table in others if name in getattr(scene, table))  # fmt: skip
     for name, body in scene.bodies.items():
         for point in body.points:
             if not point.isidentifier():
-                reason = "not a name"
-                yield Problem(
-                    f"bodies.{name}.points.{point}", None, reason, "Use letters, digits and underscores"
-                )
+                key = f"bodies.{name}.points.{point}"
+                yield Problem(key, None, "not a name", "Use letters, digits and underscores")
 
 
 def _beams(scene: Scene) -> Iterator[Problem]:
@@ -119,19 +100,13 @@ def _beams(scene: Scene) -> Iterator[Problem]:
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:
-    bad = False
-    for name, joint in scene.joints.items():
-        for address in joint.addresses:
-            for problem in address_problems(scene, f"joints.{name}.{joint.kind}", address, ground=True):
-                bad = True
-                yield problem
-    if bad:
-        return
-    closing = scene.loop_joints()
-    for name, joint in scene.joints.items():
+    bad = [problem for name, joint in scene.joints.items() for address in joint.addresses
+           for problem in address_problems(scene, f"joints.{name}.{joint.kind}", address, ground=True)]  # fmt: skip
+    yield from bad
+    closing = () if bad else scene.loop_joints()
+    for name, joint in () if bad else scene.joints.items():
         if "branch" in joint.model_fields_set and name not in closing:
-            reason, cure = _no_loop(scene, closing)
-            yield Problem(f"joints.{name}.branch", joint.branch, reason, cure)
+            yield Problem(f"joints.{name}.branch", joint.branch, *_no_loop(scene, closing))
 
 
 def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
@@ -158,16 +133,14 @@ def _free_point(scene: Scene, name: str) -> str:
 
 def _poses(scene: Scene) -> Iterator[Problem]:
     """A fixed structure needs the pose of every body, and no drive."""
-    if not scene.is_frame:
-        return
-    for name, body in scene.bodies.items():
+    still = "bodies with poses don't move"
+    for name, body in scene.bodies.items() if scene.is_frame else ():
         if body.pose is None:
-            reason = "other bodies have poses, this one has none"
-            yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
+            yield Problem(f"bodies.{name}.pose", None, "other bodies have poses, this one has none", "Give its pose")
         if body.free is not None:
-            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave free or the poses out")
-    for name in scene.drives:
-        yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave out either the drive or the poses")
+            yield Problem(f"bodies.{name}.free", None, still, "Leave free or the poses out")
+    for name in scene.drives if scene.is_frame else ():
+        yield Problem(f"drives.{name}", None, still, "Leave out either the drive or the poses")
 
 
 def _masses(scene: Scene) -> Iterator[Problem]:
@@ -181,7 +154,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         yield from _OF_SENSORS[sensor.kind](scene, key, sensor)
         base = name.removesuffix("_rigid")
         if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
-            yield Problem(key, None, f"the value of {base} in the rigid mechanism has this name", "Choose another name")
+            yield taken(key, f"the value of {base} in the rigid mechanism has this name")
 
 
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -217,16 +190,13 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         else:
             yield Problem(f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam")
     if sensor.relative_to == "chord" and body.length is None:
-        yield Problem(
-            f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"
-        )
+        yield Problem(f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length")
 
 
 def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
     if target not in scene.drives:
-        cure = nearest(target, scene.drives)
-        yield Problem(f"{key}.{sensor.kind}", target, "no drive of that name", cure)
+        yield unknown(f"{key}.{sensor.kind}", target, "drive", scene.drives)
     elif scene.is_spatial and scene.drives[target].free:
         reason = f"a free joint has no drive force: drives.{target} is free"
         yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that moves it")
@@ -241,8 +211,7 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
     if target not in scene.springs:
-        cure = nearest(target, scene.springs)
-        yield Problem(f"{key}.{sensor.kind}", target, "no spring of that name", cure)
+        yield unknown(f"{key}.{sensor.kind}", target, "spring", scene.springs)
         return
     spring, given = scene.springs[target], "component" in sensor.model_fields_set
     right = "spring_force" if spring.torsional_at is None else "spring_torque"
@@ -259,8 +228,7 @@ def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
     if target not in scene.contacts:
-        cure = nearest(target, scene.contacts)
-        yield Problem(f"{key}.{sensor.kind}", target, "no contact of that name", cure)
+        yield unknown(f"{key}.{sensor.kind}", target, "contact", scene.contacts)
     elif (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
         others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
         right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
@@ -283,14 +251,11 @@ def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
     joint = scene.joints.get(target)
     if joint is None:
-        cure = nearest(target, scene.joints)
-        yield Problem(f"{key}.joint_force", target, "no joint of that name", cure)
+        yield unknown(f"{key}.joint_force", target, "joint", scene.joints)
         return
     bodies = [address.body for address in joint.addresses]
     if sensor.body is not None and sensor.body not in bodies:
-        yield Problem(
-            f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them"
-        )
+        yield Problem(f"{key}.body", sensor.body, f"{target} joins {' and '.join(bodies)}", "Name one of them")
 
 
 _OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
@@ -334,17 +299,12 @@ def _periods(scene: Scene) -> Iterator[Problem]:
         turned = load.against in scene.drives and not scene.slides(load.against)
         if load.kind != "table" or not (load.against == "t" or turned):
             continue  # a guide's coordinate and a speed are periodic anyway
-        key, given = f"loads.{name}.period", given_value(scene.raw, ("loads", name, "period"))
+        key, speed = f"loads.{name}.period", 1.0 if load.against == "t" else scene.drives[load.against].speed
         if load.period is None:
             yield Problem(key, None, "a periodic start needs periodic tables", "Give the table's period")
-            continue
-        speed = 1.0 if load.against == "t" else scene.drives[load.against].speed
-        if speed is None:
-            continue
-        cycle = scene.period * abs(speed)
-        if not _is_multiple(cycle, load.period):
+        elif speed is not None and not _is_multiple(scene.period * abs(speed), load.period):
             reason = "the cycle is not a multiple of it, so there is no common period"
-            yield Problem(key, given, reason, "Give a period that divides the cycle")
+            yield Problem(key, given_value(scene.raw, key.split(".")), reason, "Give a period that divides the cycle")
 
 
 def _is_multiple(whole: float, part: float) -> bool:

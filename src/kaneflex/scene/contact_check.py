@@ -8,7 +8,7 @@ from kaneflex.scene.contacts import Contact, contacts_of
 from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
-from kaneflex.support.errors import Fault, Problem, SceneError
+from kaneflex.support.errors import Fault, Problem, SceneError, taken
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
@@ -20,12 +20,9 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"drives.{name}", None, reason, "Make the drive free, or leave the clearance out")
     for name, joint in loose.items():
         for made in contacts_of(name, joint):
-            if made in scene.contacts:
-                reason = f"a contact of the clearance of joint {name} has this name"
-                yield Problem(f"contacts.{made}", None, reason, "Choose another name")
-            elif made != name and made in scene.joints:
-                reason = f"a contact of the clearance of joint {name} has this name"
-                yield Problem(f"joints.{made}", None, reason, "Choose another name")
+            table = "contacts" if made in scene.contacts else "joints"
+            if made in scene.contacts or (made != name and made in scene.joints):
+                yield taken(f"{table}.{made}", f"a contact of the clearance of joint {name} has this name")
     for key, name, verb in _counting_on(scene):
         if name in loose and not loose[name].has_backlash:
             reason, cure = f"{name} has a clearance: {verb}", "Leave out the clearance or this entry"

@@ -1,23 +1,23 @@
 """Laws: a user's expressions in the time and the drives' angles and speeds.
 
-Python's `ast` parses them; a whitelist, their size and their constants (`kaneflex.scene.law_constants`) are checked.
-They are never evaluated as Python code. `Law.to` walks the checked tree and builds the expression from any kind of
-number: SymPy's, NumPy's or plain floats.
+Python's `ast` parses them; a whitelist, their size and their constants are checked. They are never evaluated as Python
+code. `Law.to` walks the checked tree and builds the expression from any kind of number: SymPy's, NumPy's or plain
+floats.
 """
 
 from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kaneflex.scene.law_constants import check_constants
 from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.units import LARGEST
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {
     "abs": (1,), "acos": (1,), "asin": (1,), "atan": (1,), "atan2": (2,), "cos": (1,), "exp": (1,), "log": (1,),
@@ -184,7 +184,7 @@ def _parsed(text: str, names: tuple[str, ...]) -> Law:
         raise Fault("not an expression", "Write one like '120 * sin(2 * pi * 50 * t)'") from None
     _check_size(tree)
     _check(tree, {*names, "pi"})
-    check_constants(tree)
+    _constant(tree)
     return Law(ast.unparse(tree), tree)
 
 
@@ -237,3 +237,103 @@ def _check(node: ast.expr, names: Collection[str]) -> None:
         case _:
             cure = "Use numbers, names, + - * / ** and " + ", ".join(FUNCTIONS)
             raise Fault(f"{ast.unparse(node)!r} is not arithmetic", cure)
+
+
+_UNIT = 2.0**-53
+"""Unit roundoff of float64."""
+_REAL = "Write finite and real numbers"
+_DOMAINS = {"log": (0.0, np.inf), "sqrt": (0.0, np.inf), "acos": (-1.0, 1.0), "asin": (-1.0, 1.0)}
+"""Ranges of arguments for which a function is real."""
+
+
+class _Number(NamedTuple):
+    """Value of a constant part of a law, and a bound of its rounding error.
+
+    Running error analysis to first order (Higham 2002, Accuracy and Stability of Numerical Algorithms, sec. 3.3), by
+    the values at the bounds of each argument: divisors and arguments of logarithms must exceed their own bound.
+    """
+
+    value: float
+    error: float
+
+    @property
+    def is_zero(self) -> bool:
+        """True if the value can't be distinguished from zero."""
+        return bool(abs(self.value) <= self.error)
+
+
+def _constant(node: ast.expr) -> _Number | None:
+    """Value of a part of a checked law; None if it contains a variable.
+
+    Raises Fault for a constant part that is not finite, not real, or beyond 1e60.
+    """
+    match node:
+        case ast.Constant(value=value):
+            number = _literal(value)
+        case ast.Name(id=name):
+            return _Number(np.pi, _UNIT * np.pi) if name == "pi" else None
+        case ast.UnaryOp(op=op, operand=operand):
+            number = _applied(_UNARY[type(op)], [_constant(operand)])
+        case ast.BinOp(op=op, left=left, right=right):
+            a, b = _constant(left), _constant(right)
+            _check_operands(node, a, b)
+            number = _applied(_BINARY[type(op)], [a, b])
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            values = [_constant(argument) for argument in arguments]
+            _check_arguments(node, name, values)
+            number = _applied(ON_ARRAYS[name], values, *_DOMAINS.get(name, (-np.inf, np.inf)))
+    if number is not None and not abs(number.value) <= LARGEST:
+        unnamed = isinstance(node, ast.Constant) and (isinstance(node.value, int) or np.isinf(node.value))
+        said = "a number" if unnamed else ast.unparse(node)
+        raise Fault(f"{said} is beyond {LARGEST:g}: products of such numbers are not finite", _REAL)
+    return number
+
+
+def _literal(value: float) -> _Number:
+    try:
+        number = float(value)
+    except OverflowError:
+        return _Number(np.inf, 0.0)
+    return _Number(number, 0.0 if number == value and number.is_integer() else _UNIT * abs(number))
+
+
+def _applied(
+    function: Callable[..., Any], numbers: Sequence[_Number | None], low: float = -np.inf, high: float = np.inf
+) -> _Number | None:
+    """Value of a function of numbers, which are limited to its domain; None if one of them is a variable."""
+    known = [number for number in numbers if number is not None]
+    if len(known) < len(numbers):
+        return None
+    at = [np.clip(number.value, low, high) for number in known]
+    with np.errstate(all="ignore"):
+        value = function(*at)
+        error = _UNIT * abs(value)
+        for k, number in enumerate(known):
+            ends = np.clip([number.value - number.error, number.value + number.error], low, high)
+            apart = np.array([abs(function(*at[:k], end, *at[k + 1 :]) - value) for end in ends])
+            error += apart[np.isfinite(apart)].max(initial=0.0)
+    return _Number(float(value), float(error))
+
+
+def _check_operands(node: ast.BinOp, a: _Number | None, b: _Number | None) -> None:
+    if b is None or (a is None and not isinstance(node.op, ast.Div)):
+        return
+    power = isinstance(node.op, ast.Pow)
+    if (isinstance(node.op, ast.Div) and b.is_zero) or (power and a.is_zero and b.value < 0):
+        raise Fault(f"{ast.unparse(node)} divides by zero", _REAL)
+    if power and a.value < 0 and not b.value.is_integer():
+        raise Fault(f"{ast.unparse(node)} is not real", _REAL)
+
+
+def _check_arguments(node: ast.Call, name: str, values: Sequence[_Number | None]) -> None:
+    if len(values) == 5 and (begin := values[1]) and (end := values[3]):  # step
+        if abs(end.value - begin.value) <= end.error + begin.error:
+            cure = "Write step(x) for a sharp step, where x passes zero"
+            raise Fault(f"{ast.unparse(node)} begins where it ends", cure)
+    if (x := values[0]) is None:
+        return
+    low, high = _DOMAINS.get(name, (-np.inf, np.inf))
+    if not low - x.error <= x.value <= high + x.error:
+        raise Fault(f"{ast.unparse(node)} is not real", _REAL)
+    if (name == "log" and x.is_zero) or (name == "tan" and abs(np.cos(x.value)) <= x.error):
+        raise Fault(f"{ast.unparse(node)} is not finite", _REAL)

@@ -14,7 +14,7 @@ from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.tables import evaluate_block
-from kaneflex.support.errors import Fault, Problem, nearest
+from kaneflex.support.errors import Fault, Problem, nearest, unknown
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 _STILL = ("prismatic", "weld")
@@ -27,20 +27,14 @@ def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> 
         if not ground:
             yield Problem(key, str(address), "the ground does not move", "Name a point of a body")
         elif address.point != "origin" and address.point not in scene.ground:
-            yield Problem(
-                key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground])
-            )
+            cure = nearest(address.point, ["origin", *scene.ground])
+            yield Problem(key, str(address), "no such fixed point", cure)
     elif address.body not in scene.bodies:
         cure = nearest(address.body, [*scene.bodies, *(["ground"] if ground else [])])
         yield Problem(key, str(address), f"there is no body {address.body!r}", cure)
     elif address.point not in scene.bodies[address.body].points_all:
-        points = scene.bodies[address.body].points_all
-        yield Problem(
-            key,
-            str(address),
-            f"{address.body} has no point {address.point!r}",
-            nearest(address.point, points),
-        )
+        cure = nearest(address.point, scene.bodies[address.body].points_all)
+        yield Problem(key, str(address), f"{address.body} has no point {address.point!r}", cure)
 
 
 def load_problems(scene: Scene) -> Iterator[Problem]:
@@ -50,15 +44,13 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
         elif load.spread_on is not None:
             yield from _distributed(scene, f"loads.{name}.spread_on", load.spread_on)
         elif load.torque_at not in scene.joints:
-            cure = nearest(load.torque_at, scene.joints)
-            yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
+            yield unknown(f"loads.{name}.torque_at", load.torque_at, "joint", scene.joints)
         elif (kind := scene.joints[load.torque_at].kind) not in ("revolute", "cylindrical"):
             reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'turns about several axes'}"
             cure = "Name a revolute or a cylindrical joint" if scene.is_spatial else "Name a revolute joint"
             yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, cure)
         if load.against not in (None, *scene.law_names()):
-            cure = nearest(load.against, scene.law_names())
-            yield Problem(f"loads.{name}.against", load.against, "no joint or speed of that name", cure)
+            yield unknown(f"loads.{name}.against", load.against, "joint or speed", scene.law_names())
             continue
         try:
             if load.kind == "table":
@@ -95,7 +87,7 @@ def _abscissa(scene: Scene, name: str) -> Iterator[Problem]:
 
 def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
     if body not in scene.bodies:
-        yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
+        yield unknown(key, body, "body", scene.bodies)
     elif scene.bodies[body].length is None:
         yield Problem(key, body, f"{body} has no length for a distributed load", "Give the body a length")
     elif scene.bodies[body].modal_data is not None:
@@ -125,7 +117,7 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
 
 def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
     if name not in scene.joints:
-        yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
+        yield unknown(key, name, "joint", scene.joints)
     elif scene.joints[name].kind != "revolute":
         kind = scene.joints[name].kind
         reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several degrees of freedom'}"
@@ -135,8 +127,7 @@ def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
 def event_problems(scene: Scene) -> Iterator[Problem]:
     for name, event in scene.events.items():
         if event.sensor not in scene.sensors:
-            cure = nearest(event.sensor, scene.sensors)
-            yield Problem(f"events.{name}.sensor", event.sensor, "no sensor of that name", cure)
+            yield unknown(f"events.{name}.sensor", event.sensor, "sensor", scene.sensors)
             continue
         try:
             scene.level(event)
@@ -144,17 +135,18 @@ def event_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"events.{name}.value", event.value, fault.reason, fault.cure)
 
 
-_SPEEDS = {"cylindrical": ("along its axis", SPEED), "universal": ("about its first axis", ANGULAR_SPEED)}
-"""Motion of the first speed of joints with two speeds; the second is a rotation."""
+_SPEEDS = {
+    "cylindrical": (("along its axis", SPEED), ("a rotation", ANGULAR_SPEED)),
+    "universal": (("about its first axis", ANGULAR_SPEED), ("a rotation", ANGULAR_SPEED)),
+}
+"""Motion of the two speeds of joints that have two."""
 
 
 def drive_problems(scene: Scene) -> Iterator[Problem]:
     """Problems of the drives: their joints, and quantities that do not fit their joints."""
     for name in scene.drives:
         if name not in scene.joints:
-            yield Problem(
-                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
-            )
+            yield Problem(f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints))
         elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
             reason = "laws use this name for the speed of another drive"
             yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
@@ -180,25 +172,20 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
 
 def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
     """Problems of a drive's quantities, which must fit its rotating or sliding joint."""
-    drive, slides = scene.drives[name], scene.slides(name)
+    drive, slides, given = scene.drives[name], scene.slides(name), scene.raw["drives"][name]
     wrong, right = ("angle", "position") if slides else ("position", "angle")
     kind = "a guide slides" if slides else "a revolute joint turns"
     if wrong in drive.model_fields_set:
-        given = given_value(scene.raw, ("drives", name, wrong))
-        yield Problem(f"drives.{name}.{wrong}", given, kind, f"Give {right}")
+        yield Problem(f"drives.{name}.{wrong}", given[wrong], kind, f"Give {right}")
     if slides and drive.cycle is not None:
-        given = given_value(scene.raw, ("drives", name, "cycle"))
-        reason = "a guide at constant speed has no cycle"
-        yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
+        reason, cure = "a guide at constant speed has no cycle", "Leave it out, or give a law with its period"
+        yield Problem(f"drives.{name}.cycle", given["cycle"], reason, cure)
     for field in ("speed", "initial_speed"):
         yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
     joint = scene.joints[name].kind
-    if drive.initial_speeds is not None and joint in _SPEEDS:
-        moves, dimension = _SPEEDS[joint]
-        kind = f"the first speed of a {joint} joint is {moves}"
-        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
-        kind = f"the second speed of a {joint} joint is a rotation"
-        yield from of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
+    for k, (moves, dimension) in enumerate(_SPEEDS.get(joint, ()) if drive.initial_speeds is not None else ()):
+        told = f"the {('first', 'second')[k]} speed of a {joint} joint is {moves}"
+        yield from of_the_joint(scene, ("drives", name, "initial_speeds", str(k)), told, dimension)
     if name == next(iter(scene.drives)):
         yield from of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
 

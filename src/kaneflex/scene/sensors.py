@@ -26,18 +26,13 @@ RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value is also written, as NAME_rigid."""
 
 _UNITS = {
-    "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
-    "bending_moment": "N m", "torsional_moment": "N m", "shear_force": "N", "strain": "1",
-    "stress": "Pa",
-    "joint_force": "N", "drive_torque": "N m", "drive_force": "N",
-    "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
-    "contact_torque": "N m", "contact_angle": "rad",
-    "friction_force": "N", "friction_torque": "N m",
+    "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "force": "N", "moment": "N m",
+    "torque": "N m", "strain": "1", "stress": "Pa", "gap": "m", "angle": "rad",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
-    "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
-    "joint_force": "N m",
+    "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad", "force": "N m",
 }  # fmt: skip
+"""Units of quantities, the last words of kinds; of rotations and moments."""
 
 
 def _default_axes(data: dict) -> str:
@@ -118,14 +113,17 @@ class Sensor(SceneTable):
             cure = f"Give mises or one of {', '.join(STRESSES[6])}" if kind == "stress" else "Give x, y, z or an angle"
             raise Fault(reason, cure, below="component")
         if kind == "strain" and self.fibre is None:
-            raise Fault(
-                "the strain's fibre is not given", "Give fibre, its height above the axis"
-            )
+            raise Fault("the strain's fibre is not given", "Give fibre, its height above the axis")
         return self
 
     @cached_property
     def kind(self) -> str:
         return the_one_given(self, KINDS)
+
+    @property
+    def quantity(self) -> str:
+        """Quantity that the sensor measures: the last word of its kind."""
+        return self.kind.rpartition("_")[2]
 
     @property
     def target(self) -> Address | str:
@@ -157,7 +155,7 @@ class Sensor(SceneTable):
     @cached_property
     def unit(self) -> str:
         """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m, Pa or 1."""
-        return (_UNITS_OF_ANGLE if self.component.startswith("angle") else _UNITS)[self.kind]
+        return (_UNITS_OF_ANGLE if self.component.startswith("angle") else _UNITS)[self.quantity]
 
 
 class Event(SceneTable):

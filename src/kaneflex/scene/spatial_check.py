@@ -9,7 +9,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import IN_THE_PLANE
-from kaneflex.support.errors import Fault, Problem, SceneError
+from kaneflex.support.errors import Fault, Problem, SceneError, taken
 
 _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
@@ -167,7 +167,7 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"masses.{name}.inertia", mass.inertia, reason, "Give [J_x, J_y, J_z]")
         for table in ("bodies", "joints", "loads"):
             if name in getattr(scene, table):
-                yield Problem(f"masses.{name}", None, f"{table} has an entry of this name", "Choose another name")
+                yield taken(f"masses.{name}", f"{table} has an entry of this name")
 
 
 def _beams(scene: Scene) -> Iterator[Problem]:

@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.scene.parts import PRESETS
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
-from kaneflex.study.differences import Difference, difference
+from kaneflex.study.differences import Difference, check_sensors, difference
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed, nearest
 from kaneflex.support.labelled import Labelled
@@ -63,18 +63,12 @@ class Comparison:
     @cached_property
     def differences(self) -> tuple[Difference, ...]:
         """Differences of every other model from the reference, by sensor, for sensors that both have."""
-        reference = self.curves[self.against]
+        references = self.curves[self.against].values
         return tuple(
-            self._difference(sensor, model)
-            for sensor in self.scene.sensors
-            for model, curves in self.curves.items()
-            if model != self.against and sensor in curves.values and sensor in reference.values
-        )
-
-    def _difference(self, sensor: str, model: str) -> Difference:
-        ours, reference = self.curves[model].values[sensor], self.curves[self.against].values[sensor]
-        unit, peak = self.scene.sensors[sensor].unit, float(abs(reference).max())
-        return difference(sensor, model, unit, self.times, ours, reference, peak)
+            difference(name, model, sensor.unit, self.times, curves.values[name], reference, abs(reference).max())
+            for name, sensor in self.scene.sensors.items() if (reference := references.get(name)) is not None
+            for model, curves in self.curves.items() if model != self.against and name in curves.values
+        )  # fmt: skip
 
     @cached_property
     def labelled(self) -> Labelled:
@@ -83,14 +77,10 @@ class Comparison:
         NaN where a model does not give a sensor.
         """
         none = np.full(len(self.times), np.nan)
-        variables = {
-            name: (
-                ("model", "time"),
-                np.array([curves.values.get(name, none) for curves in self.curves.values()]),
-                {"units": sensor.unit},
-            )
-            for name, sensor in self.scene.sensors.items()
-        }
+        variables = {}
+        for name, sensor in self.scene.sensors.items():
+            values = np.array([curves.values.get(name, none) for curves in self.curves.values()])
+            variables[name] = ("model", "time"), values, {"units": sensor.unit}
         coordinates = {
             "model": ("model", np.array(list(self.curves))),
             "time": ("time", self.times, {"units": "s", "long_name": "time"}),
@@ -147,17 +137,18 @@ def compare(
     scene, progress = scene_from(scene), progress or silent
     if presets is None:
         presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
-    check_request(scene, presets, against, () if peer is None else (peer,))
-    program = None if peer is None else entry_points(group=PEERS)[peer].load()
-    if program is not None:
+    peers = () if peer is None else (peer,)
+    check_request(scene, presets, against, peers)
+    programs = [entry_points(group=PEERS)[peer].load() for peer in peers]
+    for program in programs:
         program.check(scene)
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
     runs = Runs(scene, progress)
-    for model in (*presets, *(() if peer is None else (peer,))):
+    for model in (*presets, *peers):
         try:
             if model == peer:
-                found[model] = program.solve(scene, resolution, progress)
+                found[model] = programs[0].solve(scene, resolution, progress)
             else:
                 found[model] = runs.run(Variant(model, (f"solve.preset={model}",)), judged=True).curves
         except SceneError as error:
@@ -182,8 +173,7 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
         raise SceneError("--presets", ",".join(presets), "a comparison needs two or more different models", cure)
     if against is not None and against not in asked:
         raise SceneError("--against", against, "not one of the compared models", nearest(against, asked))
-    if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
+    check_sensors(scene)
 
 
 def side_by_side(

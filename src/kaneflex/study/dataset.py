@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.records import STATISTICS, Record
+from kaneflex.study.records import STATISTICS
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
 from kaneflex.support.errors import installed, told
@@ -36,8 +36,10 @@ def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0)
         "outcome": ("point", np.array([record.outcome for record in records])),
         "reason": ("point", np.array([record.reason for record in records])),
     }
+    none = (np.nan,) * len(STATISTICS)
     for name, about in _labels(store).items():
-        variables[name] = (("point", "statistic"), _statistics(name, records), about)
+        values = np.array([record.statistics.get(name, none) for record in records])
+        variables[name] = (("point", "statistic"), values, about)
     if plan.series and instants:  # netCDF can't hold a dimension without length
         variables |= _series(store, points, instants)
     coordinates = {"point": ("point", np.array(points)), "statistic": ("statistic", np.array(STATISTICS))}
@@ -53,24 +55,15 @@ def _labels(store: Store) -> dict[str, dict[str, str]]:
     return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
 
 
-def _statistics(name: str, records: Sequence[Record]) -> np.ndarray:
-    none = (np.nan,) * len(STATISTICS)
-    return np.array([record.statistics.get(name, none) for record in records])
-
-
 def _series(store: Store, points: Sequence[int], instants: int) -> dict[str, tuple]:
-    found = [store.series(point) for point in points]
-
-    def together(name: str) -> np.ndarray:
+    found, variables = [store.series(point) for point in points], dict[str, tuple]()
+    for name, about in {"": {"units": "s", "long_name": "time"}, **_labels(store)}.items():
         block = np.full((len(found), instants), np.nan)
         for row, entry in zip(block, found, strict=True):
             values = entry.get(name, ())
             row[: len(values)] = values
-        return block
-
-    over = ("point", "instant")
-    times = {"time": (over, together(""), {"units": "s", "long_name": "time"})}
-    return times | {f"{name}_series": (over, together(name), about) for name, about in _labels(store).items()}
+        variables[f"{name}_series" if name else "time"] = ("point", "instant"), block, about
+    return variables
 
 
 def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.support.errors import SceneError, nearest
+
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
     from kaneflex.solve.curves import Curves
@@ -18,6 +20,20 @@ _NOTHING = 1e-9
 """Share of the largest peak expected of a unit, from all sensors and loads, below which a curve is rounding error."""
 _CLOSE = 1e-9
 """Share of a run by which two end times may differ through rounding."""
+
+
+def check_names(scene: Scene, sensors: Sequence[str] | None) -> None:
+    """Raise SceneError if a sensor does not exist."""
+    for name in sensors or ():
+        if name not in scene.sensors:
+            raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, scene.sensors))
+
+
+def check_sensors(scene: Scene, sensors: Sequence[str] | None = None) -> None:
+    """Raise SceneError if a sensor does not exist, or the scene has none."""
+    if not scene.sensors:
+        raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
+    check_names(scene, sensors)
 
 
 @dataclass(frozen=True)
@@ -61,7 +77,7 @@ def difference(
     gap = values - reference
     mean_square = np.trapezoid(gap**2, times) / (times[-1] - times[0])
     own, most = float(abs(values).max()), float(abs(gap).max())
-    return Difference(sensor, model, unit, own, peak, most, math.sqrt(mean_square))
+    return Difference(sensor, model, unit, own, float(peak), most, math.sqrt(mean_square))
 
 
 def differences(

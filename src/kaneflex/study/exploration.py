@@ -6,17 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.scene import given_value
 from kaneflex.scene.settings import demand_once, resolved
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import Variants
+from kaneflex.study.differences import check_names
 from kaneflex.study.plan import setting
 from kaneflex.study.study import number_and_unit
-from kaneflex.support.errors import SceneError, StoppedEarly, nearest
+from kaneflex.support.errors import SceneError, StoppedEarly
 
 
 @dataclass(frozen=True)
@@ -83,13 +84,8 @@ def varied(scene: Scene, text: str) -> Varied:
 
 
 def _start(scene: Scene, path: str, unit: str, low: float, high: float) -> float:
-    entry: Any = scene.raw
-    for key in resolved(scene.raw, path):
-        entry = entry.get(key) if isinstance(entry, dict) else None
-    known = number_and_unit(entry)
-    if known is None or known[1] != unit:
-        return 0.5 * (low + high)
-    return min(max(known[0], low), high)
+    known = number_and_unit(given_value(scene.raw, resolved(scene.raw, path)))
+    return min(max(known[0], low), high) if known is not None and known[1] == unit else 0.5 * (low + high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +115,7 @@ class Exploration:
         demand_once(("--vary", each.path, tuple(resolved(self.scene.raw, each.path))) for each in self.open)
         if not self.scene.sensors:
             raise SceneError("sensors", None, "the scene has no sensors", "Add a sensor, see docs/scene/sensors.md")
-        unknown = [name for name in self.sensors if name not in self.scene.sensors]
-        if unknown:
-            cure = nearest(unknown[0], self.scene.sensors)
-            raise SceneError("--sensors", unknown[0], "the scene has no such sensor", cure)
+        check_names(self.scene, self.sensors)
 
     @cached_property
     def _variants(self) -> Variants:

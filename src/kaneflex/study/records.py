@@ -58,8 +58,10 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
     for point in points:
         try:
             found = _record(plan, point, plan.variants.solve(plan.settings(point)))
+        except UserError as error:
+            found = Record(point, REFUSED, str(error))
         except Exception as error:  # an error of one point must not stop the others
-            found = _failure(point, error)
+            found = Record(point, FAILED, f"{type(error).__name__}: {error}")
         yield found
 
 
@@ -67,12 +69,6 @@ def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
     """Records of all points of a plan, and the seconds that they took."""
     started = time.perf_counter()
     return list(solve_points(plan, list(plan.points))), time.perf_counter() - started
-
-
-def _failure(point: int, error: Exception) -> Record:
-    if isinstance(error, UserError):
-        return Record(point, REFUSED, str(error))
-    return Record(point, FAILED, f"{type(error).__name__}: {error}")
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:

@@ -17,7 +17,6 @@ from kaneflex.scene import Scene
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress, load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import Variant
 from kaneflex.support.errors import SceneError, StoppedEarly
 
@@ -78,27 +77,22 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
     SceneError
         If the scene can't be solved; StoppedEarly if the run stops early.
     """
-    started = time.perf_counter()
+    moments = [time.perf_counter()]
     model = load(scene, progress)
-    loaded = time.perf_counter()
+    moments.append(time.perf_counter())
     progress(f"solving, {name or model.options.preset}")
     solution = solve(model)
-    solved = time.perf_counter()
-    values = _values(solution)
-    ended = time.perf_counter()
-    once = model.seconds["derive"] + model.seconds["compile"]
-    times = (once, loaded - started - once, solved - loaded, ended - solved)
-    model = solution.model
-    notes = solution.warnings if judged else model.warnings
-    curves = Curves(solution.times, values, {}, tuple(notes), solution.seconds, tuple(between_steps(model)))
-    return Run(curves, Timing(*times, model.options.steps, operations(model)), judged)
-
-
-def _values(solution: Solution) -> dict[str, np.ndarray]:
+    moments.append(time.perf_counter())
     if solution.outcome is not Outcome.COMPLETED:
         cure = "Leave this preset out, or shorten solve.duration"
-        raise StoppedEarly("solve.preset", solution.model.options.preset, solution.message.rstrip("."), cure)
-    return {name: solution.series[name].values for name in solution.model.scene.sensors}
+        raise StoppedEarly("solve.preset", model.options.preset, solution.message.rstrip("."), cure)
+    values = {name: solution.series[name].values for name in solution.model.scene.sensors}
+    loading, solving, reading = np.diff([*moments, time.perf_counter()]).tolist()
+    once, model = model.seconds["derive"] + model.seconds["compile"], solution.model
+    notes = solution.warnings if judged else model.warnings
+    curves = Curves(solution.times, values, {}, tuple(notes), solution.seconds, tuple(between_steps(model)))
+    timing = Timing(once, loading - once, solving, reading, model.options.steps, operations(model))
+    return Run(curves, timing, judged)
 
 
 def operations(model: Model) -> int | None:
@@ -192,17 +186,11 @@ class Cost:
 
 def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
     """Medians and spread of at least one repeat; the first run, which compiles, is excluded."""
+    keys = ("set_up", "solve", "read", "total")
+    medians = {key: statistics.median(getattr(timing, key) for timing in repeats) for key in keys}
     totals = [timing.total for timing in repeats]
-    total, solve = statistics.median(totals), statistics.median(timing.solve for timing in repeats)
     return Cost(
-        set_up=statistics.median(timing.set_up for timing in repeats),
-        solve=solve,
-        read=statistics.median(timing.read for timing in repeats),
-        total=total,
-        spread=(max(totals) - min(totals)) / total if len(totals) > 1 else None,
-        ns_per_step=1e9 * solve / first.steps,
-        steps=first.steps,
-        repeats=len(repeats),
-        operations=first.operations,
-        first=first.once + first.total,
-    )
+        **medians, steps=first.steps, repeats=len(repeats), operations=first.operations, first=first.once + first.total,
+        spread=(max(totals) - min(totals)) / medians["total"] if len(totals) > 1 else None,
+        ns_per_step=1e9 * medians["solve"] / first.steps,
+    )  # fmt: skip

@@ -195,20 +195,13 @@ def points_of(study: Study) -> list[Point]:
 
     Samples are drawn in the unit cube of all sampled parameters at once (scipy.stats.qmc), then scaled.
     """
-    axes = [
-        [{path: value} for value in _values(axis)] for path, axis in study.parameters.items() if not axis.sampled
-    ]
-    if study.points:
-        axes.append([dict(point) for point in study.points])
-    sampled = {path: axis for path, axis in study.parameters.items() if axis.sampled}
+    axes = [[{path: value} for value in _values(axis)] for path, axis in study.parameters.items() if not axis.sampled]
+    axes += [[*study.points]] if study.points else []
     if study.sample is not None:
-        axes.append(_samples(sampled, study.sample))
-    order = list(study.parameters) + [path for point in study.points[:1] for path in point]
-    found = []
-    for parts in itertools.product(*axes):
-        together = {path: value for part in parts for path, value in part.items()}
-        found.append({path: together[path] for path in order})
-    return found
+        axes.append(_samples({path: axis for path, axis in study.parameters.items() if axis.sampled}, study.sample))
+    order = [*study.parameters, *(study.points[0] if study.points else ())]
+    points = ({path: value for part in parts for path, value in part.items()} for parts in itertools.product(*axes))
+    return [{path: point[path] for path in order} for point in points]
 
 
 def size_of(study: Study) -> int:
@@ -218,10 +211,7 @@ def size_of(study: Study) -> int:
 
 
 def _values(axis: Axis) -> Sequence[Value]:
-    if axis.values is not None:
-        return axis.values
-    share = np.linspace(0.0, 1.0, axis.count)
-    return _between(axis, share)
+    return _between(axis, np.linspace(0.0, 1.0, axis.count)) if axis.values is None else axis.values
 
 
 def _samples(axes: dict[str, Axis], sample: Sample) -> list[Point]:
@@ -252,6 +242,4 @@ def _between(axis: Axis, share: np.ndarray) -> list[Value]:
         return [f"{number!r} {unit}" for number in numbers]
     whole = [round(number) for number in numbers]
     near = all(abs(number - near) < _ROUNDING for number, near in zip(numbers, whole, strict=True))
-    if isinstance(first, int) and isinstance(last, int) and near:
-        return whole
-    return numbers
+    return whole if isinstance(first, int) and isinstance(last, int) and near else numbers

@@ -84,6 +84,16 @@ class Problem:
         return f"{thing}: {self.reason}. {self.cure}."
 
 
+def unknown(key: str, name: str, kind: str, known: Iterable[str]) -> Problem:
+    """Problem of an entry that names something of a kind that does not exist."""
+    return Problem(key, name, f"no {kind} of that name", nearest(name, known))
+
+
+def taken(key: str, reason: str) -> Problem:
+    """Problem of an entry whose name is not available."""
+    return Problem(key, None, reason, "Choose another name")
+
+
 def failed(name: str, message: str) -> Problem:
     """Problem of a model by the message that it failed with."""
     reason, _, cure = message.rstrip(".").rpartition(". ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,15 +75,13 @@ def floquet_multipliers(model: Model) -> Multipliers:
         If the model has no elastic equations with time-varying coefficients, no cycle, or is not periodic.
     """
     check_periodic(model)
-    period, before = model.scene.period, None
-    steps = FIRST_STEPS
+    period, steps, before = model.scene.period, FIRST_STEPS, math.inf
     while True:
         values = _multipliers(model, period, steps)
         radius = float(abs(values[0]))
-        if before is not None:
-            change = abs(radius - before) / max(radius, 1.0)
-            if change <= CONVERGED or 2 * steps > MOST_STEPS:
-                return Multipliers(values, period, steps, change)
+        change = abs(radius - before) / max(radius, 1.0)
+        if change <= CONVERGED or 2 * steps > MOST_STEPS:
+            return Multipliers(values, period, steps, change)
         before, steps = radius, 2 * steps
 
 
@@ -177,16 +176,12 @@ def _limit(model: Model, name: str, period: float, allowed: float) -> StepLimit:
 
     # from fine to coarse, not by bisection alone: some coarse steps may be stable by chance
     fewest, tried = None, FINEST
-    while tried >= COARSEST:
-        if not stable(tried):
-            break
+    while tried >= COARSEST and stable(tried):
         fewest, tried = tried, min(tried - 1, round(tried / _RATIO))
-    else:
-        return StepLimit(name, fewest, period / fewest, False)
     if fewest is None:
         return StepLimit(name, None, None, True)
-    unstable = tried
-    while fewest - unstable > 1:
-        middle = (fewest + unstable) // 2
-        fewest, unstable = (middle, unstable) if stable(middle) else (fewest, middle)
-    return StepLimit(name, fewest, period / fewest, True)
+    limited = tried >= COARSEST
+    while limited and fewest - tried > 1:
+        middle = (fewest + tried) // 2
+        fewest, tried = (middle, tried) if stable(middle) else (fewest, middle)
+    return StepLimit(name, fewest, period / fewest, limited)

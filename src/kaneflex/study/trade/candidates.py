@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options, tolerance_of
@@ -46,9 +46,9 @@ def elements_of(scene: Scene) -> dict[str, int]:
     return {name: body.beam.elements for name, body in scene.bodies.items() if body.elastic}
 
 
-def elements_set(scene: Scene, count: int) -> tuple[str, ...]:
-    """Settings that give every elastic link ``count`` elements."""
-    return tuple(f"bodies.{name}.beam.elements={count}" for name in elements_of(scene))
+def elements_set(counts: Mapping[str, int]) -> tuple[str, ...]:
+    """Settings that give elastic links these numbers of elements."""
+    return tuple(f"bodies.{name}.beam.elements={count}" for name, count in counts.items())
 
 
 def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
@@ -80,8 +80,8 @@ def _coarser(scene: Scene) -> Iterator[Variant]:
     own = set(elements_of(scene).values())
     steps = resolve_options(scene).steps
     for preset in ("quasistatic", "stiffened"):
-        kinds = {f"{preset}, {_count(n, 'element')}": elements_set(scene, n) for n in _ELEMENTS if own != {n}}
-        kinds = {preset: ()} | kinds
+        meshes = {n: dict.fromkeys(elements_of(scene), n) for n in _ELEMENTS if own != {n}}
+        kinds = {preset: ()} | {f"{preset}, {_count(n, 'element')}": elements_set(each) for n, each in meshes.items()}
         if preset == "stiffened":
             kinds |= {f"{preset}, {n} modes": (f"solve.modes={n}",) for n in _MODES}
         for name, settings in kinds.items():

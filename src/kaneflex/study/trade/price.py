@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
@@ -25,12 +24,12 @@ from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.options import tolerance_of
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
+from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, Sensor
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import check_sensors
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.ranking import check_sensors
 from kaneflex.support.errors import SceneError, failed
 
 _FINER = 0.1
@@ -70,11 +69,8 @@ class Change:
 
     def matters(self, tolerance: float) -> bool:
         """True if peak or rms change by more than a share, less their uncertainty."""
-        pairs = zip((self.peak, self.rms), self.doubt, strict=True)
-        return any(
-            abs(one - other) - (0.0 if math.isnan(doubt) else doubt) > tolerance * other
-            for (one, other), doubt in pairs
-        )
+        return any(abs(one - other) - (0.0 if math.isnan(doubt) else doubt) > tolerance * other
+                   for (one, other), doubt in zip((self.peak, self.rms), self.doubt, strict=True))  # fmt: skip
 
 
 def _share(part: float, whole: float) -> float:
@@ -170,16 +166,10 @@ def _rubbing(scene: Scene) -> dict[str, str]:
     found = {}
     for table in ("joints", "contacts"):
         for name, entry in scene.raw.get(table, {}).items():
-            for path in ("friction", "clearance.friction"):
-                if _has(entry, path):
+            for path, owner in (("friction", entry), ("clearance.friction", entry.get("clearance"))):
+                if isinstance(owner, dict) and owner.get("friction") is not None:
                     found[name] = f"{table}.{name}.{path}"
     return found
-
-
-def _has(entry: Any, path: str) -> bool:
-    for key in path.split("."):
-        entry = entry.get(key) if isinstance(entry, dict) else None
-    return entry is not None
 
 
 def _parts(scene: Scene) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -213,22 +203,20 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
     A tight joint removes freedoms: as many free drives are removed, the last ones first, such that the mechanism is
     statically determinate. Loops of tight pins close near the initial position; flanks without play are welds.
     """
-    poses = place(tight_start(scene)).poses
-    settings: list[str] = []
-    held = 0
-    welded: list[str] = []
+    poses, settings = place(tight_start(scene)).poses, list[str]()
+    held, welded = 0, list[str]()
     for name in names:
         made = next(c for c in scene.contacts.values() if isinstance(c, ClearanceContact) and c.of == name)
         settings.append(f"joints.{name}.clearance=none")
-        if made.flank:
-            addresses = ", ".join(f"'{address}'" for address in scene.joints[name].addresses)
-            angle = made.clearance.middle
-            settings += [f"joints.{name}={{weld=[{addresses}], relative_angle={angle!r}, revolute='none'}}"]
-            settings += [f"drives.{name}=none"] * (name in scene.drives)
-            held += name not in scene.drives
-            welded.append(name)
+        if not made.flank:
+            held += 2
             continue
-        held += 2
+        addresses = ", ".join(f"'{address}'" for address in scene.joints[name].addresses)
+        angle = made.clearance.middle
+        settings += [f"joints.{name}={{weld=[{addresses}], relative_angle={angle!r}, revolute='none'}}"]
+        settings += [f"drives.{name}=none"] * (name in scene.drives)
+        held += name not in scene.drives
+        welded.append(name)
     gone = _without_their_joint(scene, names, welded)
     settings += _left_out(scene, gone)
     free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
@@ -259,18 +247,15 @@ def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 def _without_their_joint(scene: Scene, names: Sequence[str], welded: Sequence[str]) -> tuple[str, ...]:
     """Sensors that don't exist without the clearances: of their contacts, of places in them, of welded joints."""
-    found = []
-    for name, sensor in scene.sensors.items():
-        target = sensor.target
+
+    def is_gone(sensor: Sensor) -> bool:
+        target, contact = sensor.target, scene.contacts.get(str(sensor.target))
         joint = target.body if isinstance(target, Address) else target
-        contact = scene.contacts.get(str(target))
-        of_its = isinstance(contact, ClearanceContact) and contact.of in names
-        in_it = sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and of_its
-        placed = sensor.kind == "position" and joint in names
-        driven = sensor.kind.startswith("drive") and joint in welded
-        if in_it or placed or driven:
-            found.append(name)
-    return tuple(found)
+        if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS):
+            return isinstance(contact, ClearanceContact) and contact.of in names
+        return (sensor.kind == "position" and joint in names) or (sensor.kind in DRIVE_KINDS and joint in welded)
+
+    return tuple(name for name, sensor in scene.sensors.items() if is_gone(sensor))
 
 
 def _change(scene: Scene, sensor: str, whole: Curves, without: Curves, finer: Curves | None) -> Change:

@@ -13,12 +13,12 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.differences import Difference, check_sensors, differences, worst
 from kaneflex.study.runs import Cost, Run, Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import Problem, SceneError, failed, nearest, refuse
+from kaneflex.support.errors import Problem, SceneError, failed, refuse
 from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
@@ -148,26 +148,12 @@ def trade(
         problem = Problem("--budget", budget, "no candidate was run", "Give more time")
         raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
     repeats = runs.repeats(list(found), deadline)
-    ranked = [
-        Ranked(
-            candidate,
-            differences(basis, sensors, candidate.name, first.curves, reference.curves, reference.period),
-            cost(first.timing, repeats[candidate]),
-            first.curves.undersampled,
-        )
-        for candidate, first in found.items()
-    ]
+    ranked = []
+    for candidate, first in found.items():
+        errors = differences(basis, sensors, candidate.name, first.curves, reference.curves, reference.period)
+        ranked.append(Ranked(candidate, errors, cost(first.timing, repeats[candidate]), first.curves.undersampled))
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out)
-
-
-def check_sensors(scene: Scene, sensors: Sequence[str] | None) -> None:
-    """Raise SceneError if a sensor does not exist, or the scene has none."""
-    if not scene.sensors:
-        raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
-    for name in sensors or ():
-        if name not in scene.sensors:
-            raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, scene.sensors))
 
 
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import COUPLED, elements_of, repeated_cycle
+from kaneflex.study.trade.candidates import COUPLED, elements_of, elements_set, repeated_cycle
 from kaneflex.study.trade.linear_prices import LinearPrices
 from kaneflex.support.errors import SceneError
 
@@ -123,11 +123,10 @@ def _stiffened_levels(scene: Scene) -> list[Variant]:
     levels = []
     for factor in _FINER:
         elements = {name: factor * count for name, count in elements_of(scene).items()}
-        settings = (f"bodies.{name}.beam.elements={count}" for name, count in elements.items())
         counts = ", ".join(map(str, dict.fromkeys(elements.values())))
+        finer = ("solve.integrator=radau", *elements_set(elements), f"solve.steps={factor * steps}")
         name = f"stiffened, {counts} elements, {factor * steps} steps"
-        by_steps = ("solve.preset=stiffened", "solve.integrator=radau", *settings, f"solve.steps={factor * steps}")
-        levels.append(Variant(name, by_steps))
+        levels.append(Variant(name, ("solve.preset=stiffened", *finer)))
     return levels
 
 
@@ -139,8 +138,7 @@ def _coupled_levels(scene: Scene) -> list[Variant]:
         if added:  # an explicit number may exceed a coarse link's modes, the default never does
             settings.append(f"solve.modes={modes}")
         if factor > 1:  # a mesh with as many elements as modes has enough modes
-            finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}
-            settings += [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
+            settings += elements_set({name: max(factor * count, modes) for name, count in elements_of(scene).items()})
         levels.append(Variant(f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
     return levels
 
@@ -167,9 +165,7 @@ def _changes(
     scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves, period: float | None
 ) -> dict[str, float]:
     """By sensor: largest change from a coarse model to a fine one, including half of that between its instants."""
-    there, everywhere = (
-        differences(scene, sensors, "coarse", coarse, fine, period, between) for between in (False, True)
-    )
+    there, everywhere = (differences(scene, sensors, "coarse", coarse, fine, period, each) for each in (False, True))
     if not there:
         raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
     pairs = zip(there, everywhere, strict=True)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
@@ -122,18 +123,14 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     def without(name: str, *settings: str) -> Variant:
         return Variant(f"without {name}", (*STIFFENED.settings, *settings))
 
-    found = [
-        Group(term, _IN_WORDS[term], STIFFENED, without(term, f"solve.terms.{term}=false"))
-        for term in terms_of(scene, "dynamic")
-    ]
+    found = [Group(term, _IN_WORDS[term], STIFFENED, without(term, f"solve.terms.{term}=false"))
+             for term in terms_of(scene, "dynamic")]  # fmt: skip
     stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
     if stretching and not scene.is_spatial:  # in space all beams stretch
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
         found.append(Group("axial", "axial deformation of the links", STIFFENED, without("axial", *rigid)))
-    found += [
-        Group(f"load {name}", "all of it", STIFFENED, without(f"load {name}", f"loads.{name}=none"))
-        for name in scene.loads
-    ]
+    found += [Group(f"load {name}", "all of it", STIFFENED, without(f"load {name}", f"loads.{name}=none"))
+              for name in scene.loads]  # fmt: skip
     still = Variant("quasistatic", ("solve.preset=quasistatic",))
     found.append(Group("dynamics", "M z'' and C z', against quasi-statics", STIFFENED, still))
     found.append(Group("two-way coupling", "preset coupled, against stiffened", COUPLED, STIFFENED))
@@ -205,12 +202,16 @@ def _priced(scene: Scene, prices: LinearPrices, tolerance: float, group: Group) 
     if not decided(found, tolerance):
         return None
     kept, dropped = (operations(prices.model_of(model)) for model in (group.kept, group.dropped))
+    return _judged(group, found, tolerance, kept, dropped, priced=True)
+
+
+def _judged(
+    group: Group, found: tuple[Difference, ...], tolerance: float, kept: int | None, dropped: int | None, **more: Any
+) -> Effect:
+    """Effect by the differences without a group, and the operations of both models."""
+    needed = any((difference.peak_share or 0.0) > tolerance for difference in found)
     added = None if kept is None or dropped is None else kept - dropped
-    return Effect(group, found, _needed(found, tolerance), added, None, None, priced=True)
-
-
-def _needed(found: Sequence[Difference], tolerance: float) -> bool:
-    return any((difference.peak_share or 0.0) > tolerance for difference in found)
+    return Effect(group, found, needed, added, **{"ns_per_step": None, "noise_ns": None} | more)
 
 
 def _effect(
@@ -219,15 +220,6 @@ def _effect(
     kept, dropped = costs[group.kept], costs[group.dropped]
     without, whole = runs.run(group.dropped).curves, runs.run(group.kept).curves
     found = differences(runs.scene, sensors, group.dropped.name, without, whole, repeated_cycle(runs.scene))
-    operations = None
-    if kept.operations is not None and dropped.operations is not None:
-        operations = kept.operations - dropped.operations
     spreads = [each.spread * each.ns_per_step for each in (kept, dropped) if each.spread is not None]
-    return Effect(
-        group,
-        found,
-        needed=_needed(found, tolerance),
-        operations=operations,
-        ns_per_step=kept.ns_per_step - dropped.ns_per_step,
-        noise_ns=0.5 * max(spreads) if spreads else None,
-    )
+    times = {"ns_per_step": kept.ns_per_step - dropped.ns_per_step, "noise_ns": 0.5 * max(spreads) if spreads else None}
+    return _judged(group, found, tolerance, kept.operations, dropped.operations, **times)
