@@ -130,7 +130,7 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
     ends = [math.pi - math.acos((0.24**2 + 0.06**2 - s**2) / (2 * 0.24 * 0.06)) for s in (0.2, 0.27)]
     wipe = known["wipe"].values
     assert [wipe.max(), wipe.min()] == pytest.approx(ends, abs=1e-3)
-    assert known["wipe"].long_name == "position of joint spindle, turn"
+    assert known["wipe"].long_name == "position of joint spindle, rotation"
 
 
 def test_a_cylinder_that_dwells_is_followed():

@@ -306,7 +306,8 @@ class Scene(SceneTable):
     def meaning_of(self, sensor: Sensor) -> str:
         """Description of a sensor in one line; without axes for a joint's coordinate."""
         if isinstance(sensor.target, Address) and sensor.target.body in self.joints:
-            return f"{sensor.kind} of joint {sensor.target.body}, {'turn' if sensor.component == 'angle' else 'slide'}"
+            motion = "rotation" if sensor.component == "angle" else "translation"
+            return f"{sensor.kind} of joint {sensor.target.body}, {motion}"
         return sensor.meaning
 
     def level(self, event: Event) -> float:

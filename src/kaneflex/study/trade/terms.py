@@ -129,7 +129,7 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     if stretching and not scene.is_spatial:  # in space all beams stretch
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
         found.append(Group("axial", "axial deformation of the links", STIFFENED, without("axial", *rigid)))
-    found += [Group(f"load {name}", "all of it", STIFFENED, without(f"load {name}", f"loads.{name}=none"))
+    found += [Group(f"load {name}", "the whole load", STIFFENED, without(f"load {name}", f"loads.{name}=none"))
               for name in scene.loads]  # fmt: skip
     still = Variant("quasistatic", ("solve.preset=quasistatic",))
     found.append(Group("dynamics", "M z'' and C z', against quasi-statics", STIFFENED, still))
