@@ -20,6 +20,7 @@ from kaneflex.scene import with_settings
 from kaneflex.solve import coupled, coupled_corrections, error_estimates
 from kaneflex.solve.error_stages import Read
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.spatial_loading import state_after
 
 COUPLED = ("solve.preset=coupled",)
 FINE = (*COUPLED, "solve.modes=8", "solve.tolerance=1e-10")
@@ -246,7 +247,7 @@ def test_richer_models_in_space_begin_at_a_given_state():
         for _, scene, options in coupled_corrections._richer(read.model):
             richer = coupled_corrections.refined(read.model, scene, options)
             system = richer.in_space.module.system
-            found, _ = coupled_corrections.state_after(system, coupled_corrections._embedded(read, richer))
+            found, _ = state_after(system, coupled_corrections._embedded(read, richer))
             places = system.work.sections[:, :3].copy()
             own.project(start.t, start.q, start.u, start.choice)
             bent = abs(start.q[own.modal_coordinates]).max()

@@ -41,9 +41,10 @@ Start = tuple[np.ndarray, np.ndarray]
 
 
 def simulate_coupled(
-    model: Model, progress: Callable[[float], None] | None = None, after: State | None = None
+    model: Model, progress: Callable[[float], None] | None = None, after: State | None = None, closer: float = 1.0
 ) -> RunResult:
-    """Integrate the coupled equations over the model's duration, from the state ``after`` if given."""
+    """Integrate the coupled equations over the model's duration, from the state ``after`` if given; ``closer``: see
+    :func:`repeated`."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
     assert system is not None
@@ -56,7 +57,7 @@ def simulate_coupled(
         return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        trajectory = repeated(model, times, (q, v), progress, by_harmonics=True)
+        trajectory = repeated(model, times, (q, v), progress, closer, by_harmonics=closer == 1.0)
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))

@@ -15,19 +15,16 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.time.run import integrate
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
-from kaneflex.solve.coupled import as_result, beginning, method_of, repeated, simulate_coupled
-from kaneflex.solve.coupled_state import State
+from kaneflex.solve.coupled import simulate_coupled
+from kaneflex.solve.coupled_state import State, with_turns
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import start_coordinates
 from kaneflex.solve.loading import load, refined
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult
-from kaneflex.solve.spatial_loading import state_after
-from kaneflex.solve.spatial_run import integrated_in_space
 
 _TIGHTER, _LEAST = 32.0, 1e-13
 """Factor by which the tolerance of richer runs is smaller, and its least value. The error is of fifth order
@@ -42,14 +39,13 @@ by its elements."""
 def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
     """Values of a run of preset ``coupled``, and stages of successively richer models."""
     read = Read.of(solution, solution.model.options.start == "periodic")
-    moved = _in_space if solution.model.scene.is_spatial else _in_plane
     richer, stages = list(_richer(solution.model)), list[Stage]()
 
     def share(done: float) -> None:
         progress((len(stages) + done) / len(richer))
 
     for kind, scene, options in richer:
-        stages.append((kind, values_of(moved(read, scene, options, share))))
+        stages.append((kind, values_of(_moved(read, scene, options, share))))
     return read, stages
 
 
@@ -75,45 +71,23 @@ def _with_modes(scene: Scene, modes: int, **update: object) -> Scene:
     return scene.seen(solve=solve)
 
 
-def _in_plane(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
-    """Motion of a richer planar model at the compared instants, with half the run's steps."""
-    model, first = refined(read.model, scene, options), read.run.trajectory.times[0]
-    assert model.coupled is not None
-    count = options.steps if read.periodic else 2 * int(read.stored[-1])
-    times = first + model.step * np.arange(count + 1)
-    state = _embedded(read, model)
-    begun = state.q, state.v
-    if read.periodic:
-        found = repeated(model, times, begun, progress, _CLOSER)
-    else:
-        start = beginning(model) if options.start == "quasistatic" and first == 0.0 else begun
-        found = integrate(model.coupled, *start, times, method_of(model), progress)
-    _check(found.outcome, found.message)
-    return as_result(model, found, 0.0).motion.taken(2 * read.stored)
+def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
+    """Motion of a richer model at the compared instants, with half the run's steps."""
+    reached = len(read.run.times) - 1
+    if reached < read.model.options.steps:  # an event stopped the run
+        options = replace(options, steps=2 * reached, duration=read.model.step * reached)
+    model = refined(read.model, scene.seen(events={}), options)
+    as_before = options.start in ("given", "periodic") or read.times[0] != 0.0
+    return _run(model, progress, _embedded(read, model) if as_before else None).motion.taken(2 * read.stored)
 
 
-def _in_space(read: Read, scene: Scene, options: Options, progress: Progress) -> Motion:
-    """Motion of a richer model in space at the compared instants."""
-    model, own, near = refined(read.model, scene, options), read.model.in_space, None
-    assert model.in_space is not None and own is not None
-    if options.start in ("given", "periodic") or own.begin != 0.0:
-        near = state_after(model.in_space.module.system, _embedded(read, model))[0], own.curve.turned
-    model = integrated_in_space(model, progress, _CLOSER, near)
-    coupled = model.coupled_in_space
-    assert coupled is not None and coupled.verdict is not None
-    _check(*coupled.verdict[:2])
-    return _spatial_motion(model, read)
-
-
-def _spatial_motion(model: Model, read: Read) -> Motion:
-    from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
-
-    return SpatialCoupledMotion(model, model.motion.at(read.times))
-
-
-def _check(outcome: Outcome, message: str) -> None:
-    if outcome is not Outcome.COMPLETED:
-        raise Unknown(f"a richer model fails: {message}")
+def _run(model: Model, progress: Progress, near: State | None = None) -> RunResult:
+    """Run of a coupled model, from or near a state; raises Unknown if it stops early."""
+    closer = 1.0 if near is None else _CLOSER
+    found = (run_one_way if model.coupled is None else simulate_coupled)(model, progress, near, closer)
+    if found.outcome is not Outcome.COMPLETED:
+        raise Unknown(f"the motion of a richer model is {found.message}")
+    return found
 
 
 def _embedded(read: Read, richer: Model) -> State:
@@ -127,7 +101,10 @@ def _embedded(read: Read, richer: Model) -> State:
             named = re.compile(rf"{re.escape(body)}\.(axial|transverse|shape)_\d+")
             own, into = ([k for k, name in enumerate(each) if named.fullmatch(name)] for each in (names, wanted))
             found[:, into] = np.array(state)[:, own] @ _carried(shapes, others[body]).T
-    return State("the run", float(read.times[0]), wanted, *found)
+    t = float(read.times[0])
+    if read.model.in_space is not None:
+        wanted, *found = with_turns(wanted, *found, read.model.in_space.turned(t))
+    return State("the run", t, wanted, *found)
 
 
 def _shapes(model: Model) -> Mapping[str, Any]:
@@ -155,13 +132,7 @@ def coupling_change(read: Read, stages: list[Stage], progress: Progress) -> dict
     are the run's.
     """
     model = load(_as_coupled(read))
-    found = (run_one_way if model.scene.is_spatial else simulate_coupled)(model, progress)
-    _check(found.outcome, found.message)
-    motion: Motion
-    if model.scene.is_spatial:
-        motion = _spatial_motion(found.model, read)
-    else:
-        motion = found.motion.taken(read.stored * storing(read.model))
+    motion = _run(model, progress).motion.taken(read.stored * storing(read.model))
     beside = [read.values, *(values for kind, values in stages if kind != "elements")][-1]
     return {name: new - beside[name] for name, new in values_of(motion).items() if name in beside}
 

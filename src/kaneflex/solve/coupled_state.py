@@ -94,7 +94,7 @@ def last_state(solution: RunResult) -> State:
     t = float(solution.times[-1])
     names, (q, v) = start_coordinates(model), (part[:, -1] for part in solution.motion.taken(np.array([-1])).state)
     if model.in_space is not None:
-        names, q, v = _with_turns(names, q, v, model.in_space.turned(t))
+        names, q, v = with_turns(names, q, v, model.in_space.turned(t))
     return State(repr(solution), t, names, q, v)
 
 
@@ -108,10 +108,10 @@ def first_state(model: Model) -> State | None:
     start, turned = model.in_space.curve.start, model.in_space.curve.turned
     rates = rates_of(model.in_space.module.system, start.q[None], start.u[None])[0]
     turns = {name: (angle, 0.0) for name, angle in turned.items()}
-    return State(repr(model), start.t, *_with_turns(start_coordinates(model), start.q, rates, turns))
+    return State(repr(model), start.t, *with_turns(start_coordinates(model), start.q, rates, turns))
 
 
-def _with_turns(
+def with_turns(
     names: tuple[str, ...], q: np.ndarray, v: np.ndarray, turned: Mapping[str, tuple[float, float]]
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, coordinates and rates of a state, with the angles of joints that close loops, and their rates."""

@@ -24,11 +24,11 @@ Share = Callable[[float], None]
 _INTEGRATED: Kept[Model, Model] = Kept()
 
 
-def integrated(model: Model, share: Share = silent, after: State | None = None) -> Model:
+def integrated(model: Model, share: Share = silent, after: State | None = None, closer: float = 1.0) -> Model:
     """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
 
     ``share`` is called with the finished share, 0 to 1; ``after``: state of a coupled mechanism in space at which the
-    run starts, in place of the scene's.
+    run starts, in place of the scene's; ``closer``: see :func:`kaneflex.solve.coupled.repeated`.
 
     Raises SceneError if the motion can't continue; it names the time.
     """
@@ -39,7 +39,7 @@ def integrated(model: Model, share: Share = silent, after: State | None = None) 
     from kaneflex.solve.spatial_run import integrated_in_space
 
     if after is not None:
-        return integrated_in_space(model, share, after=after)
+        return integrated_in_space(model, share, after, closer)
     return _INTEGRATED.of(model, lambda: integrated_in_space(model, share))
 
 

@@ -25,12 +25,14 @@ _ROUNDING = 1e-12
 """Change over a cycle, relative to the largest value of the same unit, that counts as rounding."""
 
 
-def run_one_way(model: Model, progress: Progress | None = None, after: State | None = None) -> RunResult:
+def run_one_way(
+    model: Model, progress: Progress | None = None, after: State | None = None, closer: float = 1.0
+) -> RunResult:
     """Run of a model without planar coupled equations, up to the first event that stops it; in space also from the
-    state ``after``."""
+    state ``after``. ``closer``: see :func:`kaneflex.solve.coupled.repeated`."""
     started = time.perf_counter()
     if model.awaits_run or after is not None:
-        model, progress = _moved(model, progress or (lambda done: None), after)
+        model, progress = _moved(model, progress or (lambda done: None), after, closer)
     trajectory = _METHODS[model.options.dynamics](model, progress)
     found = RunResult(model, trajectory, time.perf_counter() - started)
     if not model.scene.events:
@@ -40,13 +42,13 @@ def run_one_way(model: Model, progress: Progress | None = None, after: State | N
     return until_stop(found)
 
 
-def _moved(model: Model, progress: Progress, after: State | None) -> tuple[Model, Progress]:
+def _moved(model: Model, progress: Progress, after: State | None, closer: float) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
     from kaneflex.solve.free_motion import integrated
 
     part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
-    found = integrated(model, lambda done: progress(part * done), after=after)
+    found = integrated(model, lambda done: progress(part * done), after, closer)
     return found, lambda done: progress(part + (1.0 - part) * done)
 
 

@@ -36,18 +36,12 @@ _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
 
 
-def integrated_in_space(
-    model: Model, share: Share, closer: float = 1.0, near: Near | None = None, after: Given | None = None
-) -> Model:
-    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space.
-
-    ``near``: start of a coupled motion in place of the scene's; ``closer``: see
-    :func:`kaneflex.solve.coupled.repeated`.
-    """
+def integrated_in_space(model: Model, share: Share, after: Given | None = None, closer: float = 1.0) -> Model:
+    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
     begun, coupled, options = model.in_space, model.coupled_in_space, model.options
     assert begun is not None
     system, verdict = begun.module.system, COMPLETED
-    near = near if after is None else state_after(system, after)
+    near = None if after is None else state_after(system, after)
     if coupled is not None and options.start == "periodic":
         run, verdict = _cycle(system, near, options, share, closer)
     else:
