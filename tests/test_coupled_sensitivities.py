@@ -1,6 +1,7 @@
 """Derivatives of coupled runs against central differences of whole runs, and what commands and studies make of them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from runs import run
 from test_sensitivities import differences
 
 from kaneflex.multibody.time import shooting
+from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
 from kaneflex.study.sensitivity.slopes import Replay, neighbour_at
@@ -24,6 +26,8 @@ ENGINE = ("engine", "solve.preset=coupled", "solve.modes=1", "solve.tolerance=1e
 FIXED = ("solve.integrator=radau", "solve.tolerance=1e-8", "solve.steps=1440")
 START = (*FIXED[:2], "solve.steps=360", "solve.duration=5 ms", "solve.start=quasistatic")
 """A quarter of the cycle by the same steps."""
+CRANK = ("spatial-slider-crank-elastic", "solve.preset=coupled", "solve.modes=1", "solve.start=zero",
+         "solve.duration=0.01", "solve.steps=20", "solve.tolerance=1e-7")  # fmt: skip
 
 
 def check(scene, names, frozen=True, step=5e-4):
@@ -99,6 +103,18 @@ def test_neighbours_take_the_steps_of_the_run():
     assert (again.steps, again.rejected) == (own.steps, 0)
     np.testing.assert_array_equal(again.ends, own.ends)
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
+
+
+def test_a_run_in_space_takes_given_steps():
+    own = run(*CRANK).model.motion.curve
+    ends = np.array(own.knots)
+    again = Run(own.system, replace(own.options, tolerance=1e-12), own.start, given=ends)
+    again.go()
+    np.testing.assert_array_equal(again.knots, ends)
+    assert 0 < abs(again.end.q - own.end.q).max() < 1e-8
+    long = Run(own.system, own.options, own.start, given=ends[[-1]])
+    long.go()
+    assert long.knots == [ends[-1]] and abs(long.end.q - own.end.q).max() > 1e-6
 
 
 def test_command_study_and_refusals(tmp_path):

@@ -21,19 +21,21 @@ from kaneflex.support.errors import SceneError
 
 
 class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
-    """Cycles over ``times`` [s], by the coordinates of the equations."""
+    """Cycles over ``times`` [s], by the coordinates of the equations; ``ends``: given ends of their steps [s]."""
 
     equations: PlanarEquations
 
     def __init__(
-        self, equations: PlanarEquations, times: np.ndarray, method: Method, closer: float = 1.0
-    ) -> None:
-        self.times, self.method, engine = times, method, equations.engine
+        self, equations: PlanarEquations, times: np.ndarray, method: Method, closer: float = 1.0,
+        ends: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.times, self.method, self.ends, engine = times, method, ends, equations.engine
         super().__init__(float(times[-1] - times[0]), method.tolerance, equations, closer)
         self.touches = bool(len(engine.contacts) or len(engine.holds))
 
     def run(self, start: Instant) -> CoupledTrajectory:
-        return integrate(self.equations.system, *self.equations.bodies(start), self.times, self.method)
+        bodies = self.equations.bodies(start)
+        return integrate(self.equations.system, *bodies, self.times, self.method, ends=self.ends)
 
     def completed(self, cycle: CoupledTrajectory) -> bool:
         return cycle.outcome is Outcome.COMPLETED
@@ -63,20 +65,20 @@ class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
 class SpatialCycles(Cycles[State, Run]):
     """Cycles over the duration of ``options`` from ``begin`` [s] on, by the coordinates of the equations.
 
-    ``turned``: see :class:`kaneflex.multibody.time.spatial_forward.Run`.
+    ``turned`` and ``ends``, given ends of the steps [s]: see :class:`kaneflex.multibody.time.spatial_forward.Run`.
     """
 
     equations: SpatialEquations
 
     def __init__(
         self, equations: SpatialEquations, options: Options, closer: float = 1.0, begin: float = 0.0,
-        turned: Mapping[str, float] | None = None,
+        turned: Mapping[str, float] | None = None, ends: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        self.options, self.begin, self.turned = options, begin, turned
+        self.options, self.begin, self.turned, self.ends = options, begin, turned, ends
         super().__init__(options.duration, options.tolerance, equations, closer)
 
     def run(self, start: State) -> Run:
-        run = Run(self.equations.system, self.options, start, turned=self.turned)
+        run = Run(self.equations.system, self.options, start, turned=self.turned, given=self.ends)
         try:
             run.go()
         except SceneError as stopped:

@@ -46,15 +46,18 @@ be replaced but for which there is no better one."""
 
 
 class Run(Curve):
-    """Steps of an integration from a start over the duration of the options, and the curves between them."""
+    """Steps of an integration from a start over the duration of the options, and the curves between them.
+
+    ``given``: ends of the steps of deforming bodies [s], in place of error control.
+    """
 
     def __init__(
         self, system: SpatialSystem, options: Options, start: State, share: Share = lambda done: None,
-        turned: Mapping[str, float] | None = None,
+        turned: Mapping[str, float] | None = None, given: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        self.share, self.turned = share, turned
+        self.share, self.turned, self.given = share, turned, given
         self.system, self.options, self.start = system, options, start
-        self.until = start.t + options.duration
+        self.until = start.t + options.duration if given is None else float(given[-1])
         self.pace, self.method = Pace(options.duration), options.forward_method
         self.ends: list[float] = []  # of the curves
         self.curves: list[tuple[Any, State]] = []
@@ -79,7 +82,7 @@ class Run(Curve):
     def _collocated(self, state: State) -> State:
         """State at the end, or where another choice of speeds is better."""
         system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
-        times = self.start.t + self.longest * np.arange(1, options.steps + 1)
+        times = self.start.t + self.longest * np.arange(1, options.steps + 1) if self.given is None else self.given
         times[-1] = self.until
         here, wanted = self.first_row(state)
         last, most = system.works_at(here), 1 if options.bounded else _PIECE
@@ -94,8 +97,9 @@ class Run(Curve):
             control[2:5] = min(most, PATIENT) if control[6] else most, 0.0, 0.0
             most = min(2 * most, _PIECE)  # the largest values so far grow with every piece
             engine.choose_speeds(choice)
+            ends = here[:0] if self.given is None else left
             ended = engine.integrate(
-                TABLES["radau"], control, here, here[:0], aims, rows, counts, steps, wide=len(here)
+                TABLES["radau"], control, here, ends, aims, rows, counts, steps, wide=len(here)
             )  # fmt: skip
             taken = steps[: int(control[4])]
             self.pace.evaluations, counts[2] = self.pace.evaluations + 3 * int(counts[2]), 0.0
