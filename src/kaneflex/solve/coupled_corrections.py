@@ -102,9 +102,8 @@ def _embedded(read: Read, richer: Model) -> State:
             own, into = ([k for k, name in enumerate(each) if named.fullmatch(name)] for each in (names, wanted))
             found[:, into] = np.array(state)[:, own] @ _carried(shapes, others[body]).T
     t = float(read.times[0])
-    if read.model.in_space is not None:
-        wanted, *found = with_turns(wanted, *found, read.model.in_space.turned(t))
-    return State("the run", t, wanted, *found)
+    turned = {} if read.model.in_space is None else read.model.in_space.turned(t)
+    return State("the run", t, *with_turns(wanted, found[0], found[1], turned))
 
 
 def _shapes(model: Model) -> Mapping[str, Any]:
