@@ -11,7 +11,8 @@ the type of a variable is the widest type assigned to it. The subset of Python:
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
   ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
-  not``, ``a if b else c``; ``math``'s functions; ``abs int float complex bool``; ``len`` of a tuple; modules' numbers.
+  not``, ``a if b else c``; ``math``'s functions; ``abs min max int float complex bool``; ``len`` of a tuple; modules'
+  numbers.
 - Calls of compiled functions by position. Of several functions of one name (numba's ``overload``, or an object with
   ``choose``) that of the arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors``, ``view`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
