@@ -338,7 +338,7 @@ def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
 
 
 def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
-    """The module with the terms alone of the model that a tolerance chooses."""
+    """Module with only the terms of the model that a tolerance chooses."""
     from kaneflex.multibody.model.module_loading import operation_count
     from kaneflex.scene import with_settings
     from kaneflex.solve.code import derive_code

@@ -33,7 +33,7 @@ from kaneflex.support.errors import Fault
 DEGREE, _PIECES = 5, 12
 """Degree of the spline of the mean line."""
 _FEW = 100
-"""Largest number of coordinates whose modes are all computed at once."""
+"""Largest number of coordinates for which all modes are computed by a dense solver."""
 _LOOSE = "the stiffness matrix is singular with all points fixed"
 _LOOK = "Check for nodes without elements, and for parts that are hinged or not connected"
 _NEGATIVE = (
@@ -54,9 +54,9 @@ class Reduced:
 
 
 def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
-    """Static shapes of a link's points and its inertia, and so many modes with the points held.
+    """Static shapes of a link's points and its inertia, and ``modes`` modes with the points held.
 
-    Raises Fault where it has fewer.
+    Raises Fault if it has fewer.
     """
     T = link.basis(motion, rigid)
     K, M = (csc_array(T.T @ (A @ T)) for A in (link.K, link.M))
@@ -112,7 +112,7 @@ def _residual(pushed: np.ndarray, modes: np.ndarray, M: csc_array) -> np.ndarray
 
 
 def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
-    """Shapes of the same span without rigid motions, orthogonal in mass and stiffness, scaled to largest entry 1."""
+    """Basis of the same space without rigid motions, orthogonal in mass and stiffness, scaled to largest entry 1."""
     if motion != "transverse":  # in the mean over the mass
         whole = np.column_stack([link.field(1.0, 0.0)] if motion == "axial" else list(link.whole.values()))
         carried = link.M @ whole

@@ -30,7 +30,7 @@ OPPOSITE = 1e-6
 TURNS = 6
 """Motions of a node with rotations."""
 ALIKE = 1e-6
-"""Share of the largest displacement that is another one's rounding."""
+"""Share of the largest displacement that counts as rounding error."""
 _SPEEDS, _DENSEST = (300.0, 20e3), 25e3
 """Plausible speeds of longitudinal waves without contraction, from foam to diamond [m/s]; densities [kg/m^3]."""
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
@@ -42,7 +42,7 @@ Motion = Literal["axial", "transverse", "any"]
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """Stiffness [N/m] of a displacement's share in some modes.
+    """Stiffness [N/m] of the part of a displacement that lies in the span of some modes.
 
     ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes);
     ``normal``: whether they are normal modes, none of them a static shape.
@@ -148,7 +148,7 @@ class Foreign:
         return found
 
     def accelerations(self, motion: Motion) -> list[np.ndarray]:
-        """Accelerations (n_nodes d,) that a link as a whole may have: along its axes, as much and growing from its
+        """Accelerations (n_nodes d,) of a link as a whole: along its axes, as much and growing from its
         start, and in space turning about its axis."""
         kept = {"axial": [0], "transverse": [1], "any": range(self.axes)}[motion]
         found = self._still(len(kept), 2)
@@ -164,7 +164,7 @@ class Foreign:
         return found.ravel()
 
     def means(self, point: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows (n_nodes d,) that give how a point moves along and across, and how far it turns.
+        """Rows (n_nodes d,) for the axial and transverse displacement of a point and its rotation.
 
         Means over its nodes, and the turn that fits them best: those of an interface by weighted averages (RBE3).
         """
@@ -219,7 +219,7 @@ class Foreign:
         return found.reshape(6, -1)
 
     def basis(self, motion: Motion, rigid: bool) -> csc_array:
-        """Displacements of that symmetry, (n_nodes d, m), orthogonal; ``rigid``: a point's nodes move as one (RBE2)."""
+        """Orthogonal displacements of that symmetry, (n_nodes d, m); ``rigid``: nodes of a point form a rigid body."""
         if self.span is not None:
             if rigid:
                 raise Fault("modes do not give rigid motion of the nodes of a point",
@@ -248,7 +248,7 @@ class Foreign:
         return csc_array(eye_array(len(there), format="csc")[:, np.flatnonzero(there)])
 
     def _spanned(self, motion: Motion) -> csc_array:
-        """Part of the modes' span with that symmetry."""
+        """Part of the span of the modes with that symmetry."""
         assert self.span is not None  # or there is no need to ask
         whole = self.span.reshape(len(self.nodes), self.axes, -1)
         for mirror, own in ((1, 0), (2, 1))[: 0 if motion == "any" else self.axes - 1]:

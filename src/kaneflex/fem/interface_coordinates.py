@@ -135,7 +135,7 @@ def _carriers(scene: Scene, displaced: Mapping[Node, int], held: list[tuple[str,
 
 
 def _side(scene: Scene, links: Mapping[str, Link], prescribed: set[str], address: Address) -> Node | str:
-    """Node of a link, or name of a rigid body ("prescribed" for all that the drives place)."""
+    """Node of a link, or name of a rigid body ("prescribed" for all bodies placed by drives)."""
     if address.body in links:
         x, y = scene.point(address)
         node = links[address.body].node_at(x) if y == 0 else None

@@ -93,12 +93,12 @@ class Link:
         return float(self.nodes[-1])
 
     def node_at(self, x: float) -> int | None:
-        """Index of the node at distance x [m] from the start, if there is one."""
+        """Index of the node at distance x [m] from the start; None without one."""
         index = int(np.argmin(abs(self.nodes - x)))
         return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
 
     def locate(self, x: float) -> tuple[int, float]:
-        """The element at distance x [m] from the start, and how far behind its own start that is."""
+        """Element at distance x [m] from the start, and the distance from its own start [m]."""
         e = min(max(int(np.searchsorted(self.nodes, x, side="right")) - 1, 0), len(self.nodes) - 2)
         return e, x - self.nodes[e]
 
@@ -119,7 +119,7 @@ class Link:
 
     @cached_property
     def _numbers(self) -> list[dict[str, float]]:
-        """Parameters of each element as numbers of Python, which are faster."""
+        """Parameters of each element as Python floats, which are faster."""
         return [{name: float(numbers[e]) for name, numbers in self.parameters.items()}
                 for e in range(len(self.nodes) - 1)]  # fmt: skip
 

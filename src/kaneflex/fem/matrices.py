@@ -34,7 +34,7 @@ SAME = 1e-6
 _DIRECTIONS = 6
 """Motions of a node that programs number: translations, then rotations."""
 _EACH = (2, 3, _DIRECTIONS)
-"""Motions of a node that a matrix may have."""
+"""Possible numbers of motions per node in a matrix."""
 _COPIES = 3
 """Number of arrays in memory while a full matrix is read: the reader's, the result, and the comparison of both
 triangles."""
@@ -253,7 +253,7 @@ def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Lab
 
 
 def _nastran(path: str, first: str, read: Callable):
-    """The only matrix that pyYeti reads of a file, or the only one whose name begins so."""
+    """Only matrix that pyYeti reads from a file, or only one whose name begins with the given letter."""
     instead = "give a Matrix Market file"
     with installed("pyYeti, which reads Nastran's files,", "nastran", "pyyeti", instead=instead):
         from pyyeti import nastran
@@ -273,7 +273,7 @@ def _one_after_the_other(numbers: np.ndarray, each: int) -> Labels:
 
 
 def _halved(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: int) -> csc_array:
-    """A matrix of its entries, those of one triangle reflected in the diagonal unless both are there."""
+    """Matrix from its entries; a single triangle is mirrored at the diagonal."""
     found = csc_array(coo_array((values, (rows, columns)), shape=(count, count)))
     off = rows != columns
     there = csc_array(coo_array((np.ones(off.sum()), (rows[off], columns[off])), shape=(count, count)))
@@ -283,7 +283,7 @@ def _halved(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: in
 
 
 def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, turning: bool) -> csc_array:
-    """With the nodes as they are listed, and their translations alone unless they turn. Raises Fault."""
+    """Matrix with the nodes in the order of ``numbers``, without rotations if these are zero. Raises Fault."""
     nodes, directions = labels
     moving = np.asarray(abs(found).sum(axis=0)).ravel() > 0.0
     in_space = "Use --space, or mesh the link by solid elements, whose nodes have no rotations"

@@ -93,7 +93,7 @@ def _rows(link: Foreign, point: str) -> np.ndarray:
 
 
 def _lowest(omega_2: np.ndarray, moved: np.ndarray, flexibility: np.ndarray | None) -> float:
-    """Lowest frequency [Hz] with a point held rigidly, or by springs of a flexibility; ``moved``: it by the modes."""
+    """Lowest frequency [Hz] with a point held rigidly, or by springs; ``moved``: motion of the point in each mode."""
     if flexibility is None:
         left = np.linalg.svd(moved)[2][np.linalg.matrix_rank(moved) :].T
         stiffness = left.T @ (omega_2[:, None] * left)

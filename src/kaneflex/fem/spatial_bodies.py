@@ -30,7 +30,7 @@ ARMS = tuple(f"arms_{pair}" for pair in PAIRS)
 
 
 def skew(v: np.ndarray) -> np.ndarray:
-    """The matrix of the vector product from the left, (..., 3, 3) of (..., 3)."""
+    """Matrix of the cross product with a vector from the left, (..., 3, 3) of (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(v), -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)

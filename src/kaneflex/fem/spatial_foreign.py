@@ -22,7 +22,7 @@ from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
 
 _BESIDE = 1e-3
-"""Length, as a share of the link's, at which a node's rotation counts like a displacement."""
+"""Length, as a share of the link's, by which rotations of nodes are multiplied for comparison with displacements."""
 
 
 def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:

@@ -31,17 +31,17 @@ from kaneflex.support.errors import SceneError
 ZERO = 1e-10
 """Coefficient, in rad or sizes of the mechanism, that counts as zero."""
 _NEAR = 0.9
-"""Share of the largest pivot above which candidates count as equal, so that the choice is the same on every machine."""
+"""Share of the largest pivot above which candidates count as equal, for the same choice on every machine."""
 _LEAST = 1e-4
-"""Least of a coordinate's column, at any instant, beside those of the dependent ones: these would grow past all
-measure."""
+"""Smallest share of a coordinate's column, at any instant, that those of the dependent ones don't explain: below it
+displacements of dependent coordinates grow without bound."""
 
 APART = ("along", "x", "y", "z")
 """Relative displacements of a spring's ends by the deformation: along the spring, and along global axes [m]."""
 
 
 def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
-    """Nodes of an elastic link at joints and springs -> which.
+    """Nodes of an elastic link at joints and springs -> names of these.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
 
 
 def node_of(link: Link, side: Side) -> int:
-    """The node at a point of an elastic link; raises SceneError for one off its axis."""
+    """Node at a point of an elastic link; raises SceneError for a point off its axis."""
     x, y, z = side.at
     node = None if y or z else link.node_at(x)
     if node is None:
@@ -290,7 +290,7 @@ class Joined:
         return J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
 
     def _named(self, rows: np.ndarray) -> list[str]:
-        """The joints that have some rows."""
+        """Names of the joints with some of the rows."""
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
     def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
@@ -335,11 +335,11 @@ class Choice:
 
 
 def _apart_at_all(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of the matrices A (n_times, m, n) that are furthest apart at all instants, as many as there are; and
-    which rows, (m,), they leave unexplained.
+    """Most independent columns of the matrices A (n_times, m, n) at all instants, as many as their rank; and mask of
+    the rows, (m,), outside their span.
 
-    Gram and Schmidt's process, which takes what is largest at its least; of nearly as large ones the last, as bodies
-    are given from the ground outwards.
+    Gram-Schmidt process with pivoting: the next column is that with the largest least norm over the instants; of
+    nearly equal ones the last, as bodies are given from the ground outwards.
     """
     A, found = A.copy(), list[int]()
     while len(found) < A.shape[1]:

@@ -18,7 +18,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
 _AT_ONCE = 256
-"""Instants whose rows and maps are in memory together: more of them take it longer to have than to fill."""
+"""Number of instants whose rows and maps are in memory at once; allocating more takes longer than computing them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class SpatialMap:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of z."""
+        """Names of the independent coordinates z."""
         return tuple(self.joined.labels[k] for k in self.choice.independent)
 
     @property
@@ -89,7 +89,7 @@ class SpatialMap:
         return total
 
     def rotation(self, joint: str) -> Affine:
-        """Elastic rotation of a joint's second body against its first about its first axis, (1, independent)."""
+        """Elastic rotation of a joint's second body relative to its first, about its first axis, (1, independent)."""
         of, mechanism = self.joined.mechanism.joints[joint], self.joined.mechanism
         total = Affine.zero(1, self.constant.shape[1])
         for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):

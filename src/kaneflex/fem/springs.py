@@ -15,7 +15,7 @@ from kaneflex.scene.quantities import Address
 
 
 def place_springs(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
-    """Springs whose ends can move by the deformation."""
+    """Springs with an end that the deformation can move."""
     found = (place_spring(scene, links, parts, frame, name) for name in scene.springs)
     return [(part, L) for part, L in found if L.terms]
 

@@ -237,7 +237,7 @@ _multiply_rows = Kernel("mechanism.kernels", "multiply_rows")
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Monomials as the compiled loops read them: ``pattern`` has where each ends among their scalars, then those."""
+    """Monomials for compiled loops: ``pattern`` has the end of each in the list of scalars, then this list."""
 
     count: int
     pattern: np.ndarray

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kaneflex.response.floating_motion import FloatingMotion
 
 GAUSS = np.polynomial.legendre.leggauss(5)
-"""Exact for rho A (r x a) of an element: v is cubic, u with its shortening of fifth degree."""
+"""Quadrature, exact for rho A (r x a) of an element: v is cubic, u with its shortening of fifth degree."""
 _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
 

@@ -319,7 +319,7 @@ class LooseJoint:
 
     @property
     def room(self) -> float:
-        """Play of a pin's or block's centre to first touch [m]."""
+        """Clearance of a pin's or block's centre: distance to first touch [m]."""
         return self.clearance.radial or self.clearance.gap or 0.0
 
     @property

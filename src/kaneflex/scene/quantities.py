@@ -61,7 +61,7 @@ def _encodable(text: str) -> str:
 
 
 Words = Annotated[str, AfterValidator(_encodable)]
-"""Text for people."""
+"""Free text that can be encoded as UTF-8."""
 
 
 class Address(NamedTuple):
