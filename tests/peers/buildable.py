@@ -40,9 +40,9 @@ def _problem(key: str, value: object, reason: str) -> Problem:
 
 def _bodies(scene: Scene) -> Iterator[Problem]:
     if scene.is_frame:
-        yield _problem("bodies", None, "a structure that stands still")
+        yield _problem("bodies", None, "a fixed structure")
     for name in scene.floating:
-        yield _problem(f"bodies.{name}.free", None, "a body that moves freely")
+        yield _problem(f"bodies.{name}.free", None, "a free body")
     for name, body in scene.bodies.items():
         if not body.elastic:
             continue
@@ -51,7 +51,7 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
         if body.profile.varying:
             yield _problem(f"bodies.{name}.beam", None, "a section that varies")
         if body.beam.axially_rigid:
-            yield _problem(f"bodies.{name}.beam.axially_rigid", True, "a beam that does not stretch")
+            yield _problem(f"bodies.{name}.beam.axially_rigid", True, "an axially rigid beam")
         for point, (_, y) in body.points_all.items():
             if y:
                 yield _problem(f"bodies.{name}.points.{point}", None, "a point off the axis of an elastic link")
@@ -83,7 +83,7 @@ def _drives(scene: Scene) -> Iterator[Problem]:
         if drive.kind == "free":
             continue
         if joint.kind != "revolute" or "ground" not in [side.body for side in joint.addresses]:
-            yield _problem(f"drives.{name}", drive.kind, "a drive other than a turn from the ground")
+            yield _problem(f"drives.{name}", drive.kind, "a drive that does not rotate a body relative to the ground")
     yield from _held_drives(scene)
 
 
@@ -111,7 +111,7 @@ def _forces(scene: Scene) -> Iterator[Problem]:
         elif load.axes == "body":
             yield _problem(f"loads.{name}.axes", "body", "a force that turns with its body")
         elif free and load.kind != "value":
-            yield _problem(f"loads.{name}", load.kind, "a force that depends on a motion to be found")
+            yield _problem(f"loads.{name}", load.kind, "a force that depends on the motion of a free joint")
     for name in scene.springs:
         yield _problem(f"springs.{name}", None, "a spring")
     for name in scene.contacts:

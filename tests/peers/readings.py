@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from kaneflex_peers.exudyn_system import Built
 
 NO_COUNTERPART = "the other program has no such sensor"
-NOT_SHARED = "there is no rigid motion that both share"
+NOT_SHARED = "the two programs have no common rigid motion"
 _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 
 
