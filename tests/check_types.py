@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
-    "fem": 28,
+    "fem": 26,
     "integrate": 13,
     "mechanism": 24,
     "multibody": 40,

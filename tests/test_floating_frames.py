@@ -9,7 +9,7 @@ from runs import solved
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.fem.links import build_link
+from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.shape_bases import link_shapes
 from kaneflex.multibody.model.system import build_system, rigid_state
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -201,7 +201,7 @@ def test_axial_frequencies_converge_with_modes():
     module = kaneflex.load(linear).motion.module
     for modes in (3, 6, 12):
         scene = with_settings(linear, ["solve.preset=coupled", f"solve.modes={modes}"])
-        link = build_link(scene, "rod", module, 32)
+        link = link_of_scene(scene, "rod", 32, module)
         shapes = link_shapes(scene, link, modes).axial
         K, M = (shapes.T @ link.part.matrices[key].value({}) @ shapes for key in ("K_s", "M"))
         found = np.sqrt(eigh(K, M, eigvals_only=True)) / (2 * np.pi)

@@ -226,6 +226,17 @@ def test_section_forces_jump_where_something_acts(preset, in_space):
     assert said == [f"{name} {told}" for name in "NVM"]
 
 
+def test_a_force_beside_the_axis_of_a_rigid_beam_bends_it_by_its_arm():
+    """Of F = (12, 16) N at (250, 100) mm from the pivot: 0.25 * 16 - 0.1 * 12 = 2.8 N m there, none at the free end."""
+    section = '{rectangle = ["20 mm", "20 mm"]}}'
+    text = LEVER.replace(section, f'{section}, points = {{side = ["750 mm", "100 mm"]}}').replace(
+        'force_on = "lever.end"', 'force_on = "lever.side"'
+    ).replace("[solve]", 'tip = {bending_moment = "lever.end"}\n[solve]\npreset = "rigid"')
+    found = {name: series.values for name, series in run(scene_of(text)).series.items()}
+    np.testing.assert_allclose(found["tip"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found["M_behind"], 2.8, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("sensor", "place", "words"),
     [

@@ -15,10 +15,11 @@ from test_spatial_links import swept
 
 import kaneflex.scenes
 from kaneflex import SceneError, load, read_scene
-from kaneflex.fem.spatial_bodies import at_point, rigid_part
+from kaneflex.fem.spatial_bodies import rigid_part
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
+from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.multibody.model.bound_model import keep_terms
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.spatial_initial_state import start_of

@@ -12,8 +12,7 @@ from runs import model
 from scipy.linalg import eig, eigh
 
 from kaneflex.fem.assembly import assemble
-from kaneflex.fem.links import craig_bampton, with_rayleigh
-from kaneflex.fem.spatial_links import SpatialLink, build_spatial_link
+from kaneflex.fem.links import SpatialLink, build_link, craig_bampton, with_rayleigh
 from kaneflex.mechanism.affine import Affine, as_array
 from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
 from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
@@ -32,7 +31,7 @@ def module(name: str):
 
 
 def built(name, nodes, at, *more) -> SpatialLink:
-    return build_spatial_link(name, nodes, element_parameters(at, nodes), *more)
+    return build_link(SpatialLink, name, nodes, element_parameters(at, nodes), *more)
 
 
 def link(elements: int, at: Properties = FLAT, length: float = 1.5, theory: str = "euler_bernoulli", mu=None):

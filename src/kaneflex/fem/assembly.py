@@ -93,7 +93,10 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
 
 
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
-    """Add the scene's point loads on a link to its F, in link axes."""
+    """Add the scene's point loads on a link to its F, in link axes; in space one scalar of each node and axis."""
+    if scene.is_spatial:
+        return with_pushes(part, {f"push_{node}_{axis}": part.place[node][k]
+                                  for node in pushed_nodes(scene, link) for k, axis in enumerate("xyz")})  # fmt: skip
     total = part.matrices["F"]
     for name, load in scene.forces.items():
         if load.force_on.body == part.name:
@@ -102,6 +105,21 @@ def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
             spread = np.zeros((part.size, 2))
             spread[part.place[link.node_at(scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
             total = total + Affine.constant(spread) @ local
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def pushed_nodes(scene: Scene, link: Link) -> list[int]:
+    """Nodes of a link on which loads act."""
+    on = [load.force_on for load in scene.forces.values()]
+    nodes = {link.node_at(scene.point(at)[0]) for at in on if at is not None and at.body == link.name}
+    return sorted(node for node in nodes if node is not None)
+
+
+def with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
+    """Part with forces and torques ``PART.link.NAME`` on its rows in F."""
+    total = part.matrices["F"]
+    for name, row in rows.items():
+        total = total + Affine.term((f"{part.name}.link.{name}",), np.eye(part.size, 1, -row))
     return replace(part, matrices={**part.matrices, "F": total})
 
 

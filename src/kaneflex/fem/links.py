@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import ModuleType
+from importlib import import_module
+from types import MappingProxyType, ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.fem.element_terms import chain, shape_functions, terms_of_elements
+from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
+from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
+from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
 
 _SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
 
 GAUSS = np.polynomial.legendre.leggauss(5)
 """Quadrature over an element, exact for products of two cubics with a mass that grows linearly."""
-
-DOFS = ("u", "v", "theta")
-"""Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,12 @@ class Link:
     """Rows of :meth:`shape` that are the axis' slopes."""
     shortening: ClassVar[slice] = slopes
     """Rows of :meth:`shape` whose squares shorten the axis."""
+    names: ClassVar[tuple[str, ...]] = ("u", "v", "theta")
+    """Their names: axial and transverse displacement [m], rotation [rad]."""
     motions: ClassVar[tuple[int, ...]] = (0, 1, 5)
     """Places of the node's coordinates among those of a node in space."""
+    bent: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
+    """Component of a transverse load -> the section moment of which it is the second derivative, and its sign."""
     densities: ClassVar[tuple[str, ...]] = ("rho_A", "rho_I")
     """Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z."""
 
@@ -165,35 +169,93 @@ class Link:
         return coordinates[[row for rows in self.part.place.values() for row in rows]]
 
 
-def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
+class SpatialLink(Link):
+    """An elastic link in space, with y and z along the principal axes of its sections; element matrices are 12 x 12."""
+
+    dofs = 6
+    names = SPATIAL_NODE
+    slopes = slice(6, 8)
+    shortening = slice(6, 9)
+    motions = (0, 1, 2, 3, 4, 5)
+    bent = MappingProxyType({1: (5, 1.0), 2: (4, -1.0)})  # M_z'' = p_y, M_y'' = -p_z
+    densities = ("rho_A", "rho_I_z", "rho_I_y")
+
+    def rigid_motion(self, x: float) -> np.ndarray:
+        return at_point(np.array([x, 0.0, 0.0]))
+
+    @staticmethod
+    def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
+        """Rows u, v, w, theta_x, theta_y, theta_z, v', w', and the twist by which an axial force stiffens torsion (that
+        times the radius of gyration, after Wagner), (..., 9, 12)."""
+        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
+        return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
+
+
+def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType | None = None) -> Link:
+    """The link of an elastic body, its mesh that of :func:`kaneflex.mechanism.floating_frames.mesh`.
+
+    ``module``: that of the scene in the plane, with the kernels of its elements. Beyond a point, or in space a node,
+    where joints or loads act, the axial force is higher by ``name.link.jump_POINT``.
+    """
+    body, nodes = scene.bodies[name], mesh(scene, name, elements)
+    profile, viscous = body.profile, None if scene.damping is None else scene.damping.viscous
+    mu, kind = None if viscous is None else viscous.mu, Link if module is not None else SpatialLink
+    assert body.beam is not None  # as of any elastic body
+    if module is None:
+        beam = spatial_beam_module(profile.rotary, profile.shear, profile.varying)
+        module = import_module(f"kaneflex.generated.{beam}")
+        parameters = profile.elements(nodes)
+        beyond = {str(node): nodes[node] for node in jumps(scene, name, nodes)}
+    else:
+        parameters = profile.planar_elements(nodes)
+        known = {scalar for scalar, *_ in module.SCALARS}  # no jump where there is no axial load
+        beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
+    also = _spread_terms(scene, name, parameters, kind)
+    return build_link(kind, name, nodes, parameters, module, mu, beyond, also, body.beam.axially_rigid)
+
+
+def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:
+    """Nodes between a link's ends at which joints or loads act."""
+    places = set(forced_points(scene, name).values())
+    return tuple(k for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= _SAME * nodes[-1] for at in places))
+
+
+def build_link(
+    kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray], module: ModuleType,
+    mu: float | None = None, jumps: Mapping[str, float] = MappingProxyType({}),
+    also: Iterable[tuple[tuple[str, Monomial], np.ndarray]] = (), axially_rigid: bool = False,
+) -> Link:  # fmt: skip
     """Assemble the constant matrices of a link from the element kernels of its module.
 
     Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
     result has no more entries than the chain of elements, whatever its length.
+
+    Parameters
+    ----------
+    name : str
+        The body's; the scalars of its frame are called ``name.link.a_x`` and so on.
+    nodes : ndarray (elements + 1,)
+        Distances from the link's start [m], ascending from 0.
+    mu : float, optional
+        Damping by a force for each length and velocity [N s/m^2].
+    jumps : mapping of str to float
+        Distance [m] beyond which the axial force is higher by the scalar ``name.link.jump_KEY`` of the motion.
+    also : iterable of ((key, monomial), ndarray (elements, n, n or 1))
+        Terms of loads along the link.
     """
-    body = scene.bodies[name]
-    nodes = mesh(scene, name, elements)
-    parameters = body.profile.planar_elements(nodes)
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
-    viscous = None if scene.damping is None else scene.damping.viscous
-    mu = None if viscous is None else viscous.mu
-    for key, blocks in terms_of_elements(module, parameters, lambda factor: _scalar(name, factor), mu):
+    terms = terms_of_elements(module, parameters, lambda factor: _scalar(name, factor), mu)
+    for key, blocks in (*terms, *also):
         sums[key] = sums.get(key, 0.0) + blocks
-    known = {scalar for scalar, *_ in module.SCALARS}
     tensioned = sums.get(("K_g", (f"{name}.link.P_0",)))  # none in a module without the geometric stiffness
-    for point, x in forced_points(scene, name).items():
-        if tensioned is None or f"{name}.link.jump_{point}" not in known:  # no axial load there
-            continue
+    for label, x in jumps.items() if tensioned is not None else ():
         # Beyond a force between the ends P increases by a constant: the matrix is that of P_0, from there on.
-        beyond = nodes[:-1] > x - _SAME * body.length
-        key = "K_g", (f"{name}.link.jump_{point}",)
-        sums[key] = tensioned * beyond[:, None, None]
-    for key, blocks in _spread_terms(scene, name, parameters):
-        sums[key] = sums.get(key, 0.0) + blocks
-    coordinates, place = node_coordinates(name, len(nodes), body.beam.axially_rigid)
+        beyond = nodes[:-1] > x - _SAME * nodes[-1]
+        sums["K_g", (f"{name}.link.jump_{label}",)] = tensioned * beyond[:, None, None]
+    coordinates, place = node_coordinates(name, len(nodes), axially_rigid, kind.names)
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
     part = Part(name, coordinates, chain(sums.items(), place, len(coordinates)), place)
-    return Link(name, nodes, parameters, element_terms, part)
+    return kind(name, nodes, parameters, element_terms, part)
 
 
 def at_gauss(
@@ -223,31 +285,38 @@ def spread_terms(
 
 
 def _spread_terms(
-    scene: Scene, link: str, parameters: Mapping[str, np.ndarray]
+    scene: Scene, link: str, parameters: Mapping[str, np.ndarray], kind: type[Link]
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
     """Terms of the loads distributed along a link, with a matrix for each element.
 
     K_g holds the growth of the axial force by the load; a fixed structure has no known P_0, and no such growth.
     """
-    for name, load, (along, across), K_g in spread_terms(scene, link, parameters, Link):
-        x, y = load.direction
-        parts: dict[Monomial, tuple[float, float]] = {(name,): (x, y)}
-        if load.axes == "global":
+    for name, load, F, K_g in spread_terms(scene, link, parameters, kind):
+        x, y, *_ = load.direction or ()
+        parts: dict[Monomial, tuple[float, ...]] = {(name,): (x, y)}
+        if scene.is_spatial:
+            parts = {(spread_scalar(link, name, axis),): tuple(e) for axis, e in zip("xyz", np.eye(3), strict=True)}
+        elif load.axes == "global":
             parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}
-        for factors, (x, y) in parts.items():
+        for factors, components in parts.items():
             monomial = tuple(sorted(factors))
-            yield ("F", monomial), x * along + y * across
-            if x and not scene.is_frame:
-                yield ("K_g", monomial), x * K_g
+            yield ("F", monomial), sum(part * along for part, along in zip(components, F, strict=True))
+            if components[0] and not scene.is_frame:
+                yield ("K_g", monomial), components[0] * K_g
+
+
+def spread_scalar(link: str, load: str, axis: str) -> str:
+    """Name of the scalar of a distributed load per length in space, in the link's axes [N/m], without its profile."""
+    return f"{link}.link.{load}_{axis}"
 
 
 def _scalar(link: str, factor: str) -> str:
-    """Scalars of the link: omega and epsilon are those of the body; the others belong to the link's frame."""
+    """Scalars of the link: in the plane omega and epsilon are those of the body; others belong to the link's frame."""
     return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
 
 
 def node_coordinates(
-    link: str, nodes: int, axially_rigid: bool, dofs: tuple[str, ...] = DOFS
+    link: str, nodes: int, axially_rigid: bool, dofs: tuple[str, ...] = Link.names
 ) -> tuple[tuple[str, ...], dict[int, tuple[int, ...]]]:
     """Names of a link's coordinates and the rows of each node's `dofs`; one u for all if it does not stretch."""
     n = len(dofs)

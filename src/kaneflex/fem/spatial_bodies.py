@@ -22,18 +22,12 @@ from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Part
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.spatial import SpatialBody
+from kaneflex.mechanism.spatial_frame import at_point, skew
 from kaneflex.support.spatial_contract import AXES, SPATIAL_NODE
 
 PAIRS = tuple(f"{i}{j}" for i, j in combinations_with_replacement(AXES, 2))
 ARMS = tuple(f"arms_{pair}" for pair in PAIRS)
 """Additional scalars of a body's motion: the symmetric part of sum f p^T over forces f at p [N m]."""
-
-
-def skew(v: np.ndarray) -> np.ndarray:
-    """Matrix of the cross product with a vector from the left, (..., 3, 3) of (..., 3)."""
-    x, y, z = np.moveaxis(np.asarray(v), -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
 
 
 def second_moments(body: SpatialBody) -> np.ndarray:
@@ -75,13 +69,6 @@ def rigid_part(name: str, body: SpatialBody) -> Part:
         matrices["K_g"] += Affine.term(scalar(f"arms_{pair}"), stiffness)
     coordinates = tuple(f"{name}.{dof}" for dof in SPATIAL_NODE)
     return Part(name, coordinates, matrices, {0: tuple(range(6))})
-
-
-def at_point(p: np.ndarray) -> np.ndarray:
-    """Displacement of a point at p [m] and the rotation from a body's six coordinates, (6, 6)."""
-    found = np.eye(6)
-    found[:3, 3:] = -skew(p)
-    return found
 
 
 def _moved(Omega: np.ndarray, mass: float, c: np.ndarray, P: np.ndarray) -> np.ndarray:

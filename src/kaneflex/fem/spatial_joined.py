@@ -21,11 +21,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from kaneflex.fem.links import Link, Part
-from kaneflex.fem.spatial_bodies import at_point
 from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
+from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.support.errors import SceneError
 
 ZERO = 1e-10

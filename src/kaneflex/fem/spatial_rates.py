@@ -7,10 +7,9 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.spatial_bodies import skew
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side
-from kaneflex.mechanism.spatial_frame import SpatialFrame
+from kaneflex.mechanism.spatial_frame import SpatialFrame, skew
 
 Rates3 = np.ndarray
 """A quantity and its first two rates, (3, n_times, ...)."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates, Scalars
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import SpatialJoint, across
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.spatial import SpatialJoint
 
 AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
 """Entries of a body's axes: ``rod.axes_xy`` is the global x of its y axis."""
@@ -84,6 +86,8 @@ def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, rela
 
     ``relative``: axes of the second body in those of the first at zero joint coordinate, (3, 3).
     """
+    from kaneflex.mechanism.spatial import across
+
     y = [*joint.axes[1:], *across(joint.axes[0])][0]  # a universal joint's second axis rotates only about the first
     z = np.cross(joint.axes[0], y)
     turned = second.to_global(relative.T @ y)
@@ -125,3 +129,17 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross product of vectors (3, n_times); NumPy's takes five times as long for few instants."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def skew(v: np.ndarray) -> np.ndarray:
+    """Matrix of the cross product with a vector from the left, (..., 3, 3) of (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(v), -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
+
+
+def at_point(p: np.ndarray) -> np.ndarray:
+    """Displacement of a point at p [m] and the rotation from a body's six coordinates, (6, 6)."""
+    found = np.eye(6)
+    found[:3, 3:] = -skew(p)
+    return found

@@ -159,7 +159,7 @@ class Balanced:
     loud: Balance
     quiet: Balance
 
-    def section(self, x: float, after: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def section(self, x: float, after: bool = False) -> np.ndarray:
         """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
         N, V, M = self.loud.section(x, after)
         stops = self._stops
@@ -168,7 +168,7 @@ class Balanced:
             a, b = stops[last - 1], stops[last]
             at_a, at_b = self._differences[last - 1]
             _, V, M = self.quiet.section(x, after) + (b - x) / (b - a) * at_a + (x - a) / (b - a) * at_b
-        return N, V, M
+        return np.array([N, V, M])
 
     @cached_property
     def _stops(self) -> np.ndarray:

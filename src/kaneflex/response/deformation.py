@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.section_forces import spread_loads
+from kaneflex.response.section_forces import carried, growing, spread_loads
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
@@ -28,9 +28,6 @@ class Deformation:
     displacements that foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements,
     (elements, 6, n_times), if known.
     """
-
-    BENT: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
-    """Component of a transverse load -> the moment of which it is the second derivative, and its sign."""
 
     model: Model
     link: Link
@@ -117,8 +114,8 @@ class Deformation:
         # N' = -n, V' = -p and M'' = p under the axial load n and the transverse load p
         for k, load in enumerate(self._loads(e) if self.model.balances else ()):
             found[k] -= sag(load, local, length, 1)
-            if k in self.BENT:
-                moment, sign = self.BENT[k]
+            if k in self.link.bent:
+                moment, sign = self.link.bent[k]
                 found[moment] += sign * sag(load, local, length, 2)
         return found
 
@@ -137,12 +134,11 @@ class Deformation:
         coefficients of 1, x, x^2 each."""
         return (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
 
-    def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:
+    def _rigid_load(self, e: int) -> Iterator[np.ndarray]:
         """Inertia load of the rigid link on an element, axial and transverse [N/m]: coefficients of 1, x, x^2."""
-        rigid, name, x_0 = self.rigid, self.link.name, self.link.nodes[e]
-        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-        along = self._inertia_load(e, rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
-        return along, self._inertia_load(e, rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
+        specific_force, *turning = carried(self.model.scene, self.rigid, self.link.name)
+        for at, grows in zip(specific_force, growing(*turning), strict=True):
+            yield self._inertia_load(e, at + grows * self.link.nodes[e], grows)
 
     def _inertia_load(self, e: int, at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
         """Load -rho_A(x) a(x) on an element for an acceleration linear in x: coefficients of 1, x, x^2."""
@@ -295,9 +291,7 @@ def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine)
     return q, np.zeros_like(q), np.zeros_like(q)
 
 
-def deform(
-    model: Model, rigid: RigidMotion, coordinates: Rates, name: str, kind: type[Deformation] = Deformation
-) -> Deformation:
+def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
     """Deformation of one link, with reduced coordinates expanded."""
     L, link = model.frame.maps[name], model.links[name]
     series = follow(model, rigid, coordinates, L)
@@ -306,7 +300,7 @@ def deform(
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
     q, q_rate, q_accel, *balanced = (link.at_nodes(part) for part in series)
-    found = kind(model, link, rigid, q, q_rate, q_accel, tuple(balanced) or None)
+    found = Deformation(model, link, rigid, q, q_rate, q_accel, tuple(balanced) or None)
     return found if name not in model.bases else _with_static_share(found)
 
 

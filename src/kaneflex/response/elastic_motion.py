@@ -70,7 +70,7 @@ class ElasticMotion(Motion):
         return spring_tension(self.model, self.rigid, self.coordinates, name)
 
     def _elastic_section(self, link: str, x: float, after: bool) -> Section:
-        return cast(Section, self._displaced.links[link].section(x, after))
+        return self._displaced.links[link].section(x, after)
 
     @cached_property
     def _deformed(self) -> Mapping[str, Deformation]:
@@ -91,16 +91,6 @@ class SpatialElasticMotion(ElasticMotion):
 
     def _carried(self, frame: Frame, body: str, at: Any) -> Rates:
         return beside(follow(self.model, self.rigid, self._displaced.coordinates, frame.bodies[body]), at)
-
-    def section(self, link: str, x: float, after: bool = False) -> Section:
-        if link in self.model.links:
-            return self._elastic_section(link, x, after)
-        return self.rigid_section(link, x, after)
-
-    def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
-        from kaneflex.response.spatial_deformation import rigid_section
-
-        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x, after))
 
     def reaction(self, name: str) -> np.ndarray:
         return self._exerted[name] if self.model.links else self.rigid[name]
@@ -156,13 +146,6 @@ class SpatialElasticMotion(ElasticMotion):
             return L
         place = [names.index(name) for name in self.model.frame.coordinates]
         return L @ Affine.constant(np.eye(len(names))[:, place])
-
-    @cached_property
-    def _deformed(self) -> Mapping[str, Deformation]:
-        from kaneflex.response.spatial_deformation import SpatialDeformation
-
-        return {name: deform(self.model, self.rigid, self.coordinates, name, SpatialDeformation)
-                for name in self.model.links}  # fmt: skip
 
     @cached_property
     def _exerted(self) -> dict[str, np.ndarray]:

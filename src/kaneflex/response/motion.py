@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -17,8 +18,9 @@ from kaneflex.response.section_forces import LinkForces
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
 
-Section = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Axial force N [N, tension positive], shear force V [N] and bending moment M [N m], each (n_times,)."""
+Section = np.ndarray
+"""Axial force N (tension positive), shear force V [N] and bending moment M [N m] in link axes, exerted by the part
+beyond a section on the part before it, (3, n_times); in space N, V_y, V_z, T, M_y, M_z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,7 @@ class Motion(ABC):
         """Section forces x [m] from a link's start; at a load, ``after`` selects the side."""
         if link in self.model.links:
             return self._elastic_section(link, x, after)
-        return LinkForces(self.model.scene, self.scalars).section(link, x, after)
+        return self._link_forces.section(link, x, after)
 
     @property
     def scalars(self) -> RigidMotion:
@@ -125,7 +127,15 @@ class Motion(ABC):
 
     def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
         """Section forces of the rigid mechanism."""
-        return LinkForces(self.model.scene, self.rigid_forces).section(link, x, after)
+        return self._rigid_link_forces.section(link, x, after)
+
+    @cached_property
+    def _link_forces(self) -> LinkForces:
+        return LinkForces(self.model.scene, self.scalars)
+
+    @cached_property
+    def _rigid_link_forces(self) -> LinkForces:
+        return LinkForces(self.model.scene, self.rigid_forces)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], continuous over turns."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -179,7 +179,7 @@ class Reader:
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
-    def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
+    def _of_section(self, sensor: Sensor, section: Section) -> np.ndarray:
         """Reading of a sensor from N, V, M; a strain is N / (E A) - fibre M / (E I)."""
         N, V, M = section
         if sensor.kind == "strain":
@@ -197,7 +197,7 @@ class Reader:
     def _section(self, sensor: Sensor) -> Section:
         body, point = address_of(sensor)
         if (data := self.scene.bodies[body].modal) is not None:
-            return tuple(data.sections.at(point, self.motion.modal(body)[0]))
+            return data.sections.at(point, self.motion.modal(body)[0])
         return self.motion.section(*self._cut(sensor))
 
     def _cut(self, sensor: Sensor) -> tuple[str, float, bool]:

@@ -16,7 +16,6 @@ from kaneflex.multibody.model.spatial_rates import rates_of
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.spatial_dalembert import SpatialBalance
-from kaneflex.response.spatial_deformation import rigid_section
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +86,10 @@ class SpatialCoupledMotion(Motion):
         return self.rigid[f"{name}.{'tension' if between else 'torque'}"]
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
-        if link in self._balances:
-            return cast(Section, self._balances[link].section(x, after))
-        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x, after))
+        return self._elastic_section(link, x, after) if link in self._balances else self.rigid_section(link, x, after)
 
-    _elastic_section = section
+    def _elastic_section(self, link: str, x: float, after: bool) -> Section:
+        return self._balances[link].section(x, after)
 
     @cached_property
     def _balances(self) -> dict[str, SpatialBalance]:

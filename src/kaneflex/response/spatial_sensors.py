@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import cast
 
 import numpy as np
@@ -12,6 +12,7 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import slide_of, turn_rates
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.elastic_motion import SpatialElasticMotion
+from kaneflex.response.motion import Section
 from kaneflex.response.readings import Reader, address_of, displacement_of
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene import Scene
@@ -68,7 +69,7 @@ class SpatialReader(Reader):
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         return self._of_bushing(sensor) if self._is_bushing(sensor) else super().read_rigid(sensor)
 
-    def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
+    def _of_section(self, sensor: Sensor, section: Section) -> np.ndarray:
         """Reading of a sensor from N, V_y, V_z, T, M_y, M_z."""
         if sensor.kind == "axial_force":
             return section[0]

@@ -14,7 +14,6 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.links import DOFS
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.run import Run, integrate
@@ -201,21 +200,18 @@ def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
     ``rate`` 1: velocities."""
     known = dict(zip(motion.model.coordinates, motion.coordinates[rate], strict=True))
     z = np.zeros((len(richer.coordinates), len(motion.times)))
-    nodes, names = {}, tuple[str, ...](DOFS)
-    if motion.model.scene.is_spatial:
-        from kaneflex.support.spatial_contract import SPATIAL_NODE
-
-        names = SPATIAL_NODE
+    nodes = {}
     for name, link in motion.model.links.items():
         q = motion.nodes(name, rate)
         places = (link.locate(x) for x in richer.links[name].nodes)
         n = link.dofs
-        nodes[name] = [link.shape(e, local)[:n] @ q[n * e : n * (e + 2)] for e, local in places]
+        moved = (link.shape(e, local)[:n] @ q[n * e : n * (e + 2)] for e, local in places)
+        nodes[name] = [dict(zip(link.names, each, strict=True)) for each in moved]
     for row, name in enumerate(richer.coordinates):
         owner, _, place = name.partition(".")
         node, _, component = place.partition(".")
         if owner in nodes and component:
-            z[row] = nodes[owner][int(node)][names.index(component)]
+            z[row] = nodes[owner][int(node)][component]
         elif name in known:
             z[row] = known[name]
     return z

@@ -20,7 +20,7 @@ from kaneflex.fem.assembly import (
 )
 from kaneflex.fem.coordinate_map import Frame, build_frame
 from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
-from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
+from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import same_mechanism
@@ -103,7 +103,7 @@ def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
 def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
     """Elastic links of a planar scene."""
     return {
-        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        name: link_of_scene(scene, name, options.elements or body.beam.elements, motion.module)
         for name, body in scene.bodies.items()
         if body.elastic
     }

@@ -9,13 +9,12 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import Placed, sparse_part
+from kaneflex.fem.assembly import Placed, load_on_link, pushed_nodes, sparse_part, with_pushes
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
-from kaneflex.fem.links import Link, Part, craig_bampton
+from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
-from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
@@ -66,7 +65,7 @@ class Deforming:
 
     scene: Scene
     mechanism: SpatialMechanism
-    links: Mapping[str, SpatialLink]
+    links: Mapping[str, Link]
     parts: Mapping[str, Part]
     map: SpatialMap
 
@@ -80,7 +79,7 @@ class Deforming:
             if name in self.links:
                 found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
                           for node in self._jumps(name)]  # fmt: skip
-                for node in pushed_nodes(self.mechanism, self.links[name]):
+                for node in pushed_nodes(self.scene, self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
                 for load in spread_on(self.mechanism, name):
                     found += [(spread_scalar(name, load, axis), "N/m", f"of {load} along the link") for axis in AXES]
@@ -117,7 +116,7 @@ class Deforming:
                 for node in (0, *self._jumps(name)):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
                     found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
-                for node in pushed_nodes(self.mechanism, link):
+                for node in pushed_nodes(self.scene, link):
                     pushes = [each.force for each, own in zip(acting, at, strict=True)
                               if own == node and each.by in self.mechanism.loads]  # fmt: skip
                     found.append(sum(pushes, np.zeros_like(specific_force)))
@@ -185,9 +184,9 @@ def elastic_stage(
     bases: dict[str, np.ndarray] = {}
     for name, body in mechanism.bodies.items():
         if name not in links:
-            parts[name] = _with_pushes(rigid_part(name, body), _ON_RIGID)
+            parts[name] = with_pushes(rigid_part(name, body), _ON_RIGID)
             continue
-        part = with_loads(links[name].part, pushed_nodes(mechanism, links[name]))
+        part = load_on_link(scene, links[name].part, links[name])
         parts[name] = part
         if options.reduction == "craig-bampton":
             rows = interfaces.held_rows(part)
@@ -223,28 +222,6 @@ def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
     """Loads that are spread along a link."""
     return [name for name, load in mechanism.loads.items()
             if load.is_spread and load.pushes[0][0].body == link]  # fmt: skip
-
-
-def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
-    """Nodes of a link on which loads act."""
-    places = (load.at.at[0] for load in mechanism.loads.values() if load.at is not None and load.at.body == link.name)
-    return sorted({node for x in places if (node := link.node_at(x)) is not None})
-
-
-def with_loads(part: Part, nodes: list[int]) -> Part:
-    """Part of a link with the loads on its nodes in F."""
-    return _with_pushes(part, {f"push_{node}_{axis}": part.place[node][k] for node in nodes
-                               for k, axis in enumerate(AXES)})  # fmt: skip
-
-
-def _with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
-    """Part with forces and torques ``PART.link.NAME`` on its rows in F."""
-    total = part.matrices["F"]
-    for name, row in rows.items():
-        push = np.zeros((part.size, 1))
-        push[row] = 1.0
-        total = total + Affine.term((f"{part.name}.link.{name}",), push)
-    return replace(part, matrices={**part.matrices, "F": total})
 
 
 def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:

@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.links import Link, build_link
+from kaneflex.fem.links import Link, link_of_scene
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, shape_counts
 from kaneflex.mechanism.joints import Constraints, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
@@ -269,7 +269,7 @@ def _deforming(scene: Scene, module: ModuleType, names: Iterable[str]) -> tuple[
 
 def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, Link]:
     stretching = with_stretch(scene)
-    return {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in names}
+    return {name: link_of_scene(stretching, name, scene.bodies[name].beam.elements, module) for name in names}
 
 
 def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:

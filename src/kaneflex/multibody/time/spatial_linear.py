@@ -17,8 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.fem.spatial_bodies import skew
 from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.spatial_frame import skew
 from kaneflex.multibody.dynamics.spatial_entries import LACKED
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, KIND, SLIDE, SPEED, TURN
 from kaneflex.multibody.model.spatial_system import Choice, SpatialSystem, State
