@@ -30,7 +30,7 @@ _ABSOLUTE = 1e-2
 _SINGULAR = 1e-3
 """Transmission angle [rad], or least singular value of the constraints, below which a loop counts as singular."""
 _PIECES = 10
-"""Cubics per stretch of an integrator of eighth order, whose dense output is as accurate as its steps."""
+"""Cubics per stretch of an integrator of eighth order with dense output as accurate as its steps."""
 _MOST_NUMBERS = 2e7
 """Largest count of numbers in the tables of all courses (160 MB); beyond it several steps share a stretch."""
 _AROUND = np.array([0.0, 0.5, 1.0])

@@ -52,7 +52,7 @@ def _where(otherwise, mechanisms):
         first = inspect.Parameter("typing", inspect.Parameter.POSITIONAL_OR_KEYWORD)
         called.__signature__ = inspect.Signature([first, *inspect.signature(function.py_func).parameters.values()])
         made = intrinsic(called)
-        made.where = function, mechanisms, otherwise  # for whoever prints it in C
+        made.where = function, mechanisms, otherwise  # for the C printer of this function
         return made
 
     return of

@@ -86,7 +86,7 @@ def after(typing, v, k):
 
 @intrinsic
 def numbers_of(typing, v):
-    """The numbers of vectors, one behind the other."""
+    """Numbers of vectors, one vector after the other."""
     return CPointer(v.dtype)(v), lambda context, builder, sig, args: args[0]
 
 
@@ -121,7 +121,7 @@ def inside(typing):
 
 
 def size_of(kind: types.Type) -> int:
-    """D of a type: of vectors, or of one of them; 0: it has none."""
+    """D of the type of vectors or of one vector; 0 for other types."""
     return getattr(kind, "d", 0) or (kind.count if isinstance(kind, UniTuple) else 0)
 
 

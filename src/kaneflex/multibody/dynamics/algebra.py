@@ -57,7 +57,7 @@ def _dot_6(a, b):
 
 @njit(**IN_ORDER)
 def axpy(s, a, b):
-    """s a + b, where b is as a is, or complex."""
+    """s a + b, with b of the type of a or complex."""
     inside()
     return mul(a[0], s) + b[0], mul(a[1], s) + b[1], mul(a[2], s) + b[2]
 
@@ -97,7 +97,7 @@ def _scaled_6(s, a):
 
 @njit(**IN_ORDER)
 def force_at(f, r):
-    """A wrench at the point r, about the origin: its moment grows by r x force."""
+    """Wrench at the point r, referred to the origin: its moment grows by r x force."""
     inside()
     return f[0], f[1], f[2] + mul(r[0], f[1]) - mul(r[1], f[0])
 
@@ -112,7 +112,7 @@ def _force_at_6(f, r):
 
 @njit(**IN_ORDER)
 def twist_at(t, r):
-    """A twist of the origin, of the point r: its velocity grows by omega x r."""
+    """Twist of the origin, referred to the point r: its velocity grows by omega x r."""
     inside()
     return t[0] - mul(r[1], t[2]), t[1] + mul(r[0], t[2]), t[2]
 
@@ -164,7 +164,7 @@ times, add_product = by_size(times, _times_6), by_size(add_product, _add_product
 
 @njit(**IN_ORDER)
 def zero_like(a):
-    """Zero, as a is: real or complex."""
+    """Zero of the type of a, real or complex."""
     inside()
     return 0.0, 0.0, 0.0
 

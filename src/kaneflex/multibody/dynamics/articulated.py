@@ -51,7 +51,7 @@ def body(a, b):
 
 @njit(**OPTIONS)
 def held_by(a, b):
-    """The section that a body hangs on, with the matrices of the parent."""
+    """Section that carries a body, with the matrices of the parent."""
     inside()
     up, out = a.bodies[b, PARENT_BODY], a.bodies[b, OUTBOARD]
     n = a.bodies[up, SHAPES] if out >= 0 else 0
@@ -124,7 +124,7 @@ def _release(b, free):
 
 @njit(**IN_ORDER)
 def transport(I, r):
-    """An inertia by the twist of a point r back: X^T I X."""
+    """Inertia referred to another point, r away: X^T I X."""
     together()
     d, numbers = width(I), numbers_of(I)
     for _ in range(2):
@@ -167,7 +167,7 @@ def factorise(a):
 
 @njit(**IN_ORDER)
 def _inwards(b, free, y, force):
-    """Force that the section feels which a body hangs on, from forces along shapes and joint, at y, and on the body."""
+    """Force on the section that carries a body, from forces along shapes and joint (at y) and on the body."""
     together()
     for j in range(b.n):
         force = axpy(-y[b.modal + j], b.E[j], force)
@@ -181,7 +181,7 @@ def _inwards(b, free, y, force):
 
 @njit(**IN_ORDER)
 def _outwards(b, free, y, twist):
-    """Rates of joint and shapes, and the body's twist, from that of the section which it hangs on. A coordinate that is
+    """Rates of joint and shapes, and the body's twist, from that of the section that carries it. A coordinate that is
     not free keeps its rate of zero, and y receives the force that it takes."""
     together()
     for j in range(b.f - 1, -1, -1):

@@ -95,7 +95,7 @@ def react_at_end(m, t):
 
 @njit(**OPTIONS)
 def strays(m, table, h, here):
-    """True if closing the loops at a step's end changes the dependent rates so much that it is another branch."""
+    """True if closing the loops at a step's end changes the dependent rates as much as another branch would."""
     apart()
     plan, w, b = m.plan, m.w, table.b_1
     n, of, fastest = plan[COORDINATES], plan[STAGE_A], _fastest(m)

@@ -21,7 +21,7 @@ from kaneflex.multibody.model.layout import OPTIONS
 
 @njit(**OPTIONS)
 def place_of(m, what):
-    """Place in ``w`` of what belongs to the position of the factors in use."""
+    """Place in ``w`` of the geometry at which the current factors were made."""
     inside()
     return m.plan[what]
 

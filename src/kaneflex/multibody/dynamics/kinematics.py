@@ -59,7 +59,7 @@ def place(m, first):
             x, z, theta = w[i], w[i + 1], w[i + 2]
         w[own], w[own + 1], w[own + 2] = x, z, theta
         phi, f = theta - w[local + 2], plan[FRAME] + FRAME_SIZE * b
-        if phi != w[f + 2]:  # of bodies in guides, and of all those that one more turn of a loop's closing leaves alone
+        if phi != w[f + 2]:  # unchanged for bodies in guides, and outside the loops that an iteration corrects
             w[f + 3], w[f + 4] = math.cos(phi), math.sin(phi)
         c, s = w[f + 3], w[f + 4]
         x -= c * w[local] - s * w[local + 1]

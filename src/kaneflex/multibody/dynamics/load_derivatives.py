@@ -1,9 +1,9 @@
 """Derivatives of loads' laws and of springs between points in the Newton matrix of a step.
 
 A load whose size depends on coordinates and speeds of joints adds to the step's matrix S = M + h C + h^2 K the term -p
-(h ds/dx' + h^2 ds/dx) g^T, with its partial velocity p and the gradient g of the joint's coordinate; a spring adds g (h
-c + h^2 k) g^T with the gradient g of its length or angle. Without these terms a light body on a damper limits the step
-to its time constant m/c: Newton's iteration doesn't converge for longer ones, and S^-1, which filters the error
+(h ds/dx' + h^2 ds/dx) g^T. Here p is its partial velocity and g the gradient of the joint's coordinate. A spring adds
+g (h c + h^2 k) g^T with the gradient g of its length or angle. Without these terms a light body on a damper limits the
+step to its time constant m/c: Newton's iteration doesn't converge for longer ones, and S^-1, which filters the error
 estimate (Hairer & Wanner 1996, IV.8), is inconsistent with the equations.
 
 Most steps converge without them. So the terms are omitted until Newton's iteration fails in a step that they would

@@ -41,7 +41,7 @@ CLOSED = 1e-10
 EXACT = 1e-12
 """The same near a change point, where rates and accelerations are far less accurate than positions."""
 ENOUGH = 4
-"""Iterations after which a correction that is as good as rounding allows is not awaited any longer."""
+"""Iterations after which a correction of the size of rounding errors is accepted."""
 SIDES = 6
 """Number of evenly spaced positions on either side of a change point for interpolation."""
 NEAR = 1e-6

@@ -66,7 +66,7 @@ def reduced_demand(m, independent, n, rows, count, width, out):
             w[plan[INPUT] + k] = here[1 + 3 * n + k]
         for r in range(plan[REACTIONS]):
             w[plan[NOW] + r] = 0.0
-        # Once more where the loops are closed already: rates then follow from the gradient of exactly that place.
+        # Twice: the second pass starts with closed loops, so that rates follow from the gradient at this position.
         if not (follow(m, here[0]) and follow(m, here[0])):
             break
         demand(m, here[0])

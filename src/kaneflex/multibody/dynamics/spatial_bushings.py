@@ -18,7 +18,7 @@ FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
 angle of rotation [rad]."""
 _NO_ANGLE = 1e-8
 _HALF_TURN = 1e-6
-"""cos of half the angle of a turn that is as good as a half one."""
+"""Cosine of half the largest rotation, which is just below half a turn."""
 MOST = 3.0
 """Largest rotation [rad]: at half a turn the rotation vector jumps."""
 

@@ -73,7 +73,7 @@ DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
 """Outcome codes of an instant; all but DONE and GROWN are failures."""
 REASONS = {
     OPEN: "a loop does not close, or the position is singular",
-    APART: "the loops close at the start, but not there: redundant constraints are violated",
+    APART: "the loops close at the start only: redundant constraints are violated",
     MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
     INFINITE: "the accelerations are not finite",
 }
@@ -88,7 +88,7 @@ def check(outcome: int, *at: float) -> None:
 
 @njit(**OPTIONS)
 def _take(m, q):
-    """Set coordinates, which balls have as quaternions."""
+    """Set coordinates; those of balls are quaternions."""
     apart()
     for n in range(m.counts[OWN]):
         m.y[m.own[n, 1]] = q[m.own[n, 0]]
@@ -133,7 +133,7 @@ def close(m, q):
 
 @njit(**OPTIONS)
 def _stand(m, t):
-    """Closed loops with consistent speeds and, by those of independent coordinates, accelerations; the outcome."""
+    """Close the loops and complete speeds and accelerations from the independent ones; returns the outcome."""
     apart()
     m.pivots[PASSING] = 1  # positions as exact as near change points, as readers take derivatives by differences
     if not close_all(m, t) or (rebase(m) and not close_all(m, t)):

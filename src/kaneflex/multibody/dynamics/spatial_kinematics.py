@@ -295,7 +295,7 @@ def cut_rows(m):
 
 @njit(**OPTIONS)
 def relative(m, n, u):
-    """Twist of a node relative to its parent, by speeds."""
+    """Twist of a node relative to its parent, from the speeds."""
     apart()
     s, twist = m.nodes[n, SPEED], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if m.nodes[n, ROW_OF] >= 0:
@@ -391,6 +391,6 @@ def _back_accelerations(m, n):
 
 @njit(**OPTIONS)
 def _centripetal(w, e, arm):
-    """e x arm + w x (w x arm): acceleration of a point of a body against its origin's."""
+    """e x arm + w x (w x arm): acceleration of a point of a body relative to its origin."""
     inside()
     return plus(cross(e, arm), cross(w, cross(w, arm)))

@@ -190,7 +190,7 @@ def _exerted(m, b):
     up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
     d_x, d_y = turned(w, w[up + 2], j + 2)
     normal, along = d_x * z - d_y * x, d_x * x + d_y * z
-    if sign < 0.0:  # the direction is turned round with the sides: n . F and d . F keep their signs
+    if sign < 0.0:  # with exchanged sides the direction is reversed: n . F and d . F keep their signs
         arm = d_x * (w[own] - w[up]) + d_y * (w[own + 1] - w[up + 1])
         turn = -turn - normal * arm
     return normal, turn, along

@@ -91,7 +91,7 @@ force; largest g of bristles since its sides touch; mode; position where it stuc
 damping; derivatives of the bristles' rate by speed, by deflection (negative) and by normal force; time when it first
 jammed. As of contacts, DUE and NODES follow; of bristles a node has speed, g, deflection, force."""
 BORE = FIRMEST
-"""Numbers of a stuck hold, which has no bristles: the force at which it is to slip."""
+"""Numbers of a stuck hold, which has no bristles: the force at which it slips."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,
@@ -147,9 +147,9 @@ shapes, places and arms (:mod:`kaneflex.multibody.dynamics.planar_tree`), sectio
 accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
 step, and residuals of its stages;
 gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
-loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree, twists
-of its bodies, working space, coordinates by unit reactions of the kept rows and in the last row the answer, the
-reactions' effect on the cuts, reactions, required accelerations of holds, responses to a unit of each load and
+loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists
+of its bodies; working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the
+reactions' effect on the cuts; reactions; required accelerations of holds; responses to a unit of each load and
 spring with slopes, their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the
 pivots of either factors, those loads and springs, the pivots of their matrices, the coordinate that each course
 prescribes, or -1 if it is that of a cut. In space: in ``w`` residuals of the stages as reactions, in factors
@@ -326,7 +326,7 @@ module; ``real``, ``pair``: arrays for factors."""
 
 
 class Handle:
-    """Arrays, or other handles, by their addresses in one table, and the address of that: of this process alone."""
+    """Table of the addresses of arrays or other handles, and its own address; valid in this process only."""
 
     def __init__(self, *arrays: np.ndarray | Handle) -> None:
         self.arrays = arrays
@@ -337,7 +337,7 @@ class Handle:
 
 @njit(**OPTIONS)
 def magnitude(x):
-    """|Re x| + |Im x|: tells whether a pivot vanishes as well as the absolute value does, and takes no root."""
+    """|Re x| + |Im x|: tests for a vanishing pivot as well as the absolute value, without a root."""
     return abs(x.real) + abs(x.imag)
 
 

@@ -317,9 +317,9 @@ def project(m, t):
 def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends, wide):
     """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
 
-    ``control``: [next step, longest step, most steps to try, last row filled, steps taken, length of the last one or 0,
-    1 if the dependent coordinates are fixed, derivatives of loads and springs for the factors (see ``slopes.matter``),
-    1 to return after every change and 2 after one]. ``here``: a row of the table with the state before row 1, updated:
+    ``control``: next step; longest step; most steps to try; last row filled; steps taken; length of the last one or 0;
+    1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see ``slopes.matter``);
+    1 to return after every change and 2 after one. ``here``: a row of the table with the state before row 1, updated:
     t, then coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
     ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
     integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton

@@ -42,7 +42,7 @@ from kaneflex.multibody.model.layout import (
 
 @njit(**OPTIONS)
 def keep(m, i, first):
-    """Keep the residual of stage i; False if that of space is not defined. ``first``: in the first iteration."""
+    """Store the residual of stage i; False if it is not defined (in space). ``first``: in the first iteration."""
     copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + m.plan[COORDINATES] * i, m.plan[COORDINATES])
     return True
 
@@ -56,7 +56,7 @@ def _mass(m, i):
 
 @njit(**OPTIONS)
 def _keep_accelerations(m, i, first):
-    """Keep it as accelerations and reactions; False: singular, or a bushing or a ball is turned too far."""
+    """Store it as accelerations and reactions; False: singular, or a bushing or a ball has turned too far."""
     apart()
     plan, w, A = m.plan, m.w, _mass(m, i)
     for n in range(m.counts[BUSHINGS]):
@@ -139,7 +139,7 @@ def resist_given(m, h, A):
 
 @njit(**OPTIONS)
 def answered(m, A):
-    """Complete the answer."""
+    """Complete the solution."""
     inside()
 
 

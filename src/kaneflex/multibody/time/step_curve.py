@@ -1,4 +1,4 @@
-"""A gap along a step of the compiled integration: between its nodes, on the polynomial of the step's own stages.
+"""Gap along a step of the compiled integration, between its nodes, on the polynomial of the stages.
 
 Cubics between the nodes predict zeros, which are checked on the polynomial.
 """

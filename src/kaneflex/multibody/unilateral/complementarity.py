@@ -342,7 +342,7 @@ def _leaves(m, T, size, entering):
 
 @njit(**OPTIONS)
 def _pivot(w, T, size, row, column):
-    """Exchange two unknowns."""
+    """Exchange two unknowns of the tableau."""
     apart()
     wide = 2 * size + 2
     own = T + wide * row

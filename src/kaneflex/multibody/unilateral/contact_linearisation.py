@@ -104,7 +104,7 @@ def notice_jams(m, t, step, A):
             A[x + r] = 1.0
             dense_lu.substitute(A, plan[SCHUR], count, m.pivots, plan[PIVOTS], x)
             soft = 1.0 / (step * (w[at(m, c) + VISCOUS] + step * w[at(m, c) + STIFF]))
-            if 1.0 / A[x + r] < (1.0 - _NO_JAM) * soft:  # what a unit of force opens, and what the contact yields
+            if 1.0 / A[x + r] < (1.0 - _NO_JAM) * soft:  # opening by a unit force, and the contact's compliance
                 w[since] = t
 
 

@@ -78,7 +78,7 @@ def pushed_on(m, table, h):
 @of_contacts(False)
 @njit(**OPTIONS)
 def full(m):
-    """True if there is no room for more impacts."""
+    """True if no more impacts can be stored."""
     return m.w[m.plan[IMPACTS]] >= MOST_IMPACTS
 
 
@@ -179,7 +179,7 @@ def change(m, here, A, wanted):
 
 @njit(**OPTIONS)
 def _close(m, c, t, A, lost):
-    """Begin a contact; returns the time [s] in which it reaches its depth at its approach speed."""
+    """Close a contact; returns the time [s] in which it reaches its depth at its approach speed."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     k, own = at(m, c), m.acts[plan[CONTACTS] + c, NUMBERS_AT]
@@ -204,7 +204,7 @@ def _close(m, c, t, A, lost):
 
 @njit(**OPTIONS)
 def part(m, c, t, lost):
-    """End a contact, and record its impact."""
+    """Open a contact, and record its impact."""
     w, k, count = m.w, at(m, c), int(m.w[m.plan[IMPACTS]])
     w[k + BEGUN_AT] = 0.0
     j = m.plan[IMPACTS] + 1 + IMPACT_SIZE * count

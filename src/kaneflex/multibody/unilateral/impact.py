@@ -65,7 +65,7 @@ def collide(m, here, A, wanted):
         return wanted
     for r in range(kept):
         cuts += plan[plan[ROW_OF] + r] < plan[CUT_ROWS]
-    m.pivots[KEPT] = cuts  # whatever rested is free to part
+    m.pivots[KEPT] = cuts  # resting contacts may separate
     slips = rigid_friction.gather(m, count)
     done = _collided(m, here, A, count, slips)
     m.pivots[KEPT] = kept
@@ -223,7 +223,7 @@ def _press(m, t, count, slips):
                 noise += NOISE * abs(w[W + rows * i + j] * w[p + j])
             low = math.sqrt(2.0 * LEAST_HEIGHT * tolerance(m, c, t, v) * pressing)
             low = larger(low, 32.0 * EPS * abs(t) * pressing)
-            w[vector(m, QUIET) + i] = larger(noise, low)  # by the impact of another one it may part as slowly as this
+            w[vector(m, QUIET) + i] = larger(noise, low)  # negligible rate, also after the impact of another contact
             if w[sticks + i] == 0.0 and v <= larger(noise, low):
                 w[sticks + i] = 1.0
                 slowed += v > noise

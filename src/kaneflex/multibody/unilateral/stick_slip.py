@@ -53,7 +53,7 @@ def begin(m):
 @of_holds(None)
 @njit(**OPTIONS)
 def note(m, t, i):
-    """Store of all holds the monitored quantity, its rate and its tolerance at node i of the step."""
+    """Store the monitored quantity of all holds, with its rate and tolerance, at node i of the step."""
     apart()
     w = m.w
     for n in range(-count(m), 0):
@@ -108,7 +108,7 @@ def no_speed(m, n, t):
 
 @njit(**OPTIONS)
 def no_force(m, n):
-    """Force, or moment, of a hold that counts as zero: rounding error of the force to move all bodies."""
+    """Force, or moment, of a hold that counts as zero: rounding error of the force that moves all bodies."""
     apart()
     plan, w, total = m.plan, m.w, 0.0
     for b in range(plan[BODIES]):
@@ -186,7 +186,7 @@ def decide(m, t, A):
     apart()
     w, free = m.w, 0
     for _ in range(2):
-        # What sticks may bring others to a stand, as those of a mechanism that can only move in one way.
+        # A hold that sticks may stop others, as in a mechanism with one degree of freedom.
         hold_now(m)
         free = 0
         for n in range(-count(m), 0):
@@ -256,7 +256,7 @@ def _stand(m, n, t):
     if before != STUCK:
         w[k + STUCK_AT] = w[k + PLACE]
         if w[m.plan[TOUCH] + IN_A_ROW] > 0.0 and not shifts and before != IDLE:
-            w[k + MODE] = before  # it has let go just before others do
+            w[k + MODE] = before  # it was released just before others
     elif shifts:
         w[k + DUE], w[k + BORE] = LET_GO, abs(w[k + HOLDING])
     return 1
@@ -341,7 +341,7 @@ def _wrong(m):
 
 @njit(**OPTIONS)
 def _take(m):
-    """End the decision."""
+    """End the decision about slip and stick."""
     for n in range(-count(m), 0):
         m.w[number_at(m, n) + DUE] = 0.0
     return 0
