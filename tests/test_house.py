@@ -13,6 +13,8 @@ from pathlib import Path
 import conftest
 import pytest
 
+from kaneflex.multibody.compile.library import sources
+
 ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
@@ -299,7 +301,25 @@ def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
     assert len(cached) >= 4
     for name in cached:
         parts = compiled & set(imports(trees[name])) - {name}
+        if name in LIBRARIES:
+            stamped = set(sources(LIBRARIES[name]))
+            assert {str(trees[part]) for part in parts if not within(part, "kaneflex.generated")} <= stamped, name
+            parts = {part for part in parts if within(part, "kaneflex.generated")}
         assert parts <= stamps(tree_of(trees[name])), name
+
+
+LIBRARIES = {f"kaneflex.multibody.compile.{name}": left_out
+             for name, left_out in (("library", "spatial"), ("spatial_library", "unilateral"))}  # fmt: skip
+"""Libraries of the engine's functions, and what they leave out of its files."""
+
+
+def test_libraries_are_stamped_with_every_compiled_part_that_they_reach():
+    for name, left_out in LIBRARIES.items():
+        stamped = {Path(file).name for file in sources(left_out)}
+        assert {"inner.py", "layout.py", "algebra.py", "collocation.py", "loop_closure.py", "values.py"} <= stamped
+        assert ("planar_tree.py" in stamped) and ("spatial_tree.py" in stamped) == (left_out != "spatial"), name
+        assert ("impact.py" in stamped) == (left_out != "unilateral")
+        assert "run.py" not in stamped, "not compiled: an edit of it keeps the library"
 
 
 def stamps(tree: ast.Module) -> set[str]:

@@ -9,64 +9,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from numba import njit
 
 from kaneflex.generated import body, contact, friction, joints
-from kaneflex.multibody.compile import addresses, stand_ins, values
 from kaneflex.multibody.compile.addresses import called, entered
-from kaneflex.multibody.dynamics import (
-    algebra,
-    articulated,
-    change_points,
-    courses,
-    dense_lu,
-    dimensions,
-    forces,
-    kinematics,
-    load_derivatives,
-    loop_closure,
-    loop_condition,
-    loop_factors,
-    planar_tree,
-    powers,
-    reduction,
-    tree,
-    unfolding,
-)  # fmt: skip
+from kaneflex.multibody.dynamics import reduction, unfolding
 from kaneflex.multibody.model import layout
 from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
-from kaneflex.multibody.time import coefficients, collocation, event_location, stage_residuals, state_record, step_curve
-from kaneflex.multibody.unilateral import (
-    complementarity,
-    contact_linearisation,
-    contact_numbers,
-    contacts,
-    discontinuous_loads,
-    dry_friction,
-    friction_powers,
-    impact,
-    impulse_response,
-    lugre,
-    lugre_step,
-    rigid_friction,
-    stick_slip,
-)  # fmt: skip
+from kaneflex.multibody.time import collocation
 from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(
-    addresses.__file__, algebra.__file__, articulated.__file__, body.__file__, change_points.__file__,
-    coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__,
-    contact_linearisation.__file__, contact_numbers.__file__, contacts.__file__, courses.__file__, dense_lu.__file__,
-    dimensions.__file__, discontinuous_loads.__file__, dry_friction.__file__, event_location.__file__, forces.__file__,
-    friction.__file__, friction_powers.__file__, impact.__file__, impulse_response.__file__, inner.__file__,
-    joints.__file__, kinematics.__file__, layout.__file__, load_derivatives.__file__, loop_closure.__file__,
-    loop_condition.__file__, loop_factors.__file__, lugre.__file__, lugre_step.__file__, planar_tree.__file__,
-    powers.__file__, reduction.__file__, rigid_friction.__file__, stage_residuals.__file__, stand_ins.__file__,
-    state_record.__file__, step_curve.__file__, stick_slip.__file__, tree.__file__, unfolding.__file__, values.__file__,
-)  # fmt: skip
+
+def sources(left_out: str) -> list[str]:
+    """Files of the engine's compiled functions, without those whose path has ``left_out`` in it."""
+    multibody = Path(layout.__file__).parents[1]
+    files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
+    compiled = (each for each in files if b"numba" in each.read_bytes())
+    chosen = [str(each) for each in compiled if left_out not in str(each.relative_to(multibody))]
+    return sorted([*chosen, inner.__file__, *map(str, (multibody / "model").glob("*layout.py"))])
+
+
+_made_of_parts = made_of(*sources("spatial"), body.__file__, contact.__file__, friction.__file__, joints.__file__)
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _plain, _with_contacts, _with_holds = (
     entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM)

@@ -10,48 +10,14 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
-from kaneflex.multibody.compile import addresses, values
 from kaneflex.multibody.compile.addresses import called, entered
-from kaneflex.multibody.dynamics import (
-    algebra,
-    articulated,
-    change_points,
-    courses,
-    dense_lu,
-    dimensions,
-    load_derivatives,
-    loop_closure,
-    loop_condition,
-    loop_factors,
-    powers,
-    reduction,
-    rotation_vectors,
-    spatial_bushings,
-    spatial_entries,
-    spatial_forces,
-    spatial_kinematics,
-    spatial_tree,
-    spatial_work,
-    tree,
-    unfolding,
-)  # fmt: skip
+from kaneflex.multibody.compile.library import sources
 from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, RIGID_ENTRIES
 from kaneflex.multibody.dynamics.spatial_work import SPACE
-from kaneflex.multibody.model import layout, spatial_layout
 from kaneflex.multibody.model.layout import OUTER
-from kaneflex.multibody.time import coefficients, collocation, stage_residuals, state_record
-from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(
-    laws.__file__, shape_laws.__file__, addresses.__file__, algebra.__file__, articulated.__file__,
-    change_points.__file__, coefficients.__file__, collocation.__file__, courses.__file__, dense_lu.__file__,
-    dimensions.__file__, inner.__file__, layout.__file__, load_derivatives.__file__, loop_closure.__file__,
-    loop_condition.__file__, loop_factors.__file__, powers.__file__, reduction.__file__, rotation_vectors.__file__,
-    spatial_bushings.__file__, spatial_entries.__file__, spatial_forces.__file__, spatial_kinematics.__file__,
-    spatial_layout.__file__, spatial_tree.__file__, spatial_work.__file__, stage_residuals.__file__,
-    state_record.__file__, tree.__file__, unfolding.__file__, values.__file__,
-)  # fmt: skip
+_made_of_parts = made_of(*sources("unilateral"), laws.__file__, shape_laws.__file__)
 _rigid, _deforming = (entered(SPACE, entries) for entries in (RIGID_ENTRIES, ENTRIES))
 
 
