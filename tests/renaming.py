@@ -134,8 +134,6 @@ def under_new_names(module: ModuleType, new: Renaming) -> ModuleType:
     if hasattr(module, "LOADS"):  # laws alone
         found.DRIVES = {new.of["joints"][name]: kind for name, kind in module.DRIVES.items()}
         found.LOADS = tuple(new.of["loads"][name] for name in module.LOADS)
-        if hasattr(module, "BODIES"):
-            found.BODIES = {new.of["bodies"][name]: counts for name, counts in module.BODIES.items()}
         return found
     found.SCALARS = tuple((new.scalar(name), *rest) for name, *rest in module.SCALARS)
     bodies, joints = new.of["bodies"], new.of["joints"]

@@ -26,7 +26,7 @@ import numpy as np
 
 from kaneflex.fem.links import link_of_scene
 from kaneflex.fem.spatial_joined import held_nodes
-from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.mechanism.floating_frames import most_modes
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.spatial import spatial_mechanism_of
@@ -368,8 +368,8 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
             elif options.dynamics != "rigid" and elastic:
                 check_elastic(scene)
             structure_hash(acting(scene, options))
-            if not scene.is_spatial:
-                shape_counts(scene)
+            for name in () if scene.is_spatial else elastic:
+                most_modes(scene, name)
             if placed and scene.joints:
                 place(scene)
     except UserError as error:

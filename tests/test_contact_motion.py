@@ -16,7 +16,7 @@ from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.engine import build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.plots import motion, sensors
@@ -50,12 +50,12 @@ def scenes():
 
 def system_of(scene, *contacts, gravity=(0.0, -G), hinged=False):
     """The bodies of a scene with contacts; free, unless hinged."""
-    module, _ = find_coupled_module(scene, dict.fromkeys(scene.bodies, (0, 0, 0)), lambda stage: None)
+    (module, _), none = find_laws_module(scene, lambda stage: None), dict.fromkeys(scene.bodies, (0, 0))
     mechanism = replace(mechanism_of(scene), contacts={each.name: each for each in contacts}, gravity=gravity)
     if not hinged:
         mechanism = replace(mechanism, joints={}, drives={})
-    engine = build_engine(mechanism, module, Blocks(scene, module.BODIES, {}), bind_parameters(scene, module))
-    return CoupledSystem(module, engine, mechanism, {}, {})
+    engine = build_engine(mechanism, module, Blocks(scene, none, {}), bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, {}, {}, none)
 
 
 def body(k=0, point="start", at=ZERO):

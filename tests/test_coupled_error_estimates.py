@@ -202,7 +202,7 @@ def test_runs_that_go_on_and_given_shapes_are_continued_by_richer_models():
 
 def test_nothing_is_derived_for_a_richer_model(monkeypatch):
     found = solved(kaneflex.read_scene("four-bar-motor"), "solve.duration=0.05 s", "solve.steps=100")
-    monkeypatch.setattr(system, "find_coupled_module", lambda *_: pytest.fail("a module is looked for"))
+    monkeypatch.setattr(system, "find_laws_module", lambda *_: pytest.fail("a module is looked for"))
     estimates, reason = found.errors
     assert reason == "" and estimates["coupler_mid"].modes > 0.0 and estimates["coupler_mid"].elements > 0.0
 

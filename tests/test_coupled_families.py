@@ -17,7 +17,7 @@ def load(name, *settings):
 
 def squares(model, link):
     """Stiffness over mass of each transverse shape, the squares of a fixed link's frequencies where it is free."""
-    number, (axial, *_) = moments(model, link), model.coupled.module.BODIES[link]
+    number, (axial, _) = moments(model, link), model.coupled.counts[link]
     return number["stiffness"][axial:] / np.diag(number["mass_w_w"])
 
 

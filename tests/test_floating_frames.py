@@ -111,7 +111,7 @@ def moved_state(system, q, v, seed):
     random = np.random.default_rng(seed)
     q, v = q.copy(), v.copy()
     for name in system.start:
-        modal, axial = system.modal(name), system.module.BODIES[name][0]
+        modal, axial = system.modal(name), system.counts[name][0]
         q[modal], v[modal] = 5e-3 * random.normal(size=(2, modal.stop - modal.start))
         q[modal.start : modal.start + axial] *= 0.2
         v[modal.start : modal.start + axial] *= 2.0

@@ -8,7 +8,7 @@ from runs import STENCIL, model
 
 import kaneflex
 from kaneflex.derive.laws_module import generate_laws
-from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module, find_laws_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 
 SHIPPED = [name for name in sorted(shipped_scenes()) if read_scene(name).solve.preset == "coupled"]
@@ -109,10 +109,3 @@ def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused():
         safe.magnitudes(0.0, np.zeros(1), 0, p, np.zeros(1), 0)
     with pytest.raises(ValueError, match=r"does not hold the whole table of loads.gas.table"):
         safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
-
-
-def test_a_bound_module_says_which_bodies_have_shapes():
-    scene, laws = module("slider-crank-150-coupled")
-    found, seconds = find_coupled_module(scene, {"rod": (2, 3, 1)}, pytest.fail)
-    assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)} and seconds == 0.0
-    assert (found.courses, found.magnitudes) == (laws.courses, laws.magnitudes)

@@ -10,10 +10,8 @@ from runs import run, solved, tables
 
 from kaneflex.derive.generate import generate
 from kaneflex.derive.names import numbered
-from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.model.module_loading import (
     bind_parameters,
-    find_coupled_module,
     find_laws_module,
     find_module,
 )
@@ -53,17 +51,12 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     scene, plain = with_settings(read_scene(name), SCENES[name]), run(name, *SCENES[name])
     new = renaming.drawn(scene, 4)
     other = renaming.renamed(scene, new)
-    if scene.is_spatial:
-        spatial = renaming.under_new_names(find_laws_module(scene, quiet)[0], new)
-        finding = "kaneflex.solve.spatial_loading.find_laws_module"
-        monkeypatch.setattr(finding, lambda scene, progress: (spatial, 0.0))
-    modules = (None if scene.is_spatial else find_module(scene, quiet)[0]), None
-    if scene.solve.preset == "coupled":
-        modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]
-    rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)
-    monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))
-    find = "kaneflex.multibody.model.system.find_coupled_module"
-    monkeypatch.setattr(find, lambda scene, shapes, progress: (coupled, 0.0))
+    laws = renaming.under_new_names(find_laws_module(scene, quiet)[0], new)
+    for finding in ("solve.spatial_loading", "multibody.model.system"):
+        monkeypatch.setattr(f"kaneflex.{finding}.find_laws_module", lambda scene, progress: (laws, 0.0))
+    if not scene.is_spatial:
+        rigid = renaming.under_new_names(find_module(scene, quiet)[0], new)
+        monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))
     found = solved(other)
     for sensor, series in plain.series.items():
         base = sensor.removesuffix("_rigid")

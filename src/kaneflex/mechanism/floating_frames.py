@@ -1,4 +1,4 @@
-"""Floating frames of elastic links, and numbers of their shapes in the coupled equations.
+"""Floating frames of elastic links, and numbers of their modes in the coupled equations.
 
 Both follow from the positions of joints, loads and masses, before any number of the beam is known.
 """
@@ -150,7 +150,12 @@ def most_modes(scene: Scene, name: str) -> int:
     """Number of fixed-interface modes that a link's elements have."""
     beam = scene.bodies[name].beam
     assert beam is not None
-    return 2 * len(mesh(scene, name, beam.elements)) - 2 - _counts(scene, name, 0)[1]
+    found = stations(scene, name)
+    frame = frame_of(found)
+    away = [station for station in found if station.x not in (frame.at, frame.to)]
+    static = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
+    # a mean frame replaces one static shape, if there are any, by the rotation of the undeformed link
+    return 2 * len(mesh(scene, name, beam.elements)) - 2 - static + (frame.kind == "mean" and static > 0)
 
 
 def link_modes(scene: Scene, name: str) -> int:
@@ -162,31 +167,9 @@ def link_modes(scene: Scene, name: str) -> int:
     return min(asked, most_modes(scene, name) if beam.shapes == "craig-bampton" else beam.elements)
 
 
-def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Numbers of axial and of transverse shapes of each elastic link, and 1 if its start moves in its frame."""
-    return {
-        name: _counts(scene, name, link_modes(scene, name)) if body.elastic else body.modal.counts
-        for name, body in scene.bodies.items()
-        if body.elastic or body.modal is not None
-    }
-
-
 def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
     """Number of axial modes of a link: one per three bending modes (rounded up), at most what its elements have."""
     return min(-(-modes // 3), max(0, elements + 1 - stations_of_link))
-
-
-def _counts(scene: Scene, name: str, modes: int) -> tuple[int, ...]:
-    found, beam = stations(scene, name), scene.bodies[name].beam
-    frame = frame_of(found)
-    away = [station for station in found if station.x not in (frame.at, frame.to)]
-    held = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
-    others = len(away) + (frame.kind in IN_THE_MEAN)
-    axial = 0 if beam.axially_rigid else others + axial_modes(modes, beam.elements, others + 1)
-    # A mean frame replaces one static shape, if there are any, by the rotation of the undeformed link. A free frame
-    # also replaces its transverse displacement: it has as many shapes as a chord.
-    moves = (1,) * (frame.kind in IN_THE_MEAN or frame.at > 0)
-    return axial, held + modes - (frame.kind == "mean" and held > 0), *moves
 
 
 def shapes_given(scene: Scene) -> tuple[str, ...]:
@@ -195,6 +178,6 @@ def shapes_given(scene: Scene) -> tuple[str, ...]:
         f"{name}.{kind}_{k}"
         for name, body in scene.bodies.items()
         if body.modal is not None
-        for kind, count in zip(("axial", "transverse"), body.modal.counts[:2], strict=True)
+        for kind, count in zip(("axial", "transverse"), body.modal.counts, strict=True)
         for k in range(count)
     )

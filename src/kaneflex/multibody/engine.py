@@ -414,6 +414,6 @@ class Engine:
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """Engine of a mechanism with its structure's module and the module's parameters; at rest, loops not closed."""
     switches = len(getattr(module, "SWITCHES", ()))
-    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, blocks, mechanism.size, switches)
+    tables, layout, (real, pair) = build_tables(mechanism, blocks.counts, blocks, mechanism.size, switches)
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
     return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))

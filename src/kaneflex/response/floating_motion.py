@@ -167,7 +167,7 @@ class FloatingMotion(Motion):
         """
         t, system = self.trajectory, self.system
         still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
-                                for b, (axial, *_) in system.module.BODIES.items()]).astype(int)  # fmt: skip
+                                for b, (axial, _) in system.counts.items()]).astype(int)  # fmt: skip
         if not len(still):
             return self
         try:

@@ -102,10 +102,8 @@ class ModalData:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Numbers of axial and of transverse shapes, and 1 if the start moves in the link's frame."""
-        start = self.arrays["X"] == 0
-        moves = any(self.arrays[name][start].any() for name in ("s", "w", "H"))
-        return len(self.arrays["mass_s"]), len(self.arrays["mass_w"]), *(1,) * moves
+        """Numbers of axial and of transverse shapes."""
+        return len(self.arrays["mass_s"]), len(self.arrays["mass_w"])
 
     @property
     def rotary(self) -> bool:

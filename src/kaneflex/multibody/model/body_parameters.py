@@ -26,7 +26,7 @@ class Blocks:
     Attributes
     ----------
     counts : mapping
-        Body -> numbers of axial and transverse shapes; without rigid bodies.
+        Body -> numbers of axial and transverse shapes, by default none.
     shapes : mapping
         Shapes of links; other elastic bodies have modal data from a file.
     """
@@ -40,7 +40,7 @@ class Blocks:
         return {name: body_data(self.scene, name, self.shapes) for name in self.scene.bodies}
 
     def _counts(self, body: str) -> Sequence[int]:
-        return self.counts.get(body, (0, 0))[:2]
+        return self.counts.get(body, (0, 0))
 
     def body(self, name: str) -> np.ndarray:
         """Numbers of a body."""

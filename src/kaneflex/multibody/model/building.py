@@ -100,9 +100,9 @@ def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
     return found.sharing(model)
 
 
-def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
-    """Elastic links of a planar scene."""
-    return {
+def _links(scene: Scene, options: Options, motion: RigidKinematics) -> Mapping[str, Link]:
+    """Elastic links of a planar scene; under preset coupled those of its equations."""
+    return getattr(motion.module, "links", None) or {
         name: link_of_scene(scene, name, options.elements or body.beam.elements, motion.module)
         for name, body in scene.bodies.items()
         if body.elastic
@@ -309,7 +309,7 @@ def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: floa
 
 
 def _parts(
-    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}

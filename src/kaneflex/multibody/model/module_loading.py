@@ -7,10 +7,10 @@ import importlib
 import importlib.util
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,22 +46,12 @@ def laws_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     return generate_laws(scene, progress)
 
 
-Counts = Mapping[str, tuple[int, ...]]
-"""Elastic link -> numbers of axial and transverse shapes."""
-
-
-def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
-    """Module of a planar scene's drives and loads, with the element of its links, and numbers of shapes in BODIES."""
-    laws, seconds = find_laws_module(scene, progress)
-    counts = {name: (*shapes.get(name, ()), 0, 0, 0)[:3] for name in scene.bodies}
-    profiles, element = [body.profile for body in scene.bodies.values() if body.elastic], dict[str, Any]()
-    if profiles:
-        has = {of: any(getattr(profile, of) for profile in profiles) for of in ("rotary", "shear", "varying")}
-        has["rotary"] |= has["shear"]
-        element = vars(importlib.import_module(f"kaneflex.generated.{beam_module(**has)}"))
-    found = ModuleType(laws.__name__)
-    vars(found).update(element | vars(laws) | {"SCALARS": (), "BODIES": counts})
-    return found, seconds
+def element_of(scene: Scene) -> Any:
+    """Leanest element that serves every elastic link of a planar scene, without scalars of a motion."""
+    profiles = [body.profile for body in scene.bodies.values() if body.elastic]
+    has = {of: any(getattr(profile, of) for profile in profiles) for of in ("rotary", "shear", "varying")}
+    beam = beam_module(has["rotary"] or has["shear"], has["shear"], has["varying"])
+    return SimpleNamespace(**vars(importlib.import_module(f"kaneflex.generated.{beam}")), SCALARS=())
 
 
 def _find(

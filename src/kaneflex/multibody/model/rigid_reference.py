@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaneflex.fem.links import Link
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement
@@ -76,7 +77,7 @@ class RigidTwin:
         return self.system.module.__file__
 
     def __getattr__(self, name: str) -> object:
-        """Other attributes are those of the structure's coupled module."""
+        """Other attributes are those of the module of the laws."""
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self.system.module, name)
@@ -85,6 +86,11 @@ class RigidTwin:
     def FREE(self) -> tuple[str, ...]:
         """Free joints, then the free coordinates of bodies."""
         return self.mechanism.free
+
+    @property
+    def links(self) -> Mapping[str, Link]:
+        """Elastic links of the coupled mechanism."""
+        return self.system.links
 
     @property
     def engine(self) -> Engine:
@@ -338,11 +344,11 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
     placed = replace(mechanism, drives=drives, contacts={}, observed=(), frictions={})
-    bodies = dict.fromkeys(mechanism.bodies, (0, 0, 0))
     laws = tabulated_inputs
-    module: Any = SimpleNamespace(BODIES=bodies, courses=laws.courses, magnitudes=laws.magnitudes)
+    module: Any = SimpleNamespace(courses=laws.courses, magnitudes=laws.magnitudes)
     place = np.array([[start.drives[name], 0.0, 0.0] for name in drives])
     p = tabulated_inputs.parameters(place.reshape(1, -1), np.zeros((1, len(mechanism.loads))))
-    engine = build_engine(placed, module, Blocks(scene, {}, {}), p)
+    none = dict.fromkeys(mechanism.bodies, (0, 0))
+    engine = build_engine(placed, module, Blocks(scene, none, {}), p)
     engine = replace(engine, shared=system.engine.handed)  # one library for both: compiling another takes as long again
-    return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}), start)
+    return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}, none), start)

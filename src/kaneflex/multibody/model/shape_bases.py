@@ -68,6 +68,7 @@ def _shapes(
     """
     d, beam, found = link.dofs, scene.bodies[link.name].beam, list[np.ndarray]()
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
+    assert beam is not None
     most, turning = K.shape[0], [3 + "xyz".index(axis) for axis in freed]
     for kind, rigid in _KINDS[: 2 * d // 3]:
         if kind == (0,) and beam.axially_rigid:

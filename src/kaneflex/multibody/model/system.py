@@ -1,17 +1,16 @@
-"""A scene bound to its coupled module: tables of the engine, parameters, and the layout of the state."""
+"""A scene bound to the module of its laws: tables of the engine, parameters, and the layout of the state."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import ModuleType, SimpleNamespace
-from typing import cast
+from types import ModuleType
 
 import numpy as np
 
 from kaneflex.fem.links import Link, link_of_scene
-from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes, shape_counts
+from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import Constraints, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import BodyPoint
@@ -19,7 +18,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.module_loading import bind_parameters, find_coupled_module
+from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
 from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
@@ -40,11 +39,13 @@ class CoupledSystem:
     Attributes
     ----------
     module : ModuleType
-        Generated: bodies and joints, courses of drives and sizes of loads.
+        Generated: courses of drives and sizes of loads.
     engine : Engine
     mechanism : NumericMechanism
     links, shapes : mapping of str
         Finite elements and modal coordinates of every elastic link.
+    counts : mapping of str
+        Body -> numbers of its axial and transverse shapes.
     undetermined : tuple of str
         Names among ``constraints`` of statically indeterminate reactions, which are NaN.
     """
@@ -54,6 +55,7 @@ class CoupledSystem:
     mechanism: NumericMechanism
     links: Mapping[str, Link]
     shapes: Mapping[str, Shapes]
+    counts: Mapping[str, tuple[int, ...]]
     undetermined: tuple[str, ...] = ()
 
     @property
@@ -65,7 +67,7 @@ class CoupledSystem:
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
         found: list[tuple[str, str]] = []
-        for body, (axial, transverse, *_) in self.module.BODIES.items():
+        for body, (axial, transverse) in self.counts.items():
             found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
             found += [(f"{body}.axial_{k}", "m") for k in range(axial)]
             found += [(f"{body}.transverse_{k}", "m") for k in range(transverse)]
@@ -88,15 +90,15 @@ class CoupledSystem:
     def start(self) -> dict[str, int]:
         """Body -> first place of its coordinates in q."""
         found, offset = {}, 0
-        for name, (axial, transverse, *_) in self.module.BODIES.items():
+        for name, (axial, transverse) in self.counts.items():
             found[name] = offset
             offset += BODY + axial + transverse
         return found
 
     def modal(self, body: str) -> slice:
         """Places of a body's modal coordinates in q."""
-        first, (axial, transverse, *_) = self.start[body] + BODY, self.module.BODIES[body]
-        return slice(first, first + axial + transverse)
+        first = self.start[body] + BODY
+        return slice(first, first + sum(self.counts[body]))
 
     @cached_property
     def order(self) -> np.ndarray:
@@ -249,39 +251,39 @@ class Unfolded:
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
-    """Find or derive the coupled module of a scene, and bind its numbers.
+    """Find or derive the module of a scene's laws, and bind its numbers.
 
     Returns the system and the seconds spent on deriving its module.
     """
-    counts = shape_counts(scene)
-    beams = [name for name in counts if scene.bodies[name].elastic]
+    beams = [name for name, body in scene.bodies.items() if body.elastic]
     for name in beams:
         check_modes(scene, name)
-    module, seconds = find_coupled_module(scene, counts, progress)
-    return _bound(scene, module, *_deforming(scene, module, beams)), seconds
+    module, seconds = find_laws_module(scene, progress)
+    return _bound(scene, module, *_deforming(scene, beams)), seconds
 
 
-def _deforming(scene: Scene, module: ModuleType, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
+def _deforming(scene: Scene, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
     """Links and shapes of beams."""
-    links = _links(scene, module, names)
+    links = _links(scene, names)
     return links, {name: link_shapes(scene, link, link_modes(scene, name)) for name, link in links.items()}
 
 
-def _links(scene: Scene, module: ModuleType, names: Iterable[str]) -> dict[str, Link]:
-    stretching = with_stretch(scene)
-    return {name: link_of_scene(stretching, name, scene.bodies[name].beam.elements, module) for name in names}
+def _links(scene: Scene, names: Iterable[str]) -> dict[str, Link]:
+    stretching, element = with_stretch(scene), element_of(scene)
+    return {name: link_of_scene(stretching, name, scene.bodies[name].beam.elements, element) for name in names}
 
 
 def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
     mechanism = mechanism_of(scene)
-    blocks = Blocks(scene, module.BODIES, shapes)
-    engine = build_engine(mechanism, module, blocks, bind_parameters(scene, module))
-    return CoupledSystem(module, engine, mechanism, links, shapes)
+    counts = {name: shapes[name].counts if name in shapes else (0, 0) if body.modal is None else body.modal.counts
+              for name, body in scene.bodies.items()}  # fmt: skip
+    engine = build_engine(mechanism, module, Blocks(scene, counts, shapes), bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, links, shapes, counts)
 
 
 def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
     """System of a scene with other numbers; ``frozen`` keeps the space spanned by its shapes."""
-    links, shapes = _links(scene, system.module, system.links), {}
+    links, shapes = _links(scene, system.links), {}
     for name, link in links.items():
         before = system.shapes[name]
         found = spanned(scene, before, link) if frozen else link_shapes(scene, link, link_modes(scene, name))
@@ -292,11 +294,9 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
 def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
     """System of a scene with other numbers of elements and shapes of its links.
 
-    It uses the same module with these numbers: no equations are derived.
+    It uses the same module: no equations are derived.
     """
-    counts = {name: (*numbers, 0, 0, 0)[:3] for name, numbers in shape_counts(scene).items()}
-    module = cast(ModuleType, SimpleNamespace(**vars(system.module) | {"BODIES": system.module.BODIES | counts}))
-    return _bound(scene, module, *_deforming(scene, module, system.links))
+    return _bound(scene, system.module, *_deforming(scene, system.links))
 
 
 def check_modes(scene: Scene, name: str) -> None:
