@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 26,
     "integrate": 13,
     "mechanism": 24,
-    "multibody": 40,
+    "multibody": 36,
     "plots": 31,
     "report": 5,
     "response": 40,
