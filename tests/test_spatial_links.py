@@ -12,7 +12,9 @@ from runs import model
 from scipy.linalg import eig, eigh
 
 from kaneflex.fem.assembly import assemble
-from kaneflex.fem.links import SpatialLink, build_link, craig_bampton, with_rayleigh
+from kaneflex.fem.element_terms import terms_of_elements
+from kaneflex.fem.links import build_link, craig_bampton, with_rayleigh
+from kaneflex.fem.spatial_links import SpatialLink
 from kaneflex.mechanism.affine import Affine, as_array
 from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
 from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
@@ -30,8 +32,10 @@ def module(name: str):
     return importlib.import_module(f"kaneflex.generated.spatial_beam_{name}")
 
 
-def built(name, nodes, at, *more) -> SpatialLink:
-    return build_link(SpatialLink, name, nodes, element_parameters(at, nodes), *more)
+def built(name, nodes, at, module, mu=None) -> SpatialLink:
+    parameters = element_parameters(at, nodes)
+    terms = terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)
+    return build_link(SpatialLink, name, nodes, parameters, terms)
 
 
 def link(elements: int, at: Properties = FLAT, length: float = 1.5, theory: str = "euler_bernoulli", mu=None):

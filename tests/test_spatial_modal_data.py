@@ -10,7 +10,7 @@ from command_line import cli, refused
 from runs import solved
 
 import kaneflex
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.shape_bases import spatial_shapes

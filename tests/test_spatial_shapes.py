@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from kaneflex.derive.body_proof import NotKane
 from kaneflex.derive.body_space_proof import comparisons, prove
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
 from kaneflex.multibody.model.shape_moments import ShapeMoments

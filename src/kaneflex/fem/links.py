@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
+from kaneflex.fem.element_terms import chain, shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
-from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
-from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
 
-_SAME = 1e-9
+SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
 
 GAUSS = np.polynomial.legendre.leggauss(5)
@@ -99,7 +96,7 @@ class Link:
     def node_at(self, x: float) -> int | None:
         """Index of the node at distance x [m] from the start; None without one."""
         index = int(np.argmin(abs(self.nodes - x)))
-        return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
+        return index if abs(self.nodes[index] - x) <= SAME * self.length else None
 
     def locate(self, x: float) -> tuple[int, float]:
         """Element at distance x [m] from the start, and the distance from its own start [m]."""
@@ -169,66 +166,26 @@ class Link:
         return coordinates[[row for rows in self.part.place.values() for row in rows]]
 
 
-class SpatialLink(Link):
-    """An elastic link in space, with y and z along the principal axes of its sections; element matrices are 12 x 12."""
-
-    dofs = 6
-    names = SPATIAL_NODE
-    slopes = slice(6, 8)
-    shortening = slice(6, 9)
-    motions = (0, 1, 2, 3, 4, 5)
-    bent = MappingProxyType({1: (5, 1.0), 2: (4, -1.0)})  # M_z'' = p_y, M_y'' = -p_z
-    densities = ("rho_A", "rho_I_z", "rho_I_y")
-
-    def rigid_motion(self, x: float) -> np.ndarray:
-        return at_point(np.array([x, 0.0, 0.0]))
-
-    @staticmethod
-    def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
-        """Rows u, v, w, theta_x, theta_y, theta_z, v', w', and the twist by which an axial force stiffens torsion (that
-        times the radius of gyration, after Wagner), (..., 9, 12)."""
-        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
-        return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
-
-
-def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType | None = None) -> Link:
-    """The link of an elastic body, its mesh that of :func:`kaneflex.mechanism.floating_frames.mesh`.
-
-    ``module``: that of the scene in the plane, with the kernels of its elements. Beyond a point, or in space a node,
-    where joints or loads act, the axial force is higher by ``name.link.jump_POINT``.
-    """
+def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType) -> Link:
+    """Link of an elastic body in the plane, with the element kernels of the scene's module."""
     body, nodes = scene.bodies[name], mesh(scene, name, elements)
-    profile, viscous = body.profile, None if scene.damping is None else scene.damping.viscous
-    mu, kind = None if viscous is None else viscous.mu, Link if module is not None else SpatialLink
     assert body.beam is not None  # as of any elastic body
-    if module is None:
-        beam = spatial_beam_module(profile.rotary, profile.shear, profile.varying)
-        module = import_module(f"kaneflex.generated.{beam}")
-        parameters = profile.elements(nodes)
-        beyond = {str(node): nodes[node] for node in jumps(scene, name, nodes)}
-    else:
-        parameters = profile.planar_elements(nodes)
-        known = {scalar for scalar, *_ in module.SCALARS}  # no jump where there is no axial load
-        beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
-    also = _spread_terms(scene, name, parameters, kind)
-    return build_link(kind, name, nodes, parameters, module, mu, beyond, also, body.beam.axially_rigid)
-
-
-def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:
-    """Nodes between a link's ends at which joints or loads act."""
-    places = set(forced_points(scene, name).values())
-    return tuple(k for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= _SAME * nodes[-1] for at in places))
+    parameters, known = body.profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
+    # no jump where there is no axial load
+    jumps = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
+    terms = terms_of_link(scene, name, parameters, module, Link)
+    return build_link(Link, name, nodes, parameters, terms, jumps, body.beam.axially_rigid)
 
 
 def build_link(
-    kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray], module: ModuleType,
-    mu: float | None = None, jumps: Mapping[str, float] = MappingProxyType({}),
-    also: Iterable[tuple[tuple[str, Monomial], np.ndarray]] = (), axially_rigid: bool = False,
+    kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray],
+    terms: Iterable[tuple[tuple[str, Monomial], np.ndarray]], jumps: Mapping[str, float] = MappingProxyType({}),
+    axially_rigid: bool = False,
 ) -> Link:  # fmt: skip
-    """Assemble the constant matrices of a link from the element kernels of its module.
+    """Assemble the constant matrices of a link from the terms of its elements and of the loads along it.
 
-    Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
-    result has no more entries than the chain of elements, whatever its length.
+    Every term is added into a sparse matrix of its own, so that the result has no more entries than the chain of
+    elements, whatever its length.
 
     Parameters
     ----------
@@ -236,21 +193,18 @@ def build_link(
         The body's; the scalars of its frame are called ``name.link.a_x`` and so on.
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m], ascending from 0.
-    mu : float, optional
-        Damping by a force for each length and velocity [N s/m^2].
+    terms : iterable of ((key, monomial), ndarray (elements, n, n or 1))
+        See :func:`terms_of_link`.
     jumps : mapping of str to float
         Distance [m] beyond which the axial force is higher by the scalar ``name.link.jump_KEY`` of the motion.
-    also : iterable of ((key, monomial), ndarray (elements, n, n or 1))
-        Terms of loads along the link.
     """
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
-    terms = terms_of_elements(module, parameters, lambda factor: _scalar(name, factor), mu)
-    for key, blocks in (*terms, *also):
+    for key, blocks in terms:
         sums[key] = sums.get(key, 0.0) + blocks
     tensioned = sums.get(("K_g", (f"{name}.link.P_0",)))  # none in a module without the geometric stiffness
     for label, x in jumps.items() if tensioned is not None else ():
         # Beyond a force between the ends P increases by a constant: the matrix is that of P_0, from there on.
-        beyond = nodes[:-1] > x - _SAME * nodes[-1]
+        beyond = nodes[:-1] > x - SAME * nodes[-1]
         sums["K_g", (f"{name}.link.jump_{label}",)] = tensioned * beyond[:, None, None]
     coordinates, place = node_coordinates(name, len(nodes), axially_rigid, kind.names)
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
@@ -284,13 +238,16 @@ def spread_terms(
             yield load_name, load, F[..., None], -np.einsum("eg,egan,egam->enm", pull, slopes, slopes)
 
 
-def _spread_terms(
-    scene: Scene, link: str, parameters: Mapping[str, np.ndarray], kind: type[Link]
+def terms_of_link(
+    scene: Scene, link: str, parameters: Mapping[str, np.ndarray], module: ModuleType, kind: type[Link]
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
-    """Terms of the loads distributed along a link, with a matrix for each element.
+    """Terms of a link's elements and of the loads distributed along it, with a matrix for each element.
 
     K_g holds the growth of the axial force by the load; a fixed structure has no known P_0, and no such growth.
     """
+    viscous = None if scene.damping is None else scene.damping.viscous
+    mu = None if viscous is None else viscous.mu
+    yield from terms_of_elements(module, parameters, lambda factor: _scalar(link, factor), mu)
     for name, load, F, K_g in spread_terms(scene, link, parameters, kind):
         x, y, *_ = load.direction or ()
         parts: dict[Monomial, tuple[float, ...]] = {(name,): (x, y)}

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from kaneflex.mechanism import spatial_frame
 from kaneflex.mechanism.body_frame import normal
 from kaneflex.mechanism.planar import cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -151,7 +150,11 @@ def _of_sections(before: Inertia, rotary: bool, omega: np.ndarray, epsilon: np.n
 
 def moment_of(arm: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Moment of a force at an arm: arm x force, in the plane about z."""
-    return np.asarray(cross(arm, force) if len(force) == 2 else spatial_frame.cross(arm, force))
+    if len(force) == 2:
+        return np.asarray(cross(arm, force))
+    from kaneflex.mechanism import spatial_frame
+
+    return spatial_frame.cross(arm, force)
 
 
 def spread_loads(

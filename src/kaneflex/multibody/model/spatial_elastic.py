@@ -12,9 +12,10 @@ import numpy as np
 from kaneflex.fem.assembly import Placed, load_on_link, pushed_nodes, sparse_part, with_pushes
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
-from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
+from kaneflex.fem.links import Link, Part, craig_bampton, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
+from kaneflex.fem.spatial_links import jumps, link_of_scene
 from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
