@@ -216,14 +216,10 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.worst is not None:
         changes = (effect.worst.sensor, percent(effect.worst.peak_share), percent(effect.rms))
-    times = ("", "")
-    if effect.ns_per_step is not None:
-        noise = "" if effect.noise_ns is None else f"{effect.noise_ns:.0f}"
-        times = (f"{effect.ns_per_step:+.0f}", noise)
-    operations = "" if effect.operations is None else f"{effect.operations:+d}"
-    needed = "yes" if effect.needed else "no"
-    by = "price" if effect.priced else "run"
-    return (effect.group.name, effect.group.meaning, needed, by, *changes, operations, *times)
+    numbers = ((effect.operations, "+d"), (effect.ns_per_step, "+.0f"), (effect.noise_ns, ".0f"))
+    needed, by = "yes" if effect.needed else "no", "price" if effect.priced else "run"
+    own = (effect.group.name, effect.group.meaning, needed, by, *changes)
+    return (*own, *("" if number is None else format(number, form) for number, form in numbers))
 
 
 Row = dict[str, object]
@@ -233,8 +229,14 @@ Data = tuple[dict[str, object], list[Row]]
 
 def trade_data(found: Trade) -> Data:
     """Content of ``trade.json`` and ``trade.csv``: times in s, errors as shares of the reference's peaks."""
-    reference = found.reference
-    rows = [_ranked_data(found, entry) for entry in found.ranked]
+    reference, rows, models = found.reference, list[Row](), list[Row]()
+    for entry in found.ranked:
+        cost, error, own = asdict(entry.cost), entry.worst, {"good_enough": found.good_enough(entry)}
+        own |= {"on_front": entry in found.front}
+        own |= {name: cost[name.removesuffix("_s")] for name in _COSTS}
+        rows.append({"model": entry.name, "error": entry.error, "worst_sensor": error.sensor, "rms": entry.rms, **own})
+        more = {"settings": list(found.settings_of(entry)), "cost": cost, "sensors": _shares(entry.differences)}
+        models.append(rows[-1] | more)
     return {
         "reference": {
             "name": reference.name,
@@ -245,33 +247,11 @@ def trade_data(found: Trade) -> Data:
         },
         "chosen": None if found.chosen is None else found.chosen.name,
         "front": [entry.name for entry in found.front],
-        "models": [
-            row
-            | {"settings": list(found.settings_of(entry)), "cost": asdict(entry.cost)}
-            | {"sensors": _shares(entry.differences)}
-            for row, entry in zip(rows, found.ranked, strict=True)
-        ],
+        "models": models,
     }, rows
 
 
-def _ranked_data(found: Trade, entry: Ranked) -> Row:
-    cost = entry.cost
-    return {
-        "model": entry.name,
-        "error": entry.error,
-        "worst_sensor": entry.worst.sensor,
-        "rms": entry.rms,
-        "good_enough": found.good_enough(entry),
-        "on_front": entry in found.front,
-        "set_up_s": cost.set_up,
-        "ns_per_step": cost.ns_per_step,
-        "steps": cost.steps,
-        "read_s": cost.read,
-        "total_s": cost.total,
-        "spread": cost.spread,
-        "repeats": cost.repeats,
-        "first_s": cost.first,
-    }
+_COSTS = ("set_up_s", "ns_per_step", "steps", "read_s", "total_s", "spread", "repeats", "first_s")
 
 
 def price_data(found: Prices) -> Data:
@@ -289,41 +269,24 @@ def price_data(found: Prices) -> Data:
                 row |= {f"{key}_with": one, f"{key}_without": other, f"{key}_change": known(share)}
                 row[f"{key}_doubt"] = known(doubt)
             rows.append(row | {"matters": change.matters(found.tolerance)})
-    return {
-        "parts": [
-            {"part": each.part, "without": list(each.settings), "gone": list(each.gone),
-             "sensors": [row for row in rows if row["part"] == each.part]}
-            for each in found.prices
-        ],
-    }, rows  # fmt: skip
+    return {"parts": [
+        {"part": each.part, "without": list(each.settings), "gone": list(each.gone),
+         "sensors": [row for row in rows if row["part"] == each.part]} for each in found.prices
+    ]}, rows  # fmt: skip
 
 
 def terms_data(found: Terms) -> Data:
     """Content of ``terms.json`` and ``terms.csv``: times in s or ns, changes as shares of each sensor's peak."""
-    rows = [_effect_data(effect) for effect in found.effects]
+    rows = []
+    for effect in found.effects:
+        most, own = effect.worst, ("rms", "needed", "operations", "ns_per_step", "noise_ns", "reason")
+        change = {"change": most and most.peak_share, "worst_sensor": most and most.sensor}
+        about: Row = {"group": effect.group.name, "meaning": effect.group.meaning, "priced": effect.priced}
+        rows.append(about | change | {name: getattr(effect, name) for name in own})
+    groups = zip(rows, found.effects, strict=True)
     return {
-        "full": asdict(found.full),
-        "groups": [
-            row | {"sensors": _shares(effect.differences)} for row, effect in zip(rows, found.effects, strict=True)
-        ],
-    }, rows
-
-
-def _effect_data(effect: Effect) -> Row:
-    most = effect.worst
-    return {
-        "group": effect.group.name,
-        "meaning": effect.group.meaning,
-        "priced": effect.priced,
-        "change": None if most is None else most.peak_share,
-        "worst_sensor": None if most is None else most.sensor,
-        "rms": effect.rms,
-        "needed": effect.needed,
-        "operations": effect.operations,
-        "ns_per_step": effect.ns_per_step,
-        "noise_ns": effect.noise_ns,
-        "reason": effect.reason,
-    }
+        "full": asdict(found.full), "groups": [row | {"sensors": _shares(effect.differences)} for row, effect in groups]
+    }, rows  # fmt: skip
 
 
 def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:

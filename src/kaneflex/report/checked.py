@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
-from kaneflex.mechanism.closure import Courses, courses_of, instants
+from kaneflex.mechanism.closure import courses_of, instants
 from kaneflex.mechanism.dead_centres import Closing, closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.bound_model import Model
@@ -76,23 +76,18 @@ def notes(model: Model) -> Iterator[str]:
 
 def _closings(model: Model) -> list[Closing]:
     def find() -> list[Closing]:
-        times = _times(model)
         if model.scene.is_spatial:
             from kaneflex.multibody.time.spatial_motion import SpatialKinematics, firmness
 
             assert isinstance(model.motion, SpatialKinematics)
-            return firmness(model.motion, times)
-        return closings(model.scene, _courses(model, times))
+            return firmness(model.motion, _times(model))
+        return closings(model.scene, courses_of(model.scene, model.motion.at(_times(model))))
 
     return _CLOSINGS.of(model, find)
 
 
 def _times(model: Model) -> np.ndarray:
     return instants(model.scene) if is_followed(model) else np.zeros(1)
-
-
-def _courses(model: Model, times: np.ndarray) -> Courses:
-    return courses_of(model.scene, model.motion.at(times))
 
 
 def _mobility(model: Model) -> Blocks:
@@ -110,7 +105,9 @@ def _mobility(model: Model) -> Blocks:
         (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))
     mechanism = mechanism_of(model.scene)
-    by_rank = None if mechanism.frame else mobility_by_rank(mechanism, _courses(model, _times(model)))
+    by_rank = None
+    if not mechanism.frame:
+        by_rank = mobility_by_rank(mechanism, courses_of(model.scene, model.motion.at(_times(model))))
     return mobility(count_freedom(mechanism), None, by_rank)
 
 

@@ -125,12 +125,11 @@ def _options(model: Model) -> dict[str, str]:
         elements = {name: len(link.nodes) - 1 for name, link in model.links.items()}
         if model.scene.is_spatial:  # whose shapes are the motion's own
             elements = {name: options.elements or body.beam.elements for name, body in bodies.items() if body.beam}
-        if not elements:
-            modal = any(body.modal is not None for body in bodies.values())
-            shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"
-            return shown
-        shown["shapes"] = f"static ones and {options.modes} modes of each link"
-        shown["elements"] = ", ".join(f"{name} {count}" for name, count in elements.items())
+        modal = any(body.modal is not None for body in bodies.values())
+        shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"
+        if elements:
+            shown["shapes"] = f"static ones and {options.modes} modes of each link"
+            shown["elements"] = ", ".join(f"{name} {count}" for name, count in elements.items())
         return shown
     if dynamics in ("dynamic", "frozen"):
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"
@@ -203,26 +202,17 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
         "bodies": (3 * count.bodies, f"{count.bodies} with 3 each"),
         "joints": (-sum(count.constraints.values()), taken),
         "drives": (-len(count.prescribed), ", ".join(count.prescribed)),
-        "free joints": (-len(count.free), ", ".join(count.free)),
-        "free bodies": (-3 * len(count.floating), ", ".join(count.floating)),
+        **({"free joints": (-len(count.free), ", ".join(count.free))} if count.free else {}),
+        **({"free bodies": (-3 * len(count.floating), ", ".join(count.floating))} if count.floating else {}),
         "left": (count.left, count.verdict),
     }
-    for what, names in (("free joints", count.free), ("free bodies", count.floating)):
-        if not names:
-            del rows[what]
     if by_rank is not None and by_rank != count.mobility and not count.still:
-        rows["by rank"] = (by_rank, _overconstrained(by_rank - count.mobility))
+        reason = "redundant for these lengths and angles, so reactions are statically indeterminate"
+        told = f"without drives, by the rank of the constraints: {by_rank - count.mobility} {reason}"
+        rows["by rank"] = (by_rank, f"{told}; preset coupled supports this")
     if elastic is not None:
         rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
     return {"degrees of freedom": {name: f"{n:4d}  {text}".rstrip() for name, (n, text) in rows.items()}}
-
-
-def _overconstrained(twice: int) -> str:
-    """Explanation for joints that leave more degrees of freedom than Gruebler's formula counts."""
-    return (
-        f"without drives, by the rank of the constraints: {twice} redundant for these lengths and angles, so "
-        "reactions are statically indeterminate; preset coupled supports this"
-    )
 
 
 def closing_lines(found: Sequence[Closing]) -> dict[str, str]:

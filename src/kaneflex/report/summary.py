@@ -195,19 +195,14 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         stresses=_stresses(solution) if len(times) else {},
         choice=choice,
         timing=Timing(
-            derive_s=seconds["derive"],
-            compile_s=seconds["compile"],
-            set_up_s=seconds["set_up"],
-            integrate_s=solution.seconds,
+            **{f"{key}_s": seconds[key] for key in ("derive", "compile", "set_up")}, integrate_s=solution.seconds,
             ns_per_step=trajectory.ns_per_step,
         ),
-        operations={
-            kernel: Operations(written_out=written_out, shared=shared)
-            for kernel, (written_out, shared) in model.module.OPERATIONS.items()
-        },
+        operations={kernel: Operations(written_out=written_out, shared=shared)
+                    for kernel, (written_out, shared) in model.module.OPERATIONS.items()},
         sensitivities={},
         **_of_its_preset(solution),
-    )
+    )  # fmt: skip
 
 
 def _of_its_preset(solution: Solution) -> dict[str, Any]:
@@ -229,11 +224,9 @@ def _of_its_preset(solution: Solution) -> dict[str, Any]:
 
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
-    degrees, (errors, _) = drive_degrees(solution), solution.errors
-    return {
-        name: _sensor(series, solution.statistics(name), solution.times, degrees, errors.get(name))
-        for name, series in solution.series.items()
-    }
+    degrees, (errors, _), times = drive_degrees(solution), solution.errors, solution.times
+    return {name: _sensor(series, solution.statistics(name), times, degrees, errors.get(name))
+            for name, series in solution.series.items()}  # fmt: skip
 
 
 def _stresses(solution: Solution) -> dict[str, StressSummary]:
@@ -256,23 +249,12 @@ def _instant(times: np.ndarray, degrees: np.ndarray | None, index: int) -> Insta
 
 
 def _sensor(
-    series: Series,
-    found: Statistics,
-    times: np.ndarray,
-    degrees: np.ndarray | None,
-    error: ErrorEstimate | None = None,
+    series: Series, found: Statistics, times: np.ndarray, degrees: np.ndarray | None, error: ErrorEstimate | None = None
 ) -> SensorSummary:
-    return SensorSummary(
-        unit=series.unit,
-        meaning=series.meaning,
-        min=found.min,
-        max=found.max,
-        at_min=_instant(times, degrees, found.at_min),
-        at_max=_instant(times, degrees, found.at_max),
-        rms=found.rms,
-        mean=found.mean,
-        plus_minus=None if error is None else SensorError(**asdict(error)),
-    )
+    own: dict[str, Any] = found._asdict()
+    own |= {key: _instant(times, degrees, own[key]) for key in ("at_min", "at_max")}
+    own["plus_minus"] = None if error is None else SensorError(**asdict(error))
+    return SensorSummary(unit=series.unit, meaning=series.meaning, **own)
 
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:
@@ -299,13 +281,9 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     energy = solution.energy
     if energy is None or not len(solution.times):
         return None
-    return EnergyBalance(
-        stored=energy.stored[-1] - energy.stored[0],
-        dissipated=energy.dissipated[-1],
-        supplied=energy.supplied[-1],
-        gap=abs(energy.gap).max(),
-        drift=energy.drift,
-    )
+    exchanged = {"dissipated": energy.dissipated[-1], "supplied": energy.supplied[-1]}
+    stored = energy.stored[-1] - energy.stored[0]
+    return EnergyBalance(stored=stored, **exchanged, gap=abs(energy.gap).max(), drift=energy.drift)
 
 
 def json_schema() -> dict[str, Any]:

@@ -41,11 +41,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
 
     def line(cells: Sequence[str]) -> str:
-        placed = [
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ]
-        return "  ".join(placed).rstrip()
+        sized = enumerate(zip(cells, widths, strict=True))
+        return "  ".join(cell.ljust(size) if k < left else cell.rjust(size) for k, (cell, size) in sized).rstrip()
 
     return "\n".join([click.style(line(head), bold=True), *map(line, rows)])
 
@@ -99,14 +96,11 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
 
 def more_tables(summary: Summary) -> Iterator[tuple[str, str]]:
     """Titles and tables that only some runs have."""
-    of = {
-        "Matrices frozen at other angles": (summary.mode_angle_spread, envelope_table),
-        "Contacts": (summary.contacts, contact_table),
-        "Friction": (summary.frictions, friction_table),
-        "Stresses": (summary.stresses, stress_table),
-        "Sensitivities": (summary.sensitivities, sensitivity_table),
-    }
-    for title, (found, as_table) in of.items():
+    for title, found, as_table in (
+        ("Matrices frozen at other angles", summary.mode_angle_spread, envelope_table),
+        ("Contacts", summary.contacts, contact_table), ("Friction", summary.frictions, friction_table),
+        ("Stresses", summary.stresses, stress_table), ("Sensitivities", summary.sensitivities, sensitivity_table),
+    ):  # fmt: skip
         if found:
             yield title, as_table(summary)
 
