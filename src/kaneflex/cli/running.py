@@ -100,7 +100,7 @@ def run(
     with uncollected():
         scene = asked.read()
     target = target.named(scene, "results")
-    told = _print_summary if as_json else _print_results
+    told = (lambda summary: echo(summary.model_dump_json(indent=2))) if as_json else _print_results
     summary = run_into(scene, target, asked.changes, after, list(parameters), basis == "frozen", demand, told)
     echo(f"Written to {target.folder}", err=as_json)
     for warning in summary.warnings:
@@ -112,10 +112,6 @@ def run(
         echo(f"The model is written into {file}", err=as_json)
     if summary.outcome != "completed":
         click.get_current_context().exit(STOPPED_EARLY)
-
-
-def _print_summary(summary: Summary) -> None:
-    echo(summary.model_dump_json(indent=2))
 
 
 def _print_results(summary: Summary) -> None:

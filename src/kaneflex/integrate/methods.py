@@ -44,24 +44,10 @@ class Method:
 
 def newmark_weights(step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
     """Weights of the loop `newmark`: see there."""
-    kappa = (1.0 - alpha_f) / (1.0 - alpha_m)
-    squared = step * step
-    return (
-        step,
-        alpha_f / (1.0 - alpha_m),
-        -alpha_m / (1.0 - alpha_m),
-        kappa,
-        gamma * step * kappa,
-        beta * squared * kappa,
-        (1.0 - gamma) * step,
-        gamma * step,
-        (0.5 - beta) * squared,
-        beta * squared,
-    )
-
-
-def _average_acceleration(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float, ...]:
-    return newmark_weights(step, alpha_m=0.0, alpha_f=0.0, beta=0.25, gamma=0.5)
+    kappa, squared = (1.0 - alpha_f) / (1.0 - alpha_m), step * step
+    known = (step, alpha_f / (1.0 - alpha_m), -alpha_m / (1.0 - alpha_m), kappa)
+    weights = (gamma * step * kappa, beta * squared * kappa)
+    return (*known, *weights, (1.0 - gamma) * step, gamma * step, (0.5 - beta) * squared, beta * squared)
 
 
 def _generalised_alpha(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float, ...]:
@@ -133,7 +119,8 @@ METHODS = {
         ),
         Method(
             "newmark", 2, "Newmark, average acceleration (Newmark 1959): no numerical damping",
-            (0.0,), 2, "newmark", _average_acceleration, _still(3), True,
+            (0.0,), 2, "newmark", lambda system, row, step, rho: newmark_weights(step, 0.0, 0.0, 0.25, 0.5),
+            _still(3), True,
         ),
         Method(
             "generalised-alpha", 2, "Chung and Hulbert 1993: damps the highest frequencies, by rho_infinity",

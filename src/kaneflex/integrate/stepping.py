@@ -112,7 +112,11 @@ class Setup:
         """Largest of free masses under the forces of a table, as the loop reads it."""
         if not self.method.varying:
             return float(np.abs(table * self.coefficients[8]).max())
-        return _free_acceleration(self.system, table)
+        width = self.system.half_bandwidth
+        mass = np.abs(self.system.M @ table[0])[width :: 2 * width + 1]
+        force = np.abs(self.system.F @ table.T).max(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
 
 
 def advance(
@@ -168,14 +172,6 @@ class _Bound:
             self._acceleration = max(self._acceleration, self._setup.free_acceleration(scalars))
         reach = float(self._free + self._duration**2 * self._acceleration)
         return (min(_RUNAWAY * reach, _LARGEST) if reach > 0.0 else _LARGEST) ** 2
-
-
-def _free_acceleration(system: AffineSystem, rows: np.ndarray) -> float:
-    width = system.half_bandwidth
-    mass = np.abs(system.M @ rows[0])[width :: 2 * width + 1]
-    force = np.abs(system.F @ rows.T).max(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
 
 
 def _steps_of_a_call(setup: Setup, columns: int) -> int:

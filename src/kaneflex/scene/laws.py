@@ -123,7 +123,8 @@ class Law:
         found = []
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in functions:
-                if any(map(_varies, node.args)):
+                inner = {each.id for part in node.args for each in ast.walk(part) if isinstance(each, ast.Name)}
+                if inner - {*FUNCTIONS, "pi"}:
                     arguments = [Law(ast.unparse(argument), argument) for argument in node.args]
                     found.append((node.func.id, Law(ast.unparse(node), node), arguments))
         return found
@@ -131,10 +132,6 @@ class Law:
     def _first(self, functions: Mapping[str, int]) -> str | None:
         found = self.calls(*functions)
         return next((call.text for name, call, arguments in found if functions[name] == len(arguments)), None)
-
-
-def _varies(node: ast.expr) -> bool:
-    return any(isinstance(inner, ast.Name) and inner.id not in (*FUNCTIONS, "pi") for inner in ast.walk(node))
 
 
 def step(x: Any, *course: Any) -> Any:

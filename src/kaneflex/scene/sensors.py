@@ -35,11 +35,6 @@ _UNITS_OF_ANGLE = {
 """Units of quantities, the last words of kinds; of rotations and moments."""
 
 
-def _default_axes(data: dict) -> str:
-    moving = ("displacement", "velocity", "acceleration")
-    return "body" if any(data.get(kind) is not None for kind in moving) else "global"
-
-
 class Sensor(SceneTable):
     """Measured quantity: exactly one kind, with the address that it is measured at.
 
@@ -87,7 +82,9 @@ class Sensor(SceneTable):
     component: Literal[
         "x", "y", "z", "angle", "angle_x", "angle_y", "angle_z", "mises", "xx", "yy", "zz", "xy", "yz", "zx"
     ] = Field(default_factory=lambda data: "x" if data.get("stress") is None else "mises")
-    axes: Literal["body", "global"] = Field(default_factory=_default_axes)
+    axes: Literal["body", "global"] = Field(
+        default_factory=lambda data: "global" if all(data.get(kind) is None for kind in MOTION_KINDS[:3]) else "body"
+    )
     reading: Literal["accelerometer", "kinematic"] = Field(
         default_factory=lambda data: "accelerometer" if data.get("axes") == "body" else "kinematic"
     )

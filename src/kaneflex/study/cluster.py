@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.scene import Scene, with_settings
+from kaneflex.scene import with_settings
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.records import Record, solve_chunk
 from kaneflex.study.workers import Answer, Lost, Points, in_chunks
@@ -89,7 +89,9 @@ class Shipment:
             place = cache_folder() / "files" / digest[:16] / Path(name).name
             _keep(place, data)
             self.moved[name] = str(place)
-        self.plan = replace(self.plan, scene=_at_new_places(self.plan.scene, self.moved), files={})
+        places = {key: self.moved[file] for key, file in file_places(self.plan.scene).items() if file in self.moved}
+        scene = with_settings(self.plan.scene, [setting(key, file) for key, file in places.items()])
+        self.plan = replace(self.plan, scene=scene, files={})
         _shipments[self.digest] = self
 
     def plan_of(self, points: Points) -> Plan:
@@ -111,12 +113,6 @@ def _keep(path: Path, data: bytes) -> None:
     """Write a file if it is missing or differs."""
     if not path.exists() or path.read_bytes() != data:
         keep(path, data)
-
-
-def _at_new_places(scene: Scene, moved: Mapping[str, str]) -> Scene:
-    """The scene with its files' paths replaced by those on this machine."""
-    places = {key: moved[file] for key, file in file_places(scene).items() if file in moved}
-    return with_settings(scene, [setting(key, file) for key, file in places.items()]) if places else scene
 
 
 class Cluster:

@@ -44,7 +44,11 @@ def indicators(scene: Scene) -> dict[str, float | None]:
         If the scene can't be loaded.
     """
     model = integrated(load(with_settings(scene, [f"solve.steps={_SAMPLES}"])))
-    ratios = {"speed_ratio": _speed_ratio(model), "buckling_ratio": _buckling_ratio(model)}
+    speeds = [abs(drive.speed or 0.0) for name, drive in model.scene.drives.items() if not model.scene.slides(name)]
+    lowest = float(reference_modes(model, 1)[0][0]) if has_modes(model) else 0.0
+    margin = buckling(model, np.linspace(0.0, model.options.duration, _BUCKLING_SAMPLES))
+    ratios = {"speed_ratio": max(speeds, default=0.0) / lowest if lowest > 0 else None,
+              "buckling_ratio": None if margin is None else 1.0 / margin.margin}  # fmt: skip
     times = model.step * np.arange(_SAMPLES + 1)
     try:
         z, v, a = quasistatic(model, times, periodic=model.options.cycles)
@@ -81,21 +85,6 @@ def _change(model: Model, times: np.ndarray, z: np.ndarray, term: np.ndarray) ->
         return 0.0
     change = abs(answers(model, times, term)).max(axis=0)
     peaks = abs(z).max(axis=0)
-    kinds = [name.rpartition(".")[2] for name in model.reduced.coordinates]
-    shares = []
-    for kind in dict.fromkeys(kinds):
-        rows = [k for k, each in enumerate(kinds) if each == kind]
-        if peaks[rows].max() > 0:
-            shares.append(float(change[rows].max() / peaks[rows].max()))
-    return max(shares, default=0.0)
-
-
-def _speed_ratio(model: Model) -> float | None:
-    speeds = [abs(drive.speed or 0.0) for name, drive in model.scene.drives.items() if not model.scene.slides(name)]
-    lowest = float(reference_modes(model, 1)[0][0]) if has_modes(model) else 0.0
-    return max(speeds, default=0.0) / lowest if lowest > 0 else None
-
-
-def _buckling_ratio(model: Model) -> float | None:
-    found = buckling(model, np.linspace(0.0, model.options.duration, _BUCKLING_SAMPLES))
-    return None if found is None else 1.0 / found.margin
+    kinds = np.array([name.rpartition(".")[2] for name in model.reduced.coordinates])
+    largest = ((change[kinds == kind].max(), peaks[kinds == kind].max()) for kind in np.unique(kinds))
+    return max((float(change / peak) for change, peak in largest if peak > 0), default=0.0)
