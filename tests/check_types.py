@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 31,
     "report": 5,
     "response": 40,
-    "scene": 65,
+    "scene": 64,
     "solve": 27,
     "study": 74,
     "support": 3,

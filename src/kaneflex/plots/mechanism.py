@@ -142,8 +142,10 @@ class _Pose:
             if name not in pins:
                 boxes[name] = self._box(*guide, fixed.size)
         view = view_of(self.scene)
-        kinds = ({name: _in_picture(line, view) for name, line in kind.items()} for kind in (links, bars, boxes))
-        return Outline(*kinds, {name: _in_picture(place, view)[:, 0] for name, place in pins.items()})
+        links, bars, boxes = (
+            {name: _in_picture(line, view) for name, line in kind.items()} for kind in (links, bars, boxes)
+        )
+        return Outline(links, bars, boxes, {name: _in_picture(place, view)[:, 0] for name, place in pins.items()})
 
     def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_points, 2 or 3, n_times)."""

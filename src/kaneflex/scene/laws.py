@@ -265,12 +265,12 @@ def _constant(node: ast.expr) -> _Number | None:
     Raises Fault for a constant part that is not finite, not real, or beyond 1e60.
     """
     match node:
-        case ast.Constant(value=value):
-            number = _literal(value)
         case ast.Name(id=name):
             return _Number(np.pi, _UNIT * np.pi) if name == "pi" else None
         case ast.UnaryOp(op=op, operand=operand):
             number = _applied(_UNARY[type(op)], [_constant(operand)])
+        case ast.Constant(value=value):
+            number = _literal(value)
         case ast.BinOp(op=op, left=left, right=right):
             a, b = _constant(left), _constant(right)
             _check_operands(node, a, b)
@@ -286,7 +286,7 @@ def _constant(node: ast.expr) -> _Number | None:
     return number
 
 
-def _literal(value: float) -> _Number:
+def _literal(value: Any) -> _Number:
     try:
         number = float(value)
     except OverflowError:
@@ -315,10 +315,10 @@ def _applied(
 def _check_operands(node: ast.BinOp, a: _Number | None, b: _Number | None) -> None:
     if b is None or (a is None and not isinstance(node.op, ast.Div)):
         return
-    power = isinstance(node.op, ast.Pow)
-    if (isinstance(node.op, ast.Div) and b.is_zero) or (power and a.is_zero and b.value < 0):
+    power = isinstance(node.op, ast.Pow) and a
+    if (isinstance(node.op, ast.Div) and b.is_zero) or (power and power.is_zero and b.value < 0):
         raise Fault(f"{ast.unparse(node)} divides by zero", _REAL)
-    if power and a.value < 0 and not b.value.is_integer():
+    if power and power.value < 0 and not b.value.is_integer():
         raise Fault(f"{ast.unparse(node)} is not real", _REAL)
 
 
