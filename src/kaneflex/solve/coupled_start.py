@@ -26,6 +26,7 @@ from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.initial import dimensions_in_space
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.spatial_run import first_state
 from kaneflex.support.errors import SceneError
@@ -139,7 +140,7 @@ def _in_space(model: Model) -> Begun:
 
 def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
     """Names of the entries of arrays in space: bodies in the order of the tree, joints in the order of the scene."""
-    layout, parts = system.layout, system.engine.parts
+    layout = system.layout
     by_node = {node: name for name, node in layout.node_of.items()}
     coordinates, rates = list[str](), list[str]()
     for node in system.tables.frames[:, 0].tolist():
@@ -149,16 +150,9 @@ def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
         rates += [f"{body}.{what}_{axis}" for what in ("v", "omega") for axis in _XYZ]
         rates += [f"{shape}_rate" for shape in shapes]
     forces = [f"{joint}.{part}" for joint in system.mechanism.joints for part in COMPONENTS]
-    positions = [""] * system.coordinates
-    for q, speed in parts["own"].tolist():
-        positions[q] = layout.speeds[speed]
-    for q, speed in parts["balls"].tolist():
-        owner = layout.speeds[speed].rpartition(".")[0]
-        positions[q : q + 4] = (f"{owner}.quaternion_{part}" for part in "wxyz")
     return {
         "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
-        "position": positions,
-        "speed": layout.speeds,
+        "position": list(dimensions_in_space(system)), "speed": layout.speeds,
     }  # fmt: skip
 
 

@@ -122,9 +122,9 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     token = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
     texts[f"{name}_fmu.c"] = _described(made, token)
     sources = sorted(key for key in texts if key.endswith(".c"))
-    describe = {"2": _description_2, "3": _description_3}[version]
     files = {f"sources/{key}": text.encode() for key, text in texts.items()}
-    files["modelDescription.xml"] = _xml(describe(made, token, variables, sources))
+    about = made, token, variables
+    files["modelDescription.xml"] = _xml(_description_2(*about, sources) if version == "2" else _description_3(*about))
     if version == "3":
         files["sources/buildDescription.xml"] = _xml(_build_description(name, sources))
     progress("compiling")
@@ -216,7 +216,7 @@ def _description_2(made: CModel, token: str, variables: list[Variable], sources:
     return root
 
 
-def _description_3(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
+def _description_3(made: CModel, token: str, variables: list[Variable]) -> ElementTree.Element:
     root = _root(made, {"fmiVersion": "3.0", "instantiationToken": token})
     _kinds(root, made.name, "FMUState")
     listed = _listed(root, made.model, variables)

@@ -14,7 +14,7 @@ from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import build_model, reference_instant, rigid_model
+from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
 from kaneflex.multibody.model.determinacy import check_sensors
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_laws_module
@@ -104,7 +104,7 @@ def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:
 def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
     """Model of deforming bodies in space, without linear equations."""
     rigid = motion.rigid if isinstance(motion, CoupledKinematics) and not motion.is_start else motion
-    return rigid_model(scene, options, motion, reference_instant(scene, options, rigid)[0])
+    return model_without_equations(scene, options, motion, reference_instant(scene, options, rigid)[0], {})
 
 
 def neighbour_in_space(model: Model, scene: Scene, options: Options, frozen: bool) -> Model:

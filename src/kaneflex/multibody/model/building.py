@@ -55,13 +55,9 @@ def build_model(
         model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
                         seconds={})  # fmt: skip
         return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
-    if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
-        return rigid_model(scene, options, motion, reference)
-    if bare:
-        links = _links(scene, options, motion)
-        parts = {name: link.part for name, link in links.items()}
-        none = _no_equations()
-        return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
+    if bare or options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
+        links = _links(scene, options, motion) if bare else {}
+        return model_without_equations(scene, options, motion, reference, links)
     bases = {} if frozen is None else frozen.bases
     if scene.is_spatial:  # a local import lets planar scenes start faster
         from kaneflex.multibody.model.spatial_elastic import elastic_stage
@@ -128,16 +124,14 @@ def _planar_stage(
     return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
 
 
-def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, reference: float = 0.0) -> Model:
-    """Model without elastic bodies; ``reference``: instant [s] of its pictures."""
-    none = _no_equations()
-    return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
-
-
-def _no_equations() -> ElasticEquations:
-    """Equations without coordinates."""
+def model_without_equations(
+    scene: Scene, options: Options, motion: RigidKinematics, reference: float, links: Mapping[str, Link]
+) -> Model:
+    """Model without linear elastic equations; ``reference``: instant [s] of its pictures."""
     names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
-    return ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
+    none = ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
+    parts = {name: link.part for name, link in links.items()}
+    return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
 
 
 def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:

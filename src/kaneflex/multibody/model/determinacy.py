@@ -171,14 +171,14 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
         here, parent = placement.poses[layout.bodies[b]], owners[row[at.PARENT]]
         if hung is None:
             if np.linalg.eigvalsh(own / np.outer(units, units))[0] <= least:
-                raise _missing(system, layout.bodies[b], own, None)
+                raise _missing(layout.bodies[b], own, None)
             continue
         joint = system.mechanism.joints[hung]
         if joint.kind != "weld" and tables.plan[tables.plan[at.FREED] + row[at.FIRST]]:
             axis = _axis(joint, child, placement, here)
             resists = own @ axis
             if axis @ resists <= least * (size if joint.kind == "revolute" else 1.0) ** 2:
-                raise _missing(system, layout.bodies[b], own, joint)
+                raise _missing(layout.bodies[b], own, joint)
             own = own - np.outer(resists, resists) / (axis @ resists)
         if parent >= 0:
             inertias[parent] = inertias[parent] + _seen(own, here - placement.poses[layout.bodies[parent]])
@@ -205,7 +205,7 @@ def _axis(joint: Joint, child: int, placement: Placement, here: np.ndarray) -> n
     return np.array([*placement.pose(joint.first.body).turn(joint.direction), 0.0])
 
 
-def _missing(system: CoupledSystem, body: str, inertia: np.ndarray, joint: Joint | None) -> SceneError:
+def _missing(body: str, inertia: np.ndarray, joint: Joint | None) -> SceneError:
     massless = inertia[0, 0] <= 0.0 or (joint is not None and joint.kind == "prismatic")
     what = "mass" if massless else "inertia"
     does = "moves" if massless else "turns"

@@ -137,10 +137,14 @@ class RigidTwin:
     def _table(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         drives = self._drives(times, p)
         said = self._said(times, drives)
-        q, v, a = (part.reshape(len(times), part.shape[1] // BODY, BODY) for part in self._followed(drives, said))
+        return self.table_of(said, *self._followed(drives, said))
+
+    def table_of(self, said: np.ndarray, *moved: np.ndarray) -> np.ndarray:
+        """Scalars from the first columns, and q, v, a of the bodies, (n_times, BODY bodies)."""
+        q, v, a = (part.reshape(len(said), part.shape[1] // BODY, BODY) for part in moved)
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
         bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1)
-        return np.concatenate([said, bodies.reshape(len(times), math.prod(bodies.shape[1:]))], axis=1)
+        return np.concatenate([said, bodies.reshape(len(said), math.prod(bodies.shape[1:]))], axis=1)
 
     def trajectory(self, times: np.ndarray, p: np.ndarray, shift: Mapping[str, np.ndarray]) -> CoupledTrajectory:
         """Motion as states of ``rigid``, with joint forces. Raises ArithmeticError at a singular state.
@@ -299,12 +303,9 @@ class FollowedKinematics(TwinKinematics):
         if not (t.times[place] == times).all():
             return super().table(times)
         start = self.module.system.start
-        rows = [slice(start[body], start[body] + BODY) for body in self.module.rigid.start]
-        q, v, a = (np.stack([part[place, row] for row in rows], 1) for part in (t.q, t.v, t.a))
-        turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], -1)
-        bodies = np.concatenate([q[..., :2], turn, v, a], -1)
-        bodies = bodies.reshape(len(times), math.prod(bodies.shape[1:]))
-        return np.concatenate([self.module.said(times, self.parameters), bodies], 1)
+        columns = [start[body] + k for body in self.module.rigid.start for k in range(BODY)]
+        moved = (part[np.ix_(place, columns)] for part in (t.q, t.v, t.a))
+        return self.module.table_of(self.module.said(times, self.parameters), *moved)
 
 
 class _Placed(RigidMotion):
