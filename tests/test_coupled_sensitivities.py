@@ -1,20 +1,25 @@
 """Derivatives of coupled runs against central differences of whole runs, and what commands and studies make of them."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
+import tomlkit
 import xarray
 from command_line import cli, refused
+from lifting import lifted
 from runs import run
 from test_sensitivities import differences
 
 from kaneflex.multibody.time import shooting
 from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
+from kaneflex.study.sensitivity.replay import solver_of
 from kaneflex.study.sensitivity.report import sensitivities
-from kaneflex.study.sensitivity.slopes import Replay, neighbour_at
+from kaneflex.study.sensitivity.slopes import neighbour_at
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
 RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")
@@ -26,8 +31,34 @@ ENGINE = ("engine", "solve.preset=coupled", "solve.modes=1", "solve.tolerance=1e
 FIXED = ("solve.integrator=radau", "solve.tolerance=1e-8", "solve.steps=1440")
 START = (*FIXED[:2], "solve.steps=360", "solve.duration=5 ms", "solve.start=quasistatic")
 """A quarter of the cycle by the same steps."""
-CRANK = ("spatial-slider-crank-elastic", "solve.preset=coupled", "solve.modes=1", "solve.start=zero",
-         "solve.duration=0.01", "solve.steps=20", "solve.tolerance=1e-7")  # fmt: skip
+CYCLE = ("spatial-slider-crank-elastic", "solve.preset=coupled", "solve.modes=1", "solve.steps=100",
+         "solve.tolerance=1e-10")  # fmt: skip
+CRANK = (*CYCLE[:3], "solve.steps=20", "solve.tolerance=1e-7", "solve.start=zero", "solve.duration=0.01")
+FLYING = """
+schema = 1
+gravity = [0, "-9.81 m/s^2", 0]
+[bodies]
+rod = {length = "1 m", beam = {material = "steel", section = {circle = "8 mm"}, elements = 4}, free = {velocity = ["2 m/s", 0, "1 m/s"], angular_velocity = ["3 rad/s", "2 rad/s", 0]}}
+bob = {length = "0.3 m", mass = "0.2 kg", inertia = ["1e-4 kg m^2", "2e-3 kg m^2", "2e-3 kg m^2"]}
+[joints]
+ball = {spherical = ["rod.end", "bob.start"]}
+[drives]
+ball = {free = true}
+[loads]
+push = {force_on = "bob.end", direction = [0, 1, 2], value = "5 N"}
+[damping]
+rayleigh = {ratio = 0.01, at = ["30 Hz", "100 Hz"]}
+[sensors]
+bow = {displacement = "rod.mid", relative_to = "chord", component = "z"}
+tip = {position = "bob.end", component = "z"}
+ball_force = {joint_force = "ball", component = "x"}
+[solve]
+preset = "coupled"
+modes = 1
+duration = "20 ms"
+steps = 40
+tolerance = 1e-11
+"""  # noqa: E501
 
 
 def check(scene, names, frozen=True, step=5e-4):
@@ -68,8 +99,45 @@ def test_driven_engine_from_equilibrium(frozen):
     check(engine, ["rod.mass" if frozen else "rod.E"], frozen, step=1e-3)
 
 
-def test_the_basis_moves():
-    solution = run(*ENGINE, *START)
+@pytest.mark.exhaustive(group="runs", share=2)
+def test_periodic_mechanism_in_space(monkeypatch):
+    monkeypatch.setattr(shooting, "REPEATS", 1e-12)
+    check((*CYCLE, "solve.start=periodic"), ["rod.E"], step=1e-3)
+
+
+@pytest.mark.exhaustive(group="runs", share=2)
+@pytest.mark.parametrize("frozen", [True, False])
+def test_free_bodies_in_space(tmp_path, frozen):
+    """An elastic rod that flies with a bob on a ball: against whole runs."""
+    (tmp_path / "flying.toml").write_text(FLYING)
+    names = ["rod.length"] if not frozen else [
+        "rod.E", "push.value", "damping.rayleigh.ratio", "rod.free.angular_velocity.0",
+    ]  # fmt: skip
+    check((str(tmp_path / "flying.toml"),), names, frozen, step=3e-4)
+
+
+@pytest.mark.exhaustive(group="runs", share=2)
+@pytest.mark.parametrize("frozen", [True, False])
+def test_a_planar_loop_lifted_into_space_has_the_same_slopes(tmp_path, frozen):
+    flat = with_settings(read_scene("four-bar-motor"), [
+        "solve.duration=0.005", "solve.steps=10", "solve.tolerance=1e-11", "solve.modes=1",
+        "drives.main.initial_speed=20 rad/s", "masses.flywheel.inertia=1e-4 kg m^2",
+    ])  # fmt: skip
+    (tmp_path / "deep.toml").write_text(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
+    names = ["coupler.length", "coupler.E", "damping.rayleigh.ratio", "main.initial_speed"]
+    plane = sensitivities(solve(load(flat)), names[: 4 if frozen else 1], frozen)
+    space = sensitivities(run(str(tmp_path / "deep.toml")), names[: 4 if frozen else 1], frozen)
+    for name, slopes in space.slopes.items():
+        assert len(slopes) == 3
+        for sensor, slope in slopes.items():
+            expected = plane.slopes[name][sensor]
+            size = max(abs(expected).max(), 1e-2 * abs(plane.solution.series[sensor].values).max())
+            np.testing.assert_allclose(slope, expected, rtol=0, atol=3e-6 * size, err_msg=f"{sensor}, {name}")
+
+
+@pytest.mark.parametrize("scene", [(*ENGINE, *START), CRANK])
+def test_the_basis_moves(scene):
+    solution = run(*scene)
     kept, moved = (sensitivities(solution, ["rod.length"], frozen).slopes["rod.length"] for frozen in (True, False))
     assert max(abs(kept[name] - moved[name]).max() / abs(kept[name]).max() for name in kept) > 1e-4
 
@@ -99,22 +167,28 @@ def test_neighbours_take_the_steps_of_the_run():
     assert len(own.ends) == own.steps > 4 * len(own.times)
     assert set(own.times[1:]) <= set(own.ends)
     (parameter,) = find_parameters(solution.model.scene, ["strip.E"])
-    again = Replay(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
+    again = solver_of(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
     assert (again.steps, again.rejected) == (own.steps, 0)
     np.testing.assert_array_equal(again.ends, own.ends)
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
 
 
-def test_a_run_in_space_takes_given_steps():
+def test_neighbours_in_space_take_the_steps_of_the_run():
+    solution = run(*CRANK)
+    own, parameters = solution.model.motion.curve, find_parameters(solution.model.scene, ["rod.E", "shaft.speed"])
+    assert len(own.knots) > 2 * solution.model.options.steps
+    for parameter in parameters:
+        found = solver_of(solution)(neighbour_at(solution.model, parameter, 1e-8, True)).model
+        stretch = found.options.duration / own.options.duration
+        np.testing.assert_array_equal(found.motion.curve.knots, np.array(own.knots) * stretch)
+        assert 0 < abs(found.motion.curve.end.q - own.end.q).max() < 1e-7
+
+
+def test_a_run_in_space_divides_no_given_step():
     own = run(*CRANK).model.motion.curve
-    ends = np.array(own.knots)
-    again = Run(own.system, replace(own.options, tolerance=1e-12), own.start, given=ends)
-    again.go()
-    np.testing.assert_array_equal(again.knots, ends)
-    assert 0 < abs(again.end.q - own.end.q).max() < 1e-8
-    long = Run(own.system, own.options, own.start, given=ends[[-1]])
+    long = Run(own.system, own.options, own.start, given=np.array(own.knots[-1:]))
     long.go()
-    assert long.knots == [ends[-1]] and abs(long.end.q - own.end.q).max() > 1e-6
+    assert long.knots == own.knots[-1:] and abs(long.end.q - own.end.q).max() > 1e-6
 
 
 def test_command_study_and_refusals(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from types import ModuleType
 from typing import TypeVar
 
 import numpy as np
@@ -109,11 +108,11 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 
 def neighbour_in_space(model: Model, scene: Scene, options: Options, frozen: bool) -> Model:
     """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, with options of the neighbour."""
+    scene, system = acting(scene, options), model.module.system
     if options.dynamics == "coupled":
-        return refined_in_space(model, scene, options)
-    scene = acting(scene, options)
-    generated: ModuleType = model.module.system.module
-    motion = _bound(build_spatial_system(scene, generated), options)
+        found = build_coupled_system(scene, system.module, options, system, frozen)
+        return _coupled_model(scene, options, _bound(found, options))
+    motion = _bound(build_spatial_system(scene, system.module), options)
     return build_model(scene, options, motion, model if frozen else None)
 
 

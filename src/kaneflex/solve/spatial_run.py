@@ -8,11 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
@@ -48,21 +46,21 @@ def integrated_in_space(model: Model, share: Share, after: Given | None = None, 
         start = near or (begun.curve.start if coupled is None else first_state(system, options), None)
         run = Run(system, options, start[0], share, start[1])
         run.go()
+    return with_run(model, run, verdict)
+
+
+def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
+    """Model in space along an integrated motion, with the warnings of its run."""
+    scene, options, system, coupled = model.scene, model.options, run.system, model.coupled_in_space
     motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
     energy = run.energy(motion)
     if coupled is not None:
         motion = replace(coupled.along(run), verdict=verdict)
-    if begun.is_start:
+    if model.motion.is_start:
         motion = with_open_reactions(motion, options)
-        check_springs(model.scene, motion, options)
-        check_finite(model.scene, motion, options)
-    return _with_run(model, motion, energy, run)
-
-
-def _with_run(model: Model, motion: SpatialKinematics, energy: Energy, run: Run) -> Model:
-    """Model in space along an integrated motion, with the warnings of its run."""
-    scene, options = model.scene, model.options
-    if isinstance(motion, CoupledKinematics):
+        check_springs(scene, motion, options)
+        check_finite(scene, motion, options)
+    if coupled is not None:
         reference = model.reference_time
         if run.turned is not None:
             reference = run.begin

@@ -123,14 +123,15 @@ def _axial_loads(link: Link, node: int, swings: bool) -> np.ndarray:
     return found[:, ::-1] if swings else found
 
 
-def spanned(scene: Scene, shapes: Shapes, link: Link) -> Shapes:
+def spanned(scene: Scene, shapes: Shapes, link: Link, hung: float | None = None) -> Shapes:
     """Shapes of a link of a scene that span the same space, orthogonal with respect to its mass and stiffness.
 
-    The equations need orthogonal shapes; the motion depends on their space alone.
+    The equations need orthogonal shapes; the motion depends on their space alone. ``hung``: see :func:`against_axes`.
     """
     K, M = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
-    found = [_orthogonal(against_axes(scene, link, own, M), K, M, link) for own in (shapes.axial, shapes.transverse)]
-    return Shapes(scene, link, np.hstack(found), shapes.counts, axial_place(scene, link))
+    kinds = np.split(shapes.basis, np.cumsum(shapes.counts)[:-1], axis=1)
+    found = [_orthogonal(against_axes(scene, link, own, M, hung), K, M, link) for own in kinds]
+    return replace(shapes, scene=scene, link=link, basis=np.hstack(found), held=axial_place(scene, link, hung))
 
 
 def alike(shapes: Shapes, others: Shapes) -> Shapes:

@@ -12,7 +12,8 @@ import numpy as np
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.independent_speeds import choose
-from kaneflex.multibody.model.shape_bases import spatial_shapes
+from kaneflex.multibody.model.shape_bases import alike, spanned, spatial_shapes
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import Deformable, Flexible, Place
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
@@ -50,16 +51,26 @@ class CoupledKinematics(SpatialKinematics):
         return system.project(t, q, u, choose(system, q, prefer=True))
 
 
-def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
-    """A scene in space whose bodies deform."""
+def build_coupled_system(
+    scene: Scene, module: ModuleType, options: Options, like: SpatialSystem | None = None, frozen: bool = False
+) -> SpatialSystem:
+    """A scene in space whose bodies deform.
+
+    ``like``: system of a scene that differs in numbers only, and whose links' shapes have the same signs and scales;
+    ``frozen`` keeps the space spanned by them.
+    """
 
     def shapes(name: str, held: Place | None, freed: str) -> Deformable:
-        body = scene.bodies[name]
+        body, before = scene.bodies[name], None if like is None else like.layout.shapes[name]
         if body.modal is not None:
             return held_shapes(body.modal, held, freed)
         assert body.beam is not None
         link = link_of_scene(scene, name, options.elements or body.beam.elements)
-        return spatial_shapes(scene, link, int(options.modes), held, freed)
+        if not isinstance(before, Shapes):
+            return spatial_shapes(scene, link, int(options.modes), held, freed)
+        hung = None if held is None else held[0]
+        kept = frozen and spanned(scene, before, link, hung)
+        return alike(kept or spatial_shapes(scene, link, int(options.modes), held, freed), before)
 
     flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
     return build_spatial_system(scene, module, flexible, coupled=True)
