@@ -94,7 +94,7 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
 
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
     """Add the scene's point loads on a link to its F, in link axes; in space one scalar of each node and axis."""
-    if scene.is_spatial:
+    if link.dofs == 6:
         return with_pushes(part, {f"push_{node}_{axis}": part.place[node][k]
                                   for node in pushed_nodes(scene, link) for k, axis in enumerate("xyz")})  # fmt: skip
     total = part.matrices["F"]

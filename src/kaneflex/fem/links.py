@@ -251,7 +251,7 @@ def terms_of_link(
     for name, load, F, K_g in spread_terms(scene, link, parameters, kind):
         x, y, *_ = load.direction or ()
         parts: dict[Monomial, tuple[float, ...]] = {(name,): (x, y)}
-        if scene.is_spatial:
+        if kind.dofs == 6:
             parts = {(spread_scalar(link, name, axis),): tuple(e) for axis, e in zip("xyz", np.eye(3), strict=True)}
         elif load.axes == "global":
             parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}

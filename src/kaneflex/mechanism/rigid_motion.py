@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
+from typing import ClassVar
 
 import numpy as np
 
@@ -78,6 +79,8 @@ class RigidMotion:
     motion: RigidKinematics
     times: np.ndarray
     values: np.ndarray
+    freedoms: ClassVar[int] = 3
+    """Degrees of freedom of a free body."""
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._series:

@@ -99,6 +99,15 @@ class Deformation:
         unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
         return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
 
+    def unbalanced(self) -> np.ndarray:
+        """Forces of the elements less the point loads on the part's coordinates, (size, n_times)."""
+        total = -self.pushes()
+        for e in range(len(self.link.nodes) - 1):
+            rows = [row for node in (e, e + 1) for row in self.link.part.place[node]]
+            for row, force in zip(rows, self.end_forces(e), strict=True):  # one by one: rows may coincide
+                total[row] += force
+        return total
+
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Axial force N [N, tension positive], shear force V [N], bending moment M = E I v'' [N m] at x: (3, n_times).
 
@@ -312,11 +321,7 @@ def _with_static_share(found: Deformation) -> Deformation:
     link, model = found.link, found.model
     elements = slice(0, len(link.nodes) - 1)
     found = replace(found, residuals=found.residuals_of(elements))
-    residual = -found.pushes()
-    for e in range(elements.stop):
-        rows = [row for node in (e, e + 1) for row in link.part.place[node]]
-        for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may coincide
-            residual[row] += force
+    residual = found.unbalanced()
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept], int)
     stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import ElasticEquations
+from kaneflex.fem.assembly import ElasticEquations, Placed
 from kaneflex.fem.links import Part, with_rayleigh
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates
@@ -19,7 +19,7 @@ from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside
-from kaneflex.response.reactions import Solver, by_reflections, consistent_reactions, spring_tension
+from kaneflex.response.reactions import Solver, by_reflections, consistent_reactions, placed_spring, spring_push
 
 if TYPE_CHECKING:
     from kaneflex.fem.coordinate_map import Frame
@@ -67,7 +67,16 @@ class ElasticMotion(Motion):
         return self._reactions[name] if self.model.balances else self.rigid[name]
 
     def spring_tension(self, name: str) -> np.ndarray:
-        return spring_tension(self.model, self.rigid, self.coordinates, name)
+        spring, placed = self.model.scene.springs[name], self._placed_spring(name)
+        if placed is None:
+            return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
+        force = spring_push(self.model, self.rigid, self.coordinates, placed, geometric=False)
+        directed = spring.torsional_at is not None or spring.length or spring.damping
+        return -force[0] if directed else reduce(np.hypot, force[1:])
+
+    def _placed_spring(self, name: str) -> Placed | None:
+        """Spring as a part with its map L; None if its ends do not move by deformation."""
+        return placed_spring(self.model, name)
 
     def _elastic_section(self, link: str, x: float, after: bool) -> Section:
         return self._displaced.links[link].section(x, after)
@@ -95,30 +104,16 @@ class SpatialElasticMotion(ElasticMotion):
     def reaction(self, name: str) -> np.ndarray:
         return self._exerted[name] if self.model.links else self.rigid[name]
 
-    def spring_tension(self, name: str) -> np.ndarray:
-        spring = self.model.scene.springs[name]
-        if not self.model.links:
-            return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
-        if spring.torsional_at is None:
-            force = self._spring_force(name)
-            directed = self._map.joined.mechanism.springs[name].is_directed
-            return -force[0] if directed else np.hypot(np.hypot(force[1], force[2]), force[3])
-        between = self._ordered(self._map.rotation(spring.torsional_at))
-        turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, between)
-        damped = spring.damping * rate[0] if self.model.options.damping else 0.0
-        return self.rigid[f"{name}.torque"] + spring.stiffness * turned[0] + damped
-
-    def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
-        """Generalised force of a spring between two points, (4, n_times): along it, and in global axes if it needs no
-        direction, or with the ``geometric`` stiffness."""
+    def _placed_spring(self, name: str) -> Placed | None:
+        from kaneflex.fem.springs import torsion_part
         from kaneflex.multibody.model.spatial_elastic import part_of
 
-        own, options = part_of(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
-        apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))
-        force = self.rigid.column_of(own["F"]) - self.rigid.apply(own["K_s"], apart)
-        if options.damping:
-            force = force - self.rigid.apply(own["C_s"], rate)
-        return force - self.rigid.apply(own["K_g"], apart) if geometric and options.geometric else force
+        if not self.model.links:
+            return None
+        spring = self._map.joined.mechanism.springs[name]
+        if spring.joint is None:
+            return part_of(name, spring), self._ordered(self._map.of(name))
+        return torsion_part(name, *spring.numbers[:2]), self._ordered(self._map.rotation(spring.joint))
 
     def change_of(self, name: str, freedom: str) -> Rates:
         """Change of a joint's coordinate ("angle" or "position") by deformation, with rates, (n_times,) each."""
@@ -174,7 +169,9 @@ class SpatialElasticMotion(ElasticMotion):
         parting = joined.parting(rigid)[0]
         for name in joined.springs:
             first = joined.first[name] - joined.size
-            force = self._spring_force(name, geometric=True)
+            placed = self._placed_spring(name)
+            assert placed is not None  # as links deform
+            force = spring_push(self.model, rigid, self.coordinates, placed)
             residual[:, joined.tied] -= np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
         J, where = joined.rows(rigid)
         rows, tied = self._map.rows, joined.tied
@@ -198,15 +195,10 @@ class SpatialElasticMotion(ElasticMotion):
 
     def _of_link(self, name: str, part: Part) -> np.ndarray:
         """Forces of the joints on a link's coordinates, (size, n_times), at the nodes of its part."""
-        deformed = self._deformed[name]
-        total = -deformed.pushes()
-        for e in range(len(deformed.link.nodes) - 1):
-            forces = deformed.end_forces(e)
-            for node, own in ((e, forces[:6]), (e + 1, forces[6:])):
-                total[list(deformed.link.part.place[node])] += own
+        total, place = self._deformed[name].unbalanced(), self.model.links[name].part.place
         found = np.zeros((part.size, len(self.times)), total.dtype)
         for node, rows in part.place.items():
-            found[list(rows)] = total[list(deformed.link.part.place[node])]
+            found[list(rows)] = total[list(place[node])]
         return found
 
     def _of_body(self, name: str, part: Part) -> np.ndarray:

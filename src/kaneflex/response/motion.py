@@ -191,7 +191,7 @@ class Motion(ABC):
 
     def _still(self) -> Rates:
         """Zero displacement."""
-        still = np.zeros((6 if self.model.scene.is_spatial else 3, len(self.times)))
+        still = np.zeros((self.rigid.freedoms, len(self.times)))
         return still, still, still
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from kaneflex.fem.assembly import Placed
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates, normal
 from kaneflex.mechanism.planar import GROUND, Vector, cross
@@ -295,46 +296,40 @@ class _Balances:
 
 
 def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> np.ndarray:
-    """Force on a spring's second point, global (2, n_times), or torque on the second body (1, n_times)."""
-    scene, options = model.scene, model.options
-    spring = scene.springs[name]
-    torsional = spring.torsional_at is not None
-    if model.frame is None:
-        return _rigid_force(rigid, name, torsional)
-    from kaneflex.fem.springs import place_spring
-
-    part, L = place_spring(scene, model.links, model.parts, model.frame, name)
-    if not L.terms:
-        return _rigid_force(rigid, name, torsional)
-    z, z_rate, _ = coordinates
-    q, matrices = rigid.apply(L, z), part.matrices
-    force = rigid.column_of(matrices["F"]) - rigid.apply(matrices["K_s"], q)
-    if options.geometric:
-        force -= rigid.apply(matrices["K_g"], q)
-    if options.damping:
-        q_rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate, z) if options.convective else 0.0)
-        force -= rigid.apply(matrices["C_s"], q_rate)
-    if torsional:
+    """Force on a planar spring's second point, global (2, n_times), or torque on the second body (1, n_times)."""
+    spring, placed = model.scene.springs[name], placed_spring(model, name)
+    if placed is None:
+        if spring.torsional_at is not None:
+            return -rigid[f"{name}.torque"][None]
+        return np.array([rigid[f"{name}.force_x"], rigid[f"{name}.force_y"]])
+    force = spring_push(model, rigid, coordinates, placed)
+    if spring.torsional_at is not None:
         return force
     if spring.length or spring.damping:
         force[1:] += rigid.frame(name).to_global(np.array([force[0], np.zeros_like(force[0])]))
     return force[1:]
 
 
-def _rigid_force(rigid: RigidMotion, name: str, torsional: bool) -> np.ndarray:
-    if torsional:
-        return -rigid[f"{name}.torque"][None]
-    return np.array([rigid[f"{name}.force_x"], rigid[f"{name}.force_y"]])
-
-
-def spring_tension(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> np.ndarray:
-    """Tension of a spring and damper [N], or torque of a torsional one against the rotation of its joint [N m]."""
-    spring = model.scene.springs[name]
-    if spring.torsional_at is not None:
-        return -spring_force(model, rigid, coordinates, name)[0]
+def placed_spring(model: Model, name: str) -> Placed | None:
+    """Planar spring with its map L; None if deformation does not move its ends."""
     if model.frame is None:
-        return rigid[f"{name}.tension"]
-    force = spring_force(model, rigid, coordinates, name)
-    if spring.length or spring.damping:
-        return -rigid.frame(name).to_body(force)[0]
-    return np.hypot(*force)
+        return None
+    from kaneflex.fem.springs import place_spring
+
+    part, L = place_spring(model.scene, model.links, model.parts, model.frame, name)
+    return (part, L) if L.terms else None
+
+
+def spring_push(
+    model: Model, rigid: RigidMotion, coordinates: Rates, placed: Placed, geometric: bool = True
+) -> np.ndarray:
+    """Generalised force on the coordinates of a spring's part, (size, n_times)."""
+    (part, L), (z, z_rate, _), options = placed, coordinates, model.options
+    apart, own = rigid.apply(L, z), part.matrices
+    force = rigid.column_of(own["F"]) - rigid.apply(own["K_s"], apart)
+    if geometric and options.geometric:
+        force -= rigid.apply(own["K_g"], apart)
+    if options.damping:
+        rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate, z) if options.convective else 0.0)
+        force -= rigid.apply(own["C_s"], rate)
+    return force

@@ -52,7 +52,7 @@ class LinkForces:
     def _acting(self, name: str) -> list[tuple[float, np.ndarray, np.ndarray]]:
         """Distance [m], force and moment about the link's start of all that acts at its points, in its axes."""
         if name not in self._known:
-            self._known[name] = list(self._in_space(name) if self.scene.is_spatial else self._in_plane(name))
+            self._known[name] = list(self._in_plane(name) if self.rigid.freedoms == 3 else self._in_space(name))
         return self._known[name]
 
     def _in_plane(self, name: str) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
@@ -87,14 +87,13 @@ class LinkForces:
             if load.force_on == address:
                 pushing = self.rigid.frame("ground" if load.axes == "global" else link)
                 force = force + self.rigid[name] * pushing.to_global(load.direction)
-        for name, spring in self.scene.springs.items():
-            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+        between = {name: spring.ends for name, spring in self.scene.springs.items()}  # none of a torsional one
+        between |= {name: contact.sides for name, contact in self.scene.contacts.items()}
+        for name, ends in between.items():
+            for end, sign in zip(ends, (-1.0, 1.0), strict=False):
                 if end == address:
                     force = force + sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
         for name, contact in self.scene.contacts.items():
-            for side, sign in zip(contact.sides, (-1.0, 1.0), strict=True):
-                if side == address:
-                    force = force + sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
             for side, key in zip(contact.sides, ("moment", "moment_second"), strict=True):
                 if side == address:
                     moment = moment + self.rigid[f"{name}.{key}"]
@@ -118,7 +117,7 @@ class LinkForces:
 
 def carried(scene: Scene, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Acceleration of a link's start less gravity, angular velocity and acceleration, in its axes."""
-    if not scene.is_spatial:
+    if rigid.freedoms == 3:
         specific_force = np.array([rigid[f"{link}.link.a_x"], rigid[f"{link}.link.a_y"]])
         return specific_force, rigid[f"{link}.omega"], rigid[f"{link}.epsilon"]
     if f"{link}.link.a_x" in rigid:

@@ -74,7 +74,7 @@ def link_stresses(motion: Motion, name: str) -> LinkStresses | None:
 
     At loads and ends of segments there are two stations: just before and just after.
     """
-    body, spatial = motion.model.scene.bodies[name], motion.model.scene.is_spatial
+    body, spatial = motion.model.scene.bodies[name], motion.rigid.freedoms == 6
     if body.beam is None:
         return None
     jumps = {*motion.model.scene.acted_on(name), *(piece.stop for piece in body.profile.pieces[:-1])}

@@ -279,6 +279,8 @@ class SpatialKinematics(RigidKinematics):
 class SpatialMotion(RigidMotion):
     """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
 
+    freedoms = 6
+
     @property
     def system(self) -> SpatialSystem:
         return self.motion.module.system
