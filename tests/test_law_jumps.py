@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from lifting import lifted
+from parity import compared, planar, random_turn
 from runs import solved
 
 from kaneflex import SceneError, load
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.sensitivity.report import check_differentiable
 
 J = 0.02
@@ -219,3 +221,113 @@ def test_laws_know_joints_without_a_drive(tmp_path, joint, settings):
         if not name.endswith("_rigid"):
             size = abs(series.values).max()
             assert found[1].series[name].values == pytest.approx(series.values, abs=1e-6 * size), name
+
+
+WHEEL_IN_SPACE = """
+schema = 1
+description = "A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic"
+[ground]
+side = [0, 1, 0]
+[bodies.wheel]
+mass = "2 kg"
+inertia = [0.02, 0.02, 0.02]
+[bodies.ball]
+mass = "2 kg"
+inertia = [0.02, 0.02, 0.02]
+free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
+[bodies.beam]
+length = "200 mm"
+beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}
+[joints]
+hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
+clamp = {weld = ["ground.side", "beam.start"]}
+[drives]
+hub = {free = true, initial_speed = "10 rad/s"}
+[loads]
+torque = {torque_at = "hub", law = "0"}
+push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
+[sensors]
+angle = {position = "hub", component = "angle"}
+speed = {velocity = "hub", component = "angle"}
+x = {position = "ball", component = "x", axes = "global"}
+angular = {velocity = "ball", component = "angle_z", axes = "body"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 8
+modes = 1
+"""
+
+
+def moved_in_space(tmp_path, law, *settings):
+    """Times, angles and speeds of the wheel, and the instants of the jumps of its torque."""
+    solution = moved(tmp_path, law, *settings, text=WHEEL_IN_SPACE)
+    angle, speed = (solution[name].values for name in ("angle", "speed"))
+    return solution, solution.times, angle, speed
+
+
+@METHODS
+def test_in_space_jumps_are_located(tmp_path, integrator):
+    """In time and at a place, with a ball that turns across them: nothing is lost."""
+    method = f"solve.integrator={integrator}"
+    solution, t, angle, speed = moved_in_space(tmp_path, "3*step(hub - 1)", method)
+    since = np.clip(t - 0.1, 0, None)
+    assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
+    assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
+    assert solution["x"].values == pytest.approx(np.clip(t - 0.3137, 0, None) ** 2, abs=1e-12)
+    assert solution["angular"].values == pytest.approx(np.full(9, 12.0), abs=1e-12)
+    assert solution.model.motion.curve.changes == pytest.approx([0.1, 0.3137], abs=1e-14)
+
+
+@METHODS
+def test_in_space_a_brake_stops_a_wheel_that_nothing_else_moves(tmp_path, integrator):
+    solution, t, angle, speed = moved_in_space(tmp_path, "-0.5*sign(hub_speed)", f"solve.integrator={integrator}")
+    left = np.clip(0.4 - t, 0, None)
+    assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
+    assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
+    found = solution.model.motion.at(np.array([0.2, 0.39, 0.41, 0.9]))
+    assert found["torque"] == pytest.approx([-0.5, -0.5, 0.0, 0.0])
+
+
+def test_in_space_a_brake_that_would_have_to_hold_is_named(tmp_path):
+    with pytest.raises(SceneError, match=r"after t = 0\.666667 s the law switches back and forth") as error:
+        moved_in_space(tmp_path, "0.2 - 0.5*sign(hub_speed)")
+    assert error.value.key == "loads.torque.law"
+
+
+@pytest.mark.parametrize(("name", "settings"), [
+    ("four-bar-motor", ("loads.motor.law=1.5*step(main_speed - 2) + 0.6*(1 - main_speed/31.4)",)),
+    ("elastic-pendulum", ("loads={brake={torque_at='hinge', law='-0.02*step(hinge + 0.3) - 0.2*abs(hinge + 0.4)'}}",
+                          "drives.hinge.initial_speed=2 rad/s", "solve.duration=0.4 s")),
+])  # fmt: skip
+def test_in_space_loads_switch_when_they_do_in_the_plane(name, settings):
+    """At the same instants, with the same sensors, within both runs' errors."""
+    flat, turn = with_settings(planar(name, "coupled"), [*settings]), random_turn(name)
+    plane, space = solved(flat), solved(scene_of(lifted(flat, turn) | {"solve": flat.raw["solve"]}))
+    switched = plane.trajectory.changes.times[::2]
+    assert len(switched) and space.model.motion.curve.changes == pytest.approx(switched.tolist(), abs=1e-6)
+    assert [each for each in compared(flat, turn).sensors if not each.agrees] == []
+
+
+def test_in_space_a_kink_of_a_load_reaches_the_drive(tmp_path):
+    """A rigid arm turned from -1 to 1 rad by its drive against |angle|."""
+    text = WHEEL_IN_SPACE.partition("[drives]")[0].partition("[bodies.ball]")
+    text = text[0] + '[joints]\nhub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}\n' + """
+[drives]
+hub = {law = "2*t - 1"}
+[loads]
+torque = {torque_at = "hub", law = "0"}
+[sensors]
+torque = {drive_torque = "hub"}
+[solve]
+preset = "rigid"
+duration = "1 s"
+steps = 10
+"""
+    solution = moved(tmp_path, "abs(hub) + step(t - 0.42)", text=text)
+    t = solution.times
+    assert solution["torque"].values == pytest.approx(-abs(2 * t - 1) - (t > 0.42), abs=1e-12)
+    free = text.replace('law = "2*t - 1"', "free = true").replace("torque = {drive_torque = \"hub\"}", "")
+    for preset in ("rigid", "coupled"):
+        with pytest.raises(SceneError, match=f"jumps, and preset {preset} would step over the jump as it integrates"):
+            moved(tmp_path, "sign(hub_speed)", f"solve.preset={preset}", text=free)

@@ -433,16 +433,22 @@ def test_stiff_vibrations_set_no_steps():
     assert finest.model.energy.drift < 1e-8
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ('integrator = "gauss"', r"solve\.integrator = 'gauss': .* scenes in space are integrated by radau only"),
-    ],
-)
-def test_what_the_integration_in_space_does_not_know_is_refused(setting, message):
+def test_scipys_integrator_is_refused_in_space():
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
-    with pytest.raises(SceneError, match=message):
-        _solution(text + f'\n[solve]\npreset = "coupled"\n{setting}\n')
+    with pytest.raises(SceneError, match=r"solve\.integrator = 'scipy': only planar scenes have this integrator"):
+        _solution(text + '\n[solve]\npreset = "coupled"\nintegrator = "scipy"\n')
+
+
+def test_gauss_keeps_the_energy_in_space():
+    text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
+    found = {}
+    for name, tolerance in (("gauss", "1e-7"), ("radau", "1e-7"), ("radau", "1e-10")):
+        solve = f'preset = "coupled"\nintegrator = "{name}"\nsteps = 90\ntolerance = {tolerance}\nstart = "quasistatic"'
+        found[name, tolerance] = _solution(f"{text}\n[solve]\n{solve}\n")
+    gauss, radau, exact = found.values()
+    assert gauss.model.energy.drift < 0.1 * radau.model.energy.drift
+    for name, series in exact.series.items():
+        assert abs(gauss.series[name].values - series.values).max() < 1e-5 * abs(series.values).max(), name
 
 
 @pytest.mark.parametrize("axes", [

@@ -66,8 +66,6 @@ def scene_of(tmp_path, *changes):
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
          'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
          r"joints.hinge.axes.*not at right angles"),
-        ("[sensors]", '[loads]\npush = {force_on = "bar.end", direction = [1, 0, 0], law = "abs(hinge)"}\n[sensors]',
-         r"loads.push.law.*the slope of abs\(hinge\) jumps"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
          'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 0, 1]]',
          r"sensors.angle.position = 'hinge': a universal joint has no single coordinate to measure"),

@@ -106,12 +106,21 @@ class Engine:
         self._call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
         return out
 
-    def magnitudes(self, times: np.ndarray, x: np.ndarray, count: int) -> np.ndarray:
-        """Magnitudes of loads and switching arguments (``count``), at ``times`` [s] and rows x of the laws' joint
-        coordinates."""
-        times, x, out = np.ascontiguousarray(times, float), np.ascontiguousarray(x), np.zeros((len(times), count))
-        self._call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, count)
-        return out
+    def magnitudes(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Magnitudes of all loads, (n_times, loads), at ``times`` [s] and rows x of the laws' joint coordinates and
+        speeds, then accelerations."""
+        loads, sides = self.count(at.SPRINGS) - self.count(at.LOADS), self._switches
+        times, x = np.ascontiguousarray(times, float), np.hstack([x, np.zeros((len(x), sides))])
+        out = np.zeros((len(times), loads + 2 * sides))
+        for _ in range(sides + 1):  # switches may depend on others
+            self._call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, out.shape[1])
+            x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
+        return out[:, :loads]
+
+    @cached_property
+    def _switches(self) -> int:
+        """Number of switching arguments of the loads' laws."""
+        return int(np.count_nonzero(self.tables.acts[self.count(at.CONTACTS) :, at.WHAT] == at.SWITCH))
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set coordinates and rates of the bodies, in the tree's order."""

@@ -12,7 +12,8 @@ import numpy as np
 
 from kaneflex.mechanism.closure import courses_of, instants, reach_lines
 from kaneflex.scene.contacts import ClearanceContact, Contact
-from kaneflex.scene.options import has_term, moves_with_links
+from kaneflex.scene.option_check import moves_with_links
+from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
 from kaneflex.support.terminal import block

@@ -25,8 +25,8 @@ def check_coupled(scene: Scene) -> None:
         (solve.integrator not in (None, *known), "solve.integrator", solve.integrator,
          "this integrator is for equations that are linear in the displacements",
          f"Use {', '.join(known[:-1])} or {known[-1]} under preset coupled"),
-        (scene.is_spatial and solve.integrator not in (None, "radau"), "solve.integrator", solve.integrator,
-         "under preset coupled scenes in space are integrated by radau only", "Leave it out"),
+        (scene.is_spatial and solve.integrator == "scipy", "solve.integrator", solve.integrator,
+         "only planar scenes have this integrator under preset coupled", "Use radau or gauss, or leave it out"),
         (off is not None, f"solve.terms.{off}", False,
          "preset coupled cannot leave terms out", "Use preset stiffened"),
         (at is not None, f"{at}.rotation", rotation,
@@ -36,6 +36,11 @@ def check_coupled(scene: Scene) -> None:
          "preset coupled supports poses only if all joints are welds",
          "Use preset stiffened, or leave the poses out and hold every body by joints and drives"),
     )  # fmt: skip
+
+
+def moves_with_links(scene: Scene, dynamics: str) -> bool:
+    """True if the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
+    return dynamics == "coupled" and (not scene.is_spatial or any(body.deforms for body in scene.bodies.values()))
 
 
 def _welded(scene: Scene) -> bool:
@@ -74,20 +79,21 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
 
 def check_laws(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for laws of loads that need preset coupled, or its error control."""
-    free = next((name for name, drive in scene.drives.items() if drive.free), None)
+    free = next(iter([*(name for name, drive in scene.drives.items() if drive.free), *scene.floating]), None)
     for name, load in scene.loads.items():
         law, key = scene.argument(name), f"loads.{name}.{'law' if load.against is None else 'against'}"
         if law is None:
             continue
         given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset = load_jump(scene, law), scene.solve.preset
-        if strange is not None and dynamics != "coupled":
+        jump, preset, located = load_jump(scene, law), scene.solve.preset, moves_with_links(scene, dynamics)
+        if strange is not None and dynamics != "coupled" and not scene.is_spatial:
             reason = f"under preset {preset} laws and tables can use joints with a drive only: {strange} has none"
             raise SceneError(key, given, reason, "Use preset coupled, or a joint with a drive")
-        if jump is not None and free is not None and dynamics != "coupled":
+        if jump is not None and free is not None and not located:
             reason = f"{jump} jumps, and preset {preset} would step over the jump as it integrates {free}"
-            raise SceneError(key, load.law, reason, f"Use preset coupled, or a smooth law: {_SMOOTH}")
+            elastic = " with an elastic body" * scene.is_spatial
+            raise SceneError(key, load.law, reason, f"Use preset coupled{elastic}, or a smooth law: {_SMOOTH}")
         if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
             reason = f"{jump} jumps, and scipy's Radau would step over the jump"
             raise SceneError(key, load.law, reason, "Use integrator radau or gauss, which end a step there")

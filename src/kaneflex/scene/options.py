@@ -170,9 +170,9 @@ def resolve_options(scene: Scene) -> Options:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         check_coupled(scene)
-    if not scene.is_spatial:  # free bodies, and laws in any joint, without the coupled equations
+    if not scene.is_spatial:  # free bodies without the coupled equations
         check_contacts(scene, dynamics)
-        check_laws(scene, dynamics)
+    check_laws(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -216,11 +216,6 @@ def _integrator(scene: Scene, dynamics: str) -> str:
 def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
     """Tolerance of the scene, or its default; 0 for dynamics without one."""
     return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
-
-
-def moves_with_links(scene: Scene, dynamics: str) -> bool:
-    """True if the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
-    return dynamics == "coupled" and (not scene.is_spatial or any(body.deforms for body in scene.bodies.values()))
 
 
 def without_poses(scene: Scene) -> Scene:

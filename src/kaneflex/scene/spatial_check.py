@@ -116,7 +116,7 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
 
 
 def _laws(scene: Scene) -> Iterator[Problem]:
-    """Problems of laws of loads in space: they must be smooth, and use joints with one coordinate."""
+    """Problems of laws of loads in space: they must use joints with one coordinate."""
     several = [name for name, joint in scene.joints.items() if joint.kind in SEVERAL_FREEDOMS]
     for name, load in scene.loads.items():
         try:
@@ -128,9 +128,6 @@ def _laws(scene: Scene) -> Iterator[Problem]:
             known = next(joint for joint in several if law.uses_any([joint]))
             reason = f"{known} has several degrees of freedom, so no single coordinate"
             yield Problem(key, given, reason, "Use a joint with one coordinate, or t")
-        elif law is not None and law.kinks():
-            reason = f"the slope of {law.kinks()} jumps, which only planar scenes support so far"
-            yield Problem(key, load.law, reason, "Write a smooth law, like tanh(1000 * x)")
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:

@@ -86,11 +86,8 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 def _check_untouched(scene: Scene, model: Model) -> None:
     """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
-    system = model.coupled
-    if system is None:  # in space there are none
-        return
-    touching = (*system.mechanism.contacts, *system.mechanism.frictions)
-    switched = getattr(system.module, "SWITCHES", ())
+    system = model.coupled or model.motion.module.system  # in space
+    touching, switched = (*scene.contacts, *scene.frictions), getattr(system.module, "SWITCHES", ())
     if not (touching or switched or len(system.engine.contacts) or len(system.engine.holds)):
         return
     cure = one_way_cure(scene, "--language", integrated=False)

@@ -129,7 +129,8 @@ def _in_space(model: Model) -> Begun:
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": system.coordinates, "SPEEDS": system.speeds}
     return Begun(
-        system.engine, row, step, DAMPED if system.has_slopes else 0.0, "radau", start.choice.independent, names,
+        system.engine, row, step, DAMPED if system.has_slopes and options.integrator == "radau" else 0.0,
+        options.integrator, start.choice.independent, names,
         motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.driven_speeds,
          "weight": weight},
         sizes, {"joints": len(points), "drives": len(system.driven), "grown": GROWTH, "patience": PATIENT,

@@ -28,7 +28,8 @@ from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.options import Options, acting, moves_with_links
+from kaneflex.scene.option_check import moves_with_links
+from kaneflex.scene.options import Options, acting
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled_state import CONTINUE, OPEN, check_closed

@@ -11,7 +11,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.time_statistics import at_least, between_steps
-from kaneflex.scene.options import moves_with_links
+from kaneflex.scene.option_check import moves_with_links
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.run_result import RunResult, nominal_seconds

@@ -24,12 +24,12 @@ from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 
-def sources(left_out: str) -> list[str]:
-    """Files of the engine's compiled functions, without those whose path has ``left_out`` in it."""
+def sources(*left_out: str) -> list[str]:
+    """Files of the engine's compiled functions, without those whose path has one of ``left_out`` in it."""
     multibody = Path(layout.__file__).parents[1]
     files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
     compiled = (each for each in files if b"numba" in each.read_bytes())
-    chosen = [str(each) for each in compiled if left_out not in str(each.relative_to(multibody))]
+    chosen = [str(each) for each in compiled if not any(part in str(each.relative_to(multibody)) for part in left_out)]
     return sorted([*chosen, inner.__file__, *map(str, (multibody / "model").glob("*layout.py"))])
 
 

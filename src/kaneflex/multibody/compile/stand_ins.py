@@ -7,7 +7,7 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, SWITCHED_SPACE
 
 
 def of_contacts(otherwise):
@@ -17,6 +17,11 @@ def of_contacts(otherwise):
     Most mechanisms have no contacts and save a third of the compilation.
     """
     return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM))
+
+
+def of_changes(otherwise):
+    """As :func:`of_contacts`, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
+    return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM, SWITCHED_SPACE))
 
 
 def of_holds(otherwise):

@@ -12,7 +12,7 @@ from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.unilateral import dry_friction
-from kaneflex.multibody.compile.stand_ins import of_contacts
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.model.layout import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
     FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
@@ -81,13 +81,20 @@ def load_sizes(m, t):
             laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
         w[k], w[k + 1], w[second_rate] = w[row], w[row + 1], w[row + 2]
     if plan[LOADS] < plan[SPRINGS]:
-        take_sides(m)
-        kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
-        for k in range(plan[SPRINGS] - plan[LOADS]):
-            w[plan[SIZE] + k] += w[plan[INPUT] + k]
+        sizes_by_laws(m, t)
 
 
-@of_contacts(None)
+@njit(**OPTIONS)
+def sizes_by_laws(m, t):
+    """Magnitudes of the loads by the laws' joint coordinates, and the inputs added to them."""
+    plan, w = m.plan, m.w
+    take_sides(m)
+    kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
+    for k in range(plan[SPRINGS] - plan[LOADS]):
+        w[plan[SIZE] + k] += w[plan[INPUT] + k]
+
+
+@of_changes(None)
 @njit(**OPTIONS)
 def take_sides(m):
     """Select the branch of discontinuous laws by the side of zero of their switching arguments."""
@@ -100,7 +107,16 @@ def take_sides(m):
             w[first + m.acts[n, ROW_AT]] = 1.0 if side == ABOVE else (-1.0 if side == BELOW else 0.0)
 
 
-@of_contacts(None)
+@of_changes(None)
+@njit(**OPTIONS)
+def meet_switches(m):
+    """Numbers of all switching arguments, where there are no contacts."""
+    plan = m.plan
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        meet_switch(m, n, plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]))
+
+
+@of_changes(None)
 @njit(**OPTIONS)
 def meet_switch(m, n, k):
     """Numbers of a switching argument as a gap that closes when a load's law changes its branch.

@@ -10,6 +10,7 @@ import math
 from numba import njit
 from numba.types import CPointer, boolean, float64, int64, void
 
+from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics import dense_lu, loop_closure, reduction, unfolding
 from kaneflex.multibody.dynamics.dimensions import cut_rows, demand, gradient
@@ -57,6 +58,8 @@ from kaneflex.multibody.model.spatial_layout import (
     WHAT,
 )  # fmt: skip
 from kaneflex.multibody.time import collocation
+from kaneflex.multibody.unilateral.contacts import stand_closed
+from kaneflex.multibody.unilateral.discontinuous_loads import choose_sides
 
 CLOSED = 1e-7
 """Largest violation of redundant rows, in rad or sizes of the mechanism."""
@@ -173,12 +176,24 @@ def _project(m, t):
     return DONE
 
 
+@of_changes(0)
+@njit(**OPTIONS)
+def _decide(m, t):
+    """After :func:`_project`, the same with discontinuous loads by the present or imminent sides of their arguments."""
+    outcome = _project(m, t) if choose_sides(m, t) else DONE
+    if outcome == DONE and m.now[2] != 0.0 and not stand_closed(m, t, m.real):
+        return MASSLESS
+    return outcome
+
+
 @njit(**ENTRY)
 def project(m, t, q, u):
     """State at t with accelerations and wrenches, near coordinates q with speeds u; returns the outcome."""
     _take(m, q)
     copy_to(m.u, u, m.plan[COORDINATES])
     outcome = _project(m, t)
+    if outcome == DONE:
+        outcome = _decide(m, t)
     if outcome == DONE:
         _complete(m, t)
     return outcome
@@ -313,6 +328,8 @@ def follow(m, times, count, out):
             t = times[i] if reached else t + (times[i] - t) / steps
             taken += 1
             m.now[0], m.now[1] = t, _project(m, t)
+            if m.now[1] == DONE:
+                m.now[1] = _decide(m, t)
             if m.now[1] == DONE and _grown(m):
                 m.now[1] = GROWN
             if m.now[1] != DONE:
@@ -337,6 +354,7 @@ def _given(m, given, width):
 def near(m, times, count, given, width, out, whole):
     """Rows at times near given coordinates and speeds; returns their number; ``now`` as of :func:`follow`.
 
+    Discontinuous loads keep the sides of their arguments.
     Without ``whole`` accelerations and reactions are left out: their mass matrix takes most of the time.
     """
     for i in range(count):

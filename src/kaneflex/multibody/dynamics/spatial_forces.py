@@ -24,6 +24,7 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
+from kaneflex.multibody.dynamics.forces import meet_switches, sizes_by_laws
 from kaneflex.multibody.dynamics.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
 from kaneflex.multibody.dynamics.spatial_work import (
@@ -39,7 +40,8 @@ from kaneflex.multibody.dynamics.spatial_work import (
     TORQUES,
     TWISTS,
 )  # fmt: skip
-from kaneflex.multibody.model.layout import COUPLING, INPUT, MAGNITUDES, MODAL, OPTIONS, SIZE, SQUARE, X, apart, kernel
+from kaneflex.multibody.model.layout import COUPLING, DRIVES, MODAL, OPTIONS, SIZE, SQUARE, X, apart
+from kaneflex.multibody.model.layout import LOADS as ENGINE_LOADS
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     BODY,
@@ -69,10 +71,12 @@ def load_sizes(m, t):
     plan, w = m.plan, m.w
     for i in range(m.counts[OBSERVED]):
         at, node = plan[X] + m.observed[i, 0], m.observed[i, 1]
-        w[at], w[at + 1] = m.y[m.nodes[node, SPEED]], m.u[m.nodes[node, SPEED]]
-    kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
+        speed = m.nodes[node, SPEED]
+        w[at], w[at + 1] = m.y[speed], m.u[speed]
+        w[plan[X] + 2 * (plan[ENGINE_LOADS] - plan[DRIVES]) + m.observed[i, 0] // 2] = m.du[speed]
+    sizes_by_laws(m, t)
     for i in range(m.counts[LOADS]):
-        m.sizes[i] += w[plan[INPUT] + i]
+        m.sizes[i] = w[plan[SIZE] + i]
 
 
 @once
@@ -85,6 +89,7 @@ def demand(m, t):
     apart()
     x = m.x
     load_sizes(m, t)
+    meet_switches(m)
     for s in range(m.counts[SPEEDS]):
         m.h[s] = 0.0
     for n in range(m.counts[NODES]):

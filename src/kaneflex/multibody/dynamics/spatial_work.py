@@ -11,7 +11,7 @@ from numba.types import float64
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.interactions import Numbers
-from kaneflex.multibody.model.layout import PARTS, Fixed, Handed, N
+from kaneflex.multibody.model.layout import PARTS, SWITCHED_SPACE, Fixed, Handed, N
 from kaneflex.multibody.model.places import Counts, assign
 from kaneflex.multibody.model.spatial_layout import Tables
 
@@ -40,6 +40,7 @@ _WORK = {
     "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
 SPACE = Handed("Mechanism in space", 6, **PARTS | {"bodies": Fixed(8)} | _TABLES | _WORK)
+SWITCHED_SPACE.parts.update(SPACE.parts)
 """All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
 
 ``balls``: places of every ball's quaternion in q, and of its rotation vector in y; ``own``: of all other coordinates.
@@ -180,7 +181,7 @@ def arrays_of(
     lengths = [math.prod(shape) for shape in parts.values()]
     first = numbers.room(sum(lengths))
     places = dict(zip(parts, np.cumsum([first, *lengths]).tolist(), strict=False))
-    for what, name in ((at.RATE, "u"), (at.ACCEL, "du"), (at.SIZE, "sizes"), (at.NOW, "multipliers"), (at.CUT, "rows")):
+    for what, name in ((at.RATE, "u"), (at.ACCEL, "du"), (at.NOW, "multipliers"), (at.CUT, "rows")):
         plan[what] = places[name]
     plan[at.MEASURE] = numbers.room(s)
     springs = numbers.room(2 * (counts.ranges[5] - counts.ranges[4]))

@@ -320,9 +320,10 @@ PARTS = {
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
     Handed(name, 3, **PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
-"""All numbers of a mechanism for compiled code. ``pivots``: the plan once more, writable; ``kernels``: addresses of
-those of the structure, see :func:`kernel`; ``p``: the parameters of the structure's
-module; ``real``, ``pair``: arrays for factors."""
+SWITCHED_SPACE = Handed("Mechanism in space with discontinuous loads", 6)
+"""All numbers of a mechanism for compiled code, in space with those of :mod:`.spatial_work`. ``pivots``: the plan once
+more, writable; ``kernels``: addresses of those of the structure, see :func:`kernel`; ``p``: the parameters of the
+structure's module; ``real``, ``pair``: arrays for factors."""
 
 
 class Handle:

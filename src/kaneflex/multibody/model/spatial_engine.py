@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.multibody.compile import spatial_library
 from kaneflex.multibody.dynamics.spatial_tree import ABOUT_AXIS, ALONG_AXIS, POINTS, TWIST
-from kaneflex.multibody.dynamics.spatial_work import SPACE, Work, arrays_of
+from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE, Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS
@@ -75,7 +75,7 @@ class SpatialEngine(Engine):
 
     def row(self, t: float) -> np.ndarray:
         quaternions = self.work.q[self.parts["balls"][:, :1] + np.arange(4)].ravel()
-        return np.concatenate([[t], *self.motion, quaternions, np.zeros(self.count(at.WORKS))])
+        return np.concatenate([[t], *self.motion, self.standing, quaternions, np.zeros(self.count(at.WORKS))])
 
     def call(self, function: Any, *values: Any) -> Any:
         """Call an entry of :mod:`kaneflex.multibody.dynamics.spatial_entries`."""
@@ -83,7 +83,7 @@ class SpatialEngine(Engine):
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
-        return spatial_library.library(self.deforming)
+        return spatial_library.library(self.handed, self.deforming)
 
     @property
     def workspaces(self) -> Collection[str]:
@@ -123,26 +123,25 @@ def spatial_engine(system: Any) -> SpatialEngine:
         len(where), len(work.phi), places["geometry"], len(balls), len(own),
     ])  # fmt: skip
     del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
-    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"]), w)
+    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"], counts.switches), w)
     kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
     p = np.ascontiguousarray(system.parameters, float)
     units = np.where(system.turns, "rad", "m").tolist()
     names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
-    return SpatialEngine(
-        tables, names, kernels, p, real, np.zeros(size, complex), SPACE, parts, work, system.coupled
-    )  # fmt: skip
+    space, pair = SWITCHED_SPACE if counts.switches else SPACE, np.zeros(size, complex)
+    return SpatialEngine(tables, names, kernels, p, real, pair, space, parts, work, system.coupled)
 
 
 def _counts(system: Any) -> Counts:
     m, shapes = system.tables, system.tables.bodies[:, at.SHAPES]
     cuts, joints, loads = len(m.cuts), len(system.known_joints), len(system.mechanism.loads)
     springs = len(m.springs) + len(m.twists) + 6 * len(m.bushings)
-    twists = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT]
+    twists, switches = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT], len(getattr(system.module, "SWITCHES", ()))
     return Counts(
         d=6, bodies=len(m.bodies), coordinates=system.speeds, sections=0, speeds=0, coupling=int(shapes.sum()),
         square=int((shapes**2).sum()), twists=int(twists.sum()), most=int(shapes.max(initial=0)),
-        ranges=tuple(np.cumsum([0, cuts, 0, joints, loads, springs, 0]).tolist()), joint_rows=system.row_count,
-        loads=loads, driven=system.driven_speeds.tolist(), switches=0, rigid=False,
+        ranges=tuple(np.cumsum([0, cuts, 0, joints, loads, springs, switches]).tolist()), joint_rows=system.row_count,
+        loads=loads, driven=system.driven_speeds.tolist(), switches=switches, rigid=False,
     )  # fmt: skip
 
 
@@ -152,8 +151,8 @@ def _springs(m: Tables) -> np.ndarray:
     return np.concatenate([m.stiffness[:, :2].ravel(), m.torsion[:, :2].ravel(), bushings.ravel()])
 
 
-def _acts(system: Any, springs: int) -> np.ndarray:
-    """Cuts, joints in laws, loads and rows of springs, whose numbers begin at ``springs``: see ``acts`` in
+def _acts(system: Any, springs: int, switches: int) -> np.ndarray:
+    """Cuts, joints in laws, loads, rows of springs, whose numbers begin at ``springs``, and switches: see ``acts`` in
     :mod:`kaneflex.multibody.model.layout`."""
     m = system.tables
     found = [(what, first, second, -1, row, -1) for what, first, second, _, _, row in m.cuts.tolist()]
@@ -165,4 +164,5 @@ def _acts(system: Any, springs: int) -> np.ndarray:
     rows = [(POINTS, n, 0) for n in range(len(m.springs))] + [(TWIST, n, 0) for n in range(len(m.twists))]
     rows += [(kind, n, axis) for n in range(len(m.bushings)) for kind in (ALONG_AXIS, ABOUT_AXIS) for axis in range(3)]
     found += [(*row, -1, -1, springs + 2 * k) for k, row in enumerate(rows)]
+    found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     return np.array(found, np.int64).reshape(-1, 6)

@@ -325,7 +325,7 @@ class SpatialSystem:
         """Sizes of all loads at many instants, (n_times, loads)."""
         x, where = np.zeros((len(times), 3 * len(self.known_joints))), self.engine.parts["observed"][:, 0]
         x[:, where], x[:, where + 1] = coordinates, speeds
-        return self.engine.magnitudes(times, x, len(self.mechanism.loads))
+        return self.engine.magnitudes(times, x)
 
     @cached_property
     def told_joints(self) -> tuple[str, ...]:

@@ -193,13 +193,7 @@ class CoupledSystem:
         ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint in laws: the
         drives', then the others'.
         """
-        loads, sides = len(self.mechanism.loads), len(getattr(self.module, "SWITCHES", ()))
-        none = np.zeros((len(times), sides))
-        x = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
-        for _ in range(sides + 1):  # switches may depend on others
-            out = self.engine.magnitudes(times, x, loads + 2 * sides)
-            x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
-        return out[:, :loads]
+        return self.engine.magnitudes(times, np.hstack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3]]))
 
     @cached_property
     def shape_columns(self) -> dict[int, int]:

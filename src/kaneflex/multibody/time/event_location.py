@@ -19,7 +19,7 @@ from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, near,
 from kaneflex.multibody.unilateral.contacts import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.time.state_record import take
-from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds
 from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.model.layout import (
     ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS, LARGEST, LAW,
@@ -43,14 +43,14 @@ _FAR_FASTER = 3.0
 """Increase of an impact's speed that requires a new approach speed: pressing loads increase it at most 1.4 times."""
 
 
-@of_contacts(False)
+@of_changes(False)
 @njit(**OPTIONS)
 def searched(m):
     """True if steps are searched for changes."""
     return True
 
 
-@of_contacts(None)
+@of_changes(None)
 @njit(**OPTIONS)
 def note(m, t, i):
     """Store gap, rate, force and sign of the force of all contacts as those of the step's node i."""
@@ -73,7 +73,7 @@ def note(m, t, i):
     stick_slip.note(m, t, i)
 
 
-@of_contacts(True)
+@of_changes(True)
 @njit(**OPTIONS)
 def back(m, here):
     """Restore the state of a row at the start of a step; False: a loop does not close."""
@@ -84,7 +84,7 @@ def back(m, here):
     return closes
 
 
-@of_contacts(0.0)
+@of_changes(0.0)
 @njit(**OPTIONS)
 def go_on(m, table, h, here, A, wanted, found):
     """Begin the next step after one with this finding; returns its largest length [s], see ``contacts.change``."""
@@ -146,7 +146,7 @@ def _meets(gap, rate, bent):
     return 2.0 * gap / (math.sqrt(root) - rate) if bent >= 0.0 or rate < 0.0 else (-rate - math.sqrt(root)) / bent
 
 
-@of_contacts(0.0)
+@of_changes(0.0)
 @njit(**OPTIONS)
 def aimed(m, h):
     """Step [s] instead of h that ends at the predicted closing of rigid sides, to avoid repetitions."""
@@ -169,14 +169,14 @@ def again(m, low, trial, high):
     return AGAIN
 
 
-@of_contacts(0.0)
+@of_changes(0.0)
 @njit(**OPTIONS)
 def next_trial(m, found):
     """Length of the repeated step [s], 0 if there is none."""
     return m.w[m.plan[TOUCH] + TRIAL] if found == AGAIN else 0.0
 
 
-@of_contacts(0.0)
+@of_contacts(1e300)
 @njit(**OPTIONS)
 def unturned(m):
     """Longest step [s] in which no body with an open contact turns by more than 1 rad; without flanks."""
@@ -188,7 +188,7 @@ def unturned(m):
     return 1.0 / fastest
 
 
-@of_contacts(0)
+@of_changes(0)
 @njit(**OPTIONS)
 def look(m, table, t, h, here, searched):
     """Find the first change of a contact in a solved step; see PASSED. TRIAL is the step to take instead.

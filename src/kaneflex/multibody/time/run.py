@@ -6,11 +6,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.dynamics import load_derivatives
+from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
@@ -72,6 +74,12 @@ def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> 
     """First step [s], which moves the mechanism by ten errors; the error estimate controls the next ones."""
     largest = (abs(accelerations) / scale).max(initial=0.0)
     return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
+
+
+def held(engine: Engine, module: ModuleType) -> str:
+    """Load whose law would have to hold its switch at zero; empty if there is none."""
+    number = int(engine.numbers(at.TOUCH, at.SHARED)[at.HELD])
+    return module.SWITCHES[number - 1] if number else ""
 
 
 class Run:
@@ -157,14 +165,9 @@ class Run:
 
     def _held(self) -> tuple[Outcome, str] | None:
         """Outcome if a law would have to hold its switch at zero; None otherwise."""
-        held = int(self.engine.numbers(at.TOUCH, at.SHARED)[at.HELD])
-        if not held:
-            return None
-        return Outcome.CASCADE, (
-            f"after {{at}} the law of loads.{self.system.module.SWITCHES[held - 1]} switches back and forth: on "
-            "both sides of its jump the motion returns to it, as with a brake at rest. Use friction of a joint in "
-            "place of the law"
-        )  # fmt: skip
+        name = held(self.engine, self.system.module)
+        cure = "Use friction of a joint in place of the law"
+        return (Outcome.CASCADE, f"after {{at}} the law of loads.{name} {HOLDS}. {cure}") if name else None
 
     def _overdamped(self, ended: int) -> tuple[Outcome, str] | None:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
@@ -337,6 +340,10 @@ class Run:
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
+HOLDS = (
+    "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
+)
+"""Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {
     collocation.TOO_SMALL: (

@@ -20,12 +20,13 @@ from kaneflex.mechanism.energy import Energy, of_bodies
 from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.dynamics.spatial_entries import MOVED, NEAR
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.independent_speeds import choose_anew
 from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_system import SpatialSystem, State
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
-from kaneflex.multibody.time.run import TABLES, first_step
+from kaneflex.multibody.time.run import HOLDS, TABLES, first_step, held
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.spatial_passing import EXACT, Passing
@@ -65,7 +66,8 @@ class Run(Curve):
         self.first: float | None = None  # step to begin with
         self.growth = GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
-        self.done = np.zeros(1 + len(system.inputs))  # works of dampers, loads and drives
+        self.changes: list[float] = []  # instants at which discontinuous loads switch
+        self.done = np.zeros(system.engine.count(at.WORKS))  # works of dampers, loads and drives
         self.passing = Passing(system, options.forward_method, options.forward_tolerance)
         self.longest = options.duration / options.steps
         method = Method("radau", options.tolerance, system.mechanism.size, options.bounded)
@@ -87,22 +89,23 @@ class Run(Curve):
         here, wanted = self.first_row(state)
         last, most = system.works_at(here), 1 if options.bounded else _PIECE
         here[last:] = self.done
-        sloped = DAMPED if system.has_slopes else 0.0
-        control = np.array([self.first or wanted, self.longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 0.0])
+        sloped = DAMPED if system.has_slopes and options.integrator == "radau" else 0.0
+        control = np.array([self.first or wanted, self.longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 1.0])
         counts, steps, taken = np.zeros(5), np.zeros((_PIECE, len(here))), here[None]
         while here[0] < self.until:
             before, left = here.copy(), times[np.searchsorted(times, here[0], side="right") :][:_PIECE]
             aims, rows = np.concatenate([here[:1], left]), np.zeros((len(left) + 2, len(here)))
             self.bounds.update(taken)
-            control[2:5] = min(most, PATIENT) if control[6] else most, 0.0, 0.0
+            control[2:5], control[8] = (min(most, PATIENT) if control[6] else most, 0.0, 0.0), 1.0
             most = min(2 * most, _PIECE)  # the largest values so far grow with every piece
             engine.choose_speeds(choice)
+            table = TABLES["radau" if control[7] == DAMPED else options.integrator]
             ends = here[:0] if self.given is None else left
-            ended = engine.integrate(
-                TABLES["radau"], control, here, ends, aims, rows, counts, steps, wide=len(here)
-            )  # fmt: skip
+            ended = engine.integrate(table, control, here, ends, aims, rows, counts, steps, wide=len(here))
             taken = steps[: int(control[4])]
             self.pace.evaluations, counts[2] = self.pace.evaluations + 3 * int(counts[2]), 0.0
+            if control[8] == 2.0:
+                self.changes.append(float(here[0]))
             if len(taken):
                 self.ends.append(float(here[0]))
                 self.knots += taken[:, 0].tolist()
@@ -116,7 +119,7 @@ class Run(Curve):
                 better = self._better(found)
                 if better is not found:
                     return better
-            elif ended not in (collocation.DONE, collocation.PAUSED):
+            elif ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED):
                 far = overturned(system.mechanism, system.work.bushings)  # in the last attempt
                 raise self._stopped(float(here[0]), self._reason(here, choice), far)
             if self.pace.too_slow(float(here[0]) - self.start.t):
@@ -251,9 +254,8 @@ class Run(Curve):
             raise self._stopped(t, str(reason)) from None
 
     def __call__(self, t: float) -> State:
-        curve, like = self.curves[self._steps_of(np.array([t]))[0]]
-        (q,), (u,) = self._states(curve, like, np.array([t]))
-        return self._at(t, q, u, like)
+        self.rows(np.array([float(t)]))
+        return self.system.state(t, self.curves[self._steps_of(np.array([t]))[0]][1].choice)
 
     @property
     def evaluations(self) -> int:
@@ -273,6 +275,8 @@ class Run(Curve):
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
             curve, like = self.curves[steps[first]]
             given[first:last, :n], given[first:last, n:] = self._states(curve, like, times[first:last])
+            if isinstance(curve, Steps):
+                system.engine.contacts[:, at.BEGUN_AT] = curve.sides
             try:
                 system.near(like.choice, times[first:last], given[first:last], out[first:last], what)
             except ArithmeticError as reason:
@@ -298,6 +302,9 @@ class Run(Curve):
         return Energy(kinetic, found["strain energy"], weight, *np.array(self.works).T)
 
     def _stopped(self, t: float, message: str = "", far: tuple[str, str] | None = None) -> SceneError:
+        if name := held(self.system.engine, self.system.module):
+            reason, cure = f"after t = {t:.6g} s the law {HOLDS}", "Use a smooth law, like tanh(1000 * x)"
+            return SceneError(f"loads.{name}.law", self.system.scene.loads[name].law, reason, cure)
         if far:
             reason = f"the motion can't continue after t = {t:.6g} s: {far[1]}"
             cure = "Limit the rotation, or use loads with laws"

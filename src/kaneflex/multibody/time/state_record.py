@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import by_size
+from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.dynamics import spatial_tree
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.model.layout import (
@@ -28,13 +28,26 @@ def works_at(m):
 
 
 @njit(**OPTIONS)
-def standing(m):
+def modes(m):
     """Number of entries of a row for the modes of contacts and holds."""
     return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
 
 
 @njit(**OPTIONS)
-def stands(m, row):
+def standing(m):
+    """The same with those for the quaternions of balls."""
+    inside()
+    return modes(m)
+
+
+@njit(**OPTIONS)
+def _standing_in_space(m):
+    inside()
+    return modes(m) + spatial_tree.standing(m)
+
+
+@njit(**OPTIONS)
+def _take_modes(m, row):
     """Set the modes of contacts and holds from a row."""
     plan, w = m.plan, m.w
     held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
@@ -44,7 +57,20 @@ def stands(m, row):
 
 
 @njit(**OPTIONS)
-def stored(m, row):
+def stands(m, row):
+    """The same with the quaternions of balls."""
+    inside()
+    _take_modes(m, row)
+
+
+@njit(**OPTIONS)
+def _stands_in_space(m, row):
+    _take_modes(m, row)
+    spatial_tree.stands(m, shifted(row, modes(m)))
+
+
+@njit(**OPTIONS)
+def _store_modes(m, row):
     """Store the modes of contacts and holds in a row."""
     plan, w = m.plan, m.w
     held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
@@ -53,8 +79,21 @@ def stored(m, row):
     dry_friction.given(m, row, held + touching)
 
 
-standing, stored = by_size(standing, spatial_tree.standing), by_size(stored, spatial_tree.stored)
-stands = by_size(stands, spatial_tree.stands)
+@njit(**OPTIONS)
+def stored(m, row):
+    """The same with the quaternions of balls."""
+    inside()
+    _store_modes(m, row)
+
+
+@njit(**OPTIONS)
+def _stored_in_space(m, row):
+    _store_modes(m, row)
+    spatial_tree.stored(m, shifted(row, modes(m)))
+
+
+standing, stored = by_size(standing, _standing_in_space), by_size(stored, _stored_in_space)
+stands = by_size(stands, _stands_in_space)
 
 
 @njit(**OPTIONS)

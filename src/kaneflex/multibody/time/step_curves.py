@@ -21,6 +21,13 @@ class Steps:
     system: SpatialSystem
     rows: np.ndarray
 
+    @property
+    def sides(self) -> np.ndarray:
+        """Sides on which discontinuous loads stand."""
+        engine = self.system.engine
+        last = self.system.works_at(self.rows[0]) - 4 * len(engine.parts["balls"])
+        return self.rows[0, last - len(engine.contacts) : last]
+
     @cached_property
     def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates y, rates and accelerations at the beginning and the end of each step, (2 steps, n) each."""

@@ -28,7 +28,7 @@ from kaneflex.multibody.unilateral.contact_numbers import (
 )  # fmt: skip
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.time.state_record import give, works_at
-from kaneflex.multibody.compile.stand_ins import of_contacts
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.unilateral.discontinuous_loads import pass_zero, take_place
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT,
@@ -214,7 +214,7 @@ def part(m, c, t, lost):
     w[m.plan[IMPACTS]] = count + 1
 
 
-@of_contacts(True)
+@of_changes(True)
 @njit(**OPTIONS)
 def stand_closed(m, t, A):
     """Contact states of a single state: closed if the sides overlap, else open; False at a singular state.

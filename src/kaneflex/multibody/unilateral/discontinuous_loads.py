@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.dynamics.forces import load_sizes, meet
 from kaneflex.multibody.unilateral.contact_numbers import ROUNDING, at, near, switches
 from kaneflex.multibody.dynamics.loop_closure import mend
@@ -65,9 +66,10 @@ def pass_zero(m, t, A):
     return 1e300
 
 
+@of_changes(False)
 @njit(**OPTIONS)
-def take_place(m, t, A):
-    """Set laws by the sides of their switches; False at a singular state.
+def choose_sides(m, t):
+    """Choose the sides of switches by the values of their arguments; True if one changes.
 
     Arguments may depend on other switches, so the result is checked again.
     """
@@ -86,7 +88,16 @@ def take_place(m, t, A):
                     side = ABOVE if w[j] > 0.0 else BELOW
                 changed = changed or side != w[k + BEGUN_AT]
                 w[k + BEGUN_AT] = side
-    if turn == 1:
+    return turn > 1
+
+
+@njit(**OPTIONS)
+def take_place(m, t, A):
+    """Set laws by the sides of their switches; False at a singular state."""
+    apart()
+    plan, w = m.plan, m.w
+    count = plan[ACTS] - plan[CONTACTS]
+    if not choose_sides(m, t):
         return True
     if not mend(m, t, A, 0.0, 2):
         return False
