@@ -50,7 +50,7 @@ def bristle_force(
     return stiffness * z + damping * rate + viscous * v
 
 
-def numbers_of_lent(inertia: float) -> tuple[float, ...]:
+def numbers_of_virtual(inertia: float) -> tuple[float, ...]:
     """Numbers of an entry without a law that subtracts a virtual inertia [kg m^2], stored as its arm."""
     return (*(0.0,) * 9, inertia, -1.0, -1.0, 0.0, 0.0)
 

@@ -95,7 +95,7 @@ int {name}_run({name}_state *state, double until)
 {{
     const mechanism m = {name}_handed(state);
     double times[2] = {{state->row[0], until}}, rows[2 * {NAME}_ROW], ends[{most} + 1], none[1] = {{0.0}};
-{wear}    int64_t status = {DONE};
+{locals}    int64_t status = {DONE};
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
@@ -108,7 +108,7 @@ int {name}_run({name}_state *state, double until)
         state->step = control[0];
         state->last_step = control[5];
         state->sloped = control[7];
-{worn}    }} while (status == {PAUSED});
+{turned}    }} while (status == {PAUSED});
     return (int)status;
 }}
 
@@ -158,7 +158,7 @@ int main(void)
 
 _PLANE = {
     "rates": "COORDINATES", "more": "", "stored": "", "begun": "",
-    "wear": "", "patient": "0.0", "at_once": "{most}", "worn": "",
+    "locals": "", "patient": "0.0", "at_once": "{most}", "turned": "",
     "extern": "extern const char *const {name}_free_names[];\n",
     "declared": """\
 /* Accelerations a of the independent coordinates y with rates v at t [s], in the order of {name}_free_names.
@@ -199,7 +199,7 @@ _SPACE = {
     state->grown[0] = state->grown[1] = {grown};
     memcpy(state->free, {name}_free, {free} * sizeof {name}_free[0]);
 """,
-    "wear": "    double patient = 0.0, room[2 * {NAME}_SPEEDS * {NAME}_SPEEDS + 1];\n", "patient": "patient",
+    "locals": "    double patient = 0.0, room[2 * {NAME}_SPEEDS * {NAME}_SPEEDS + 1];\n", "patient": "patient",
     "at_once": "patient != 0.0 ? {patience} : {most}",
     "extern": "extern const char *const {name}_rate_names[];\nextern const char *const {name}_position_names[];\n"
     "extern const char *const {name}_speed_names[];\n",
@@ -223,7 +223,7 @@ int {name}_accelerations(
     return {NAME}_DONE;
 }}
 """,
-    "worn": """\
+    "turned": """\
         patient = 0.0;
         if (status == {TURNED}) {{
             const int64_t chosen = {choose}(&m, state->row, state->free, {free}, (double *){name}_weight,

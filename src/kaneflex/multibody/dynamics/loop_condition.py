@@ -177,7 +177,7 @@ _candidates = by_size(_candidates, _with_shapes)
 
 
 @njit(**OPTIONS)
-def worn(m):
+def ill_conditioned(m):
     """True if an independent coordinate of a joint, or in space of a shape, should replace a dependent one that moves
     much more.
 

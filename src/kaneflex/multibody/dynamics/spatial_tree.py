@@ -109,7 +109,7 @@ def stiffen(m, t, h):
     """Add h C + h^2 K of the shapes, and the virtual inertia of coordinates, to the tree's matrices."""
     apart()
     for k in range(m.plan[of.COORDINATES]):
-        t.D[k] = m.lent[k] + 0.0 * h
+        t.D[k] = m.virtual_inertia[k] + 0.0 * h
     last = m.plan[of.BODIES] - 1
     for k in range(m.bodies[last, of.SQUARE] + m.bodies[last, of.SHAPES] * m.bodies[last, of.SHAPES]):
         t.L[k] += h * (m.C[k] + h * m.K[k])
@@ -158,7 +158,7 @@ def opening(m, t, r):
 def soften(m, r, count, h, A, most):
     """Add the negative compliance of a row that removes virtual inertia."""
     plan = m.plan
-    A[plan[of.SCHUR] + (count + 1) * r] -= 1.0 / m.lent[m.pivots[plan[of.TOUCHING] + r - plan[of.KEPT]]]
+    A[plan[of.SCHUR] + (count + 1) * r] -= 1.0 / m.virtual_inertia[m.pivots[plan[of.TOUCHING] + r - plan[of.KEPT]]]
 
 
 @njit(**OPTIONS)

@@ -30,7 +30,7 @@ _TABLES = {
     "counts": Fixed(1), "nodes": Fixed(9), "numbers": _V, "frames": Fixed(3), "block": N, "on": Fixed(1), "at": _V,
     "axis_on": Fixed(1), "axis_at": _V, "cuts": Fixed(6), "forces": Fixed(3), "torques": Fixed(4),
     "spring_ends": Fixed(2), "stiffness": _V, "twist_ends": Fixed(4), "torsion": _V, "bushing_ends": Fixed(4),
-    "cushions": _V, "gravity": _V, "observed": Fixed(2), "K": N, "C": N, "lent": N, "row_measure": N,
+    "cushions": _V, "gravity": _V, "observed": Fixed(2), "K": N, "C": N, "virtual_inertia": N, "row_measure": N,
     "balls": Fixed(2), "own": Fixed(2),
 }  # fmt: skip
 _WORK = {

@@ -226,7 +226,7 @@ def virtual_inertia(
     M: mass matrix; free: mask of speeds without drives. The recursion eliminates the outermost body first, of each its
     shapes, then its joint.
     """
-    lent = np.zeros(len(measure))
+    inertia = np.zeros(len(measure))
     A = M * np.outer(measure, measure)
     most = A.diagonal().max(initial=0.0)
     for body in bodies[::-1]:
@@ -234,7 +234,7 @@ def virtual_inertia(
         shapes = range(body[at.MODAL], body[at.MODAL] + body[at.SHAPES])
         for s in filter(free.__getitem__, (*shapes, *joint)):
             if A[s, s] <= _LENT * most and s in dependent:
-                lent[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
+                inertia[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
             if A[s, s] > 0.0:
                 A = A - np.outer(A[:, s], A[s]) / A[s, s]
-    return lent
+    return inertia

@@ -41,7 +41,7 @@ def key_of(point: BodyPoint) -> tuple[str, str]:
     return point.body, point.name
 
 
-def lend(
+def virtual_inertias(
     mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
     parts: Sequence[np.ndarray], measure: float,
 ) -> dict[int, float]:  # fmt: skip
@@ -89,14 +89,14 @@ def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboar
 
 def _hold_acts(
     mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], cuts: Sequence[str], row: int,
-    numbers: Numbers, lent: Mapping[int, float],
+    numbers: Numbers, virtual: Mapping[int, float],
 ) -> list[tuple[int, ...]]:  # fmt: skip
     """Rows of holds: those that remove virtual inertia, then frictions."""
     found: list[tuple[int, ...]] = []
-    for section, inertia in lent.items():
-        found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_lent(inertia))))
+    for section, inertia in virtual.items():
+        found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_virtual(inertia))))
     after = len(mechanism.drives) + len(mechanism.observed) + len(mechanism.loads) + len(mechanism.springs)
-    first_contact = len(cuts) + len(lent) + len(mechanism.frictions) + after
+    first_contact = len(cuts) + len(virtual) + len(mechanism.frictions) + after
     for name, held in mechanism.frictions.items():
         pair: Joint | Contact
         if name in mechanism.joints:
@@ -113,7 +113,7 @@ def _hold_acts(
 
 def list_acts(
     mechanism: NumericMechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
-    prescribed: Sequence[str], numbers: Numbers, lent: Mapping[int, float], switches: int,
+    prescribed: Sequence[str], numbers: Numbers, virtual: Mapping[int, float], switches: int,
 ) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
     """Rows of cut joints, holds, drives, loads, springs and contacts; first row of each kind and the end; names of cut
     joints.
@@ -139,7 +139,7 @@ def list_acts(
             names.append(joint.name)
             row += ROWS[kind]
     ends.append(len(found))
-    found += _hold_acts(mechanism, index, names, row, numbers, lent)
+    found += _hold_acts(mechanism, index, names, row, numbers, virtual)
     row += len(found) - ends[-1]
     ends.append(len(found))
     for name in (*mechanism.drives, *mechanism.observed):

@@ -28,14 +28,14 @@ class Choice:
     ----------
     rows, dependent, independent : ndarray
         Numbers of the rows and speeds.
-    lent : ndarray (s,)
+    virtual_inertia : ndarray (s,)
         Virtual inertia of speeds that have inertia through the loops only, else 0.
     """
 
     rows: np.ndarray
     dependent: np.ndarray
     independent: np.ndarray
-    lent: np.ndarray
+    virtual_inertia: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ class SpatialEngine(Engine):
         cuts = np.searchsorted(self.parts["cuts"][:, ROW], choice.rows, side="right") - 1
         for where, numbers in ((at.ROW_OF, choice.rows), (at.CUT_OF, cuts), (at.DEPENDENT, choice.dependent)):
             plan[plan[where] : plan[where] + kept] = numbers
-        lending = np.flatnonzero(choice.lent)
-        plan[[at.KEPT, at.BENDS, at.LED, at.YIELDING]] = kept, 1, 0, len(lending)
-        plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(lending)] = lending
-        self.parts["lent"][:], self.work.now[2] = choice.lent, len(choice.independent)
+        speeds = np.flatnonzero(choice.virtual_inertia)
+        plan[[at.KEPT, at.BENDS, at.LED, at.YIELDING]] = kept, 1, 0, len(speeds)
+        plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
+        self.parts["virtual_inertia"][:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
         self.chosen[0] = choice
 
     def row(self, t: float) -> np.ndarray:
@@ -113,7 +113,7 @@ def spatial_engine(system: Any) -> SpatialEngine:
     parts = m._asdict() | vars(work) | {
         "counts": None, "block": m.p, "axis_at": m.axes, "spring_ends": m.springs, "twist_ends": m.twists,
         "bushing_ends": m.bushings, "observed": np.array(where, int).reshape(-1, 2), "K": K, "C": C,
-        "lent": np.zeros(system.speeds), "row_measure": system.row_measure, "own": own,
+        "virtual_inertia": np.zeros(system.speeds), "row_measure": system.row_measure, "own": own,
         "balls": np.ascontiguousarray(balls),
         **{f"mass_{i}": each for i, each in enumerate(masses)},
     }  # fmt: skip

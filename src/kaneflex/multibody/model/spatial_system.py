@@ -209,11 +209,11 @@ class SpatialSystem:
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the position of ``work``."""
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
-        lent = np.zeros(self.speeds)
+        inertia = np.zeros(self.speeds)
         if len(dependent) and self.has_light_bodies:
             free = np.isin(np.arange(self.speeds), self.open_speeds)
-            lent = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
-        return Choice(rows, dependent, independent, lent)
+            inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
+        return Choice(rows, dependent, independent, inertia)
 
     @cached_property
     def has_light_bodies(self) -> bool:

@@ -14,7 +14,7 @@ from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
+from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, list_acts, virtual_inertias
 from kaneflex.multibody.model.places import Counts, assign
 
 
@@ -71,8 +71,8 @@ def build_tables(
     prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, coupling, twists, driven = found
-    lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
-    acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
+    virtual = virtual_inertias(mechanism, order, index, bodies, numbers.parts, measure)
+    acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, virtual, switches)
     counted = Counts(
         3, len(order), len(coordinates), len(sections), row, coupling, square, twists, int(bodies[:, at.SHAPES].max()),
         tuple(ranges), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT]), len(mechanism.loads),

@@ -29,7 +29,7 @@ from kaneflex.multibody.time import event_location, stage_residuals
 from kaneflex.multibody.unilateral import contact_linearisation, contacts, dry_friction, lugre_step, stick_slip
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.time.coefficients import TABLE, basis
-from kaneflex.multibody.dynamics.loop_condition import worn
+from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
 from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, project_now
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import give, row_size, works_at
@@ -423,7 +423,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         if touching and event_location.others_rest(m):
             status = RESTED
             break
-        if control[6] == 0.0 and not crosses(m, here[0]) and worn(m):
+        if control[6] == 0.0 and not crosses(m, here[0]) and ill_conditioned(m):
             status = TURNED
             break
         if control[8] == 2.0:

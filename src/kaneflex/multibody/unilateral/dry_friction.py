@@ -56,7 +56,7 @@ def number_at(m, n):
 
 
 @njit(**OPTIONS)
-def lent(m, n):
+def virtual_inertia(m, n):
     """Virtual inertia [kg m^2] that a hold removes, see ``topology``; 0 for friction."""
     j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
@@ -115,8 +115,8 @@ def exert(m):
     for n in range(-count(m), 0):
         k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
         place, v, mode = plan[NOW] + row_at(m, n), w[k + SLIP], w[k + MODE]
-        if lent(m, n) > 0.0:
-            w[place] = lent(m, n) * w[k + SLIP_RATE]
+        if virtual_inertia(m, n) > 0.0:
+            w[place] = virtual_inertia(m, n) * w[k + SLIP_RATE]
             continue
         N = pressed(m, n)
         w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
@@ -137,7 +137,7 @@ def stuck_rows(m, first):
     found = 0
     for n in range(-count(m), 0):
         w, k = m.w, number_at(m, n)
-        if w[k + MODE] == STUCK or w[k + MODE] == BENDS or lent(m, n) > 0.0:
+        if w[k + MODE] == STUCK or w[k + MODE] == BENDS or virtual_inertia(m, n) > 0.0:
             m.pivots[m.plan[TOUCHING] + first + found] = n
             found += 1
             w[k + SLOPE] = 0.0
@@ -161,11 +161,11 @@ def known_rows(m, first, h, here):
         mode, w[k + SLOPE] = w[k + MODE], 0.0
         if mode == BENDS:
             lugre.know(w, k, j, pressed(m, n), w[k + SLIP], here[row_place(m, n)], 0.5 * h)
-        elif mode != IDLE and mode != STUCK and lent(m, n) == 0.0:
+        elif mode != IDLE and mode != STUCK and virtual_inertia(m, n) == 0.0:
             w[k + SLOPE] = w[j + VISCOUS_AT]
             if mode != FLOWS:
                 w[k + SLOPE] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, pressed(m, n), w[k + SLIP]), 0.0)
-        if mode == STUCK or mode == BENDS or w[k + SLOPE] > 0.0 or lent(m, n) > 0.0:
+        if mode == STUCK or mode == BENDS or w[k + SLOPE] > 0.0 or virtual_inertia(m, n) > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
     return found
@@ -192,8 +192,8 @@ def compliance(m, n, h, own, largest):
     distribution of force: in proportion to their limits.
     """
     slope, limit = m.w[number_at(m, n) + SLOPE], m.w[number_at(m, n) + LIMIT]
-    if lent(m, n) > 0.0:
-        return 0.0 * h - 1.0 / lent(m, n)
+    if virtual_inertia(m, n) > 0.0:
+        return 0.0 * h - 1.0 / virtual_inertia(m, n)
     if slope > 0.0:
         return 1.0 / (h * slope)
     share = math.sqrt(largest / (limit * limit * abs(own) + 1e-300))

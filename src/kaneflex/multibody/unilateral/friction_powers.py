@@ -7,7 +7,7 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import DRIVES, HOLDING, MODE, NUMBERS_AT, OPTIONS, SLIP, STUCK_AT
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.dry_friction import BENDS, STUCK, count, lent, number_at
+from kaneflex.multibody.unilateral.dry_friction import BENDS, STUCK, count, number_at, virtual_inertia
 
 
 @of_holds(0.0)
@@ -16,7 +16,7 @@ def not_moved(m):
     """Kinetic energy [J] of virtual inertia."""
     total = 0.0
     for n in range(-count(m), 0):
-        total += 0.5 * lent(m, n) * m.w[number_at(m, n) + SLIP] * m.w[number_at(m, n) + SLIP]
+        total += 0.5 * virtual_inertia(m, n) * m.w[number_at(m, n) + SLIP] * m.w[number_at(m, n) + SLIP]
     return total
 
 
