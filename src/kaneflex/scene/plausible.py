@@ -8,7 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from kaneflex.scene.beams import Sectioned
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
+from kaneflex.scene.materials import Constants
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
@@ -46,7 +49,7 @@ _BEYOND_ROWS = 0.02
 
 def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings from the scene alone: numbers in a wrong unit, and overshoot of tables' curves."""
-    long = _long_links(scene)
+    long = [*_long_links(scene)]
     apart = () if long else _far_apart(scene)
     read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres, _angles)
     found = (apart, *(each(scene) for each in read))
@@ -148,63 +151,57 @@ def _damping(scene: Scene) -> Iterator[str]:
         )
 
 
+def _sectioned(scene: Scene) -> Iterator[tuple[str, Body, Sectioned, Constants]]:
+    """Key, body, section and material of every section of a beam."""
+    for name, body in scene.bodies.items():
+        if (beam := body.beam) is not None:
+            yield from ((f"bodies.{name}.{key}", body, part, beam.made_of(part)) for key, part in beam.sections.items())
+
+
 def _materials(scene: Scene) -> Iterator[str]:
     """Warnings of moduli and densities outside the range of materials."""
-    for name, body in scene.bodies.items():
-        if body.beam is None:
+    for where, _, _, made_of in _sectioned(scene):
+        E, rho = made_of.E, made_of.rho
+        if E is None or rho is None:
             continue
-        for key, part in body.beam.sections.items():
-            made_of, where = body.beam.made_of(part), f"bodies.{name}.{key}"
-            E, rho = made_of.E, made_of.rho
-            if E is None or rho is None:
-                continue
-            numbers = ("E", E, "Pa", _MODULI, "210 GPa"), ("rho", rho, "kg/m^3", _DENSITIES, "7850 kg/m^3")
-            strange = [each for each in numbers if not each[3][0] <= each[1] <= each[3][1]]
-            for field, value, unit, (low, high), steel in strange:
-                yield (
-                    f"{where}.{field} = {value:.4g} {unit} is outside the range of materials, {low:g} to {high:g}: "
-                    f"steel has '{steel}'"
-                )
-            if not strange and not _SOUND[0] <= (sound := math.sqrt(E / rho)) <= _SOUND[1]:
-                yield (
-                    f"{where}: E = {E:.4g} Pa and rho = {rho:.4g} kg/m^3 give a speed of sound of {sound:.3g} m/s, "
-                    "outside the range of materials; steel has '210 GPa' and '7850 kg/m^3'"
-                )
+        numbers = ("E", E, "Pa", _MODULI, "210 GPa"), ("rho", rho, "kg/m^3", _DENSITIES, "7850 kg/m^3")
+        strange = [each for each in numbers if not each[3][0] <= each[1] <= each[3][1]]
+        for field, value, unit, (low, high), steel in strange:
+            said = f"outside the range of materials, {low:g} to {high:g}: steel has '{steel}'"
+            yield f"{where}.{field} = {value:.4g} {unit} is {said}"
+        if not strange and not _SOUND[0] <= (sound := math.sqrt(E / rho)) <= _SOUND[1]:
+            yield (
+                f"{where}: E = {E:.4g} Pa and rho = {rho:.4g} kg/m^3 give a speed of sound of {sound:.3g} m/s, "
+                "outside the range of materials; steel has '210 GPa' and '7850 kg/m^3'"
+            )
 
 
 def _sections(scene: Scene) -> Iterator[str]:
     """Warnings of sections much wider than their link's length, or with an area much too small for their second moment,
     as for an I in mm^4 without its unit."""
-    for name, body in scene.bodies.items():
-        if body.beam is None or body.length is None:
+    for where, body, part, made_of in _sectioned(scene):
+        if body.length is None:
             continue
-        for key, part in body.beam.sections.items():
-            area = part.A or body.mass / ((body.beam.made_of(part).rho or math.inf) * body.length)
-            for field, root, unit in (("A", 2, "m^2"), ("I", 4, "m^4"), ("I_y", 4, "m^4"), ("I_z", 4, "m^4")):
-                given = getattr(part, field) or 0.0
-                if (wide := given ** (1.0 / root)) > _STOUT * body.length:
-                    yield (
-                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, but "
-                        f"the link is only {body.length:.4g} m long: a plain number is in {unit}"
-                    )
-                elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
-                    yield (
-                        f"bodies.{name}.{key}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of "
-                        f"gyration of {math.sqrt(given / area):.3g} m, but the link is only {body.length:.4g} m "
-                        f"long: a plain number is in {unit}, and '1 mm^4' is 1e-12 m^4"
-                    )
+        area = part.A or body.mass / ((made_of.rho or math.inf) * body.length)
+        for field, root, unit in (("A", 2, "m^2"), ("I", 4, "m^4"), ("I_y", 4, "m^4"), ("I_z", 4, "m^4")):
+            given = getattr(part, field) or 0.0
+            said = f"but the link is only {body.length:.4g} m long: a plain number is in {unit}"
+            if (wide := given ** (1.0 / root)) > _STOUT * body.length:
+                yield f"{where}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, {said}"
+            elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
+                yield (
+                    f"{where}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of gyration of "
+                    f"{math.sqrt(given / area):.3g} m, {said}, and '1 mm^4' is 1e-12 m^4"
+                )
 
 
 def _torsion(scene: Scene) -> Iterator[str]:
     """Warnings of torsion constants above the polar moment, which is their upper bound (Saint-Venant)."""
-    for name, body in scene.bodies.items():
-        for key, part in body.beam.sections.items() if body.beam is not None else ():
-            polar = (part.I_y or 0.0) + (part.I_z or 0.0)
-            if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
-                yield (
-                    f"bodies.{name}.{key}.J = {part.J:.4g} m^4 is more than I_y + I_z = {polar:.4g} m^4, the upper "
-                    "bound of a torsion constant"
-                )
+    for where, _, part, _ in _sectioned(scene):
+        polar = (part.I_y or 0.0) + (part.I_z or 0.0)
+        if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
+            bound = f"I_y + I_z = {polar:.4g} m^4, the upper bound of a torsion constant"
+            yield f"{where}.J = {part.J:.4g} m^4 is more than {bound}"
 
 
 def _speeds(scene: Scene) -> Iterator[str]:
@@ -263,44 +260,36 @@ def _massless(scene: Scene) -> Iterator[str]:
             yield f"bodies.{name} has no mass: it adds no inertia force and no weight; give its mass if it has one"
 
 
-def _long_links(scene: Scene) -> list[str]:
+def _long_links(scene: Scene) -> Iterator[str]:
     """Warnings of links longer than 10 m with a length without unit: plain numbers are in SI."""
-    found, raw = [], scene.raw
     for name, body in scene.bodies.items():
-        given = given_value(raw, ("bodies", name, "length"))
+        given = given_value(scene.raw, ("bodies", name, "length"))
         if isinstance(given, int | float) and body.length is not None and body.length > _LONG:
-            found.append(
-                f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: write '{given:g} mm' "
-                f"or '{given:g} m'"
-            )
-    return found
+            cure = f"write '{given:g} mm' or '{given:g} m'"
+            yield f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: {cure}"
 
 
-def _tables(scene: Scene) -> list[str]:
+def _tables(scene: Scene) -> Iterator[str]:
     """Warnings of tables that were closed automatically, or whose smooth curve overshoots between two rows."""
     tables: dict[str, tuple[Load | Drive, str]]
     tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
     for name, drive in scene.drives.items():
         if drive.kind == "table":
             tables[f"drives.{name}"] = (drive, "m" if scene.slides(name) else "rad")
-    found = []
     for key, (reader, unit) in tables.items():
         curve, table = reader.curve(), reader.read_table()
         angles = table.x_dimension is ANGLE
         if table.closed:
             factor, x_unit = (180 / math.pi, "deg") if angles else (1.0, table.x_dimension.unit)
             end, back = (f"{factor * x:.6g} {x_unit}" for x in table.x[-2:])
-            found.append(
-                f"{key}: {Path(reader.table or '').name} ends at {end}, before its period: its first row is "
-                f"repeated at {back}"
-            )
+            name = Path(reader.table or "").name
+            yield f"{key}: {name} ends at {end}, before its period: its first row is repeated at {back}"
         beyond = overshoot_of_block(curve)
         if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
             x, x_unit = (np.degrees(beyond.x), "deg") if angles else (beyond.x, table.x_dimension.unit)
             first, last = beyond.rows
-            found.append(
+            yield (
                 f"{key}: its {reader.interpolation} reaches {beyond.value:.4g} {unit} at {x:.4g} {x_unit}, between "
                 f"rows of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which does "
                 "not overshoot"
             )
-    return found
