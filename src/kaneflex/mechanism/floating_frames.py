@@ -16,6 +16,7 @@ from kaneflex.mechanism.rigid_bodies import prescribed_bodies
 from kaneflex.scene.options import modes_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
+from kaneflex.support.kept import Kept
 
 _SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
@@ -42,8 +43,18 @@ class Station:
     clamped: bool = False
 
 
+_STATIONS: Kept[Scene, dict[str, list[Station]]] = Kept()
+
+
 def stations(scene: Scene, link: str) -> list[Station]:
     """Stations of a link from its start to its end."""
+    known = _STATIONS.of(scene, dict)
+    if link not in known:
+        known[link] = _stations(scene, link)
+    return known[link]
+
+
+def _stations(scene: Scene, link: str) -> list[Station]:
     found: list[Station] = []
     length = scene.bodies[link].length
     placed = prescribed_bodies(mechanism_of(scene))

@@ -30,6 +30,8 @@ sign where the link turns about it."""
 def shape_damping(scene: Scene, link: Link, basis: np.ndarray) -> np.ndarray:
     """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (dofs n_nodes, count)."""
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
+    if scene.damping is None or link.dofs == 3:  # planar shapes are modes in these axes already
+        return modal_damping(scene, link, basis, M)
     apart = against_axes(scene, link, basis, M)
     mass = apart.T @ M @ apart
     modes = eigh(apart.T @ K @ apart, mass)[1]
