@@ -173,8 +173,9 @@ def test_neighbours_take_the_steps_of_the_run():
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
 
 
-def test_neighbours_in_space_take_the_steps_of_the_run():
-    solution = run(*CRANK)
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_neighbours_in_space_take_the_steps_of_the_run(integrator):
+    solution = run(*CRANK, f"solve.integrator={integrator}")
     own, parameters = solution.model.motion.curve, find_parameters(solution.model.scene, ["rod.E", "shaft.speed"])
     assert len(own.knots) > 2 * solution.model.options.steps
     for parameter in parameters:
