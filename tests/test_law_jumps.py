@@ -7,6 +7,7 @@ import pytest
 from lifting import lifted
 from parity import compared, planar, random_turn
 from runs import solved
+from scipy.linalg import expm
 
 from kaneflex import SceneError, load
 from kaneflex.integrate.outcome import Outcome
@@ -331,3 +332,42 @@ steps = 10
     for preset in ("rigid", "coupled"):
         with pytest.raises(SceneError, match=f"jumps, and preset {preset} would step over the jump as it integrates"):
             moved(tmp_path, "sign(hub_speed)", f"solve.preset={preset}", text=free)
+
+
+def test_in_space_a_cycle_is_judged_with_the_jumps_that_it_passes(tmp_path):
+    """Floquet multipliers of J x'' + c x' + k x = T sin(w t) - F sign(x): between jumps by the matrix exponential, at
+    each of them the speed's deviation grows by the jump of the acceleration over the speed (Leine & Nijmeijer 2004)."""
+    text = WHEEL_IN_SPACE.partition("[bodies.ball]")[0] + "[bodies.beam]" + WHEEL_IN_SPACE.partition("[bodies.beam]")[2]
+    text = text.replace('push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}\n', "")
+    text = text.partition("x = {position")[0] + """
+[bodies.rotor]
+mass = 1
+inertia = [0.01, 0.01, 0.01]
+[joints.shaft]
+revolute = ["ground.side", "rotor"]
+axis = [0, 0, 1]
+[drives.shaft]
+speed = "20 rad/s"
+cycle = "360 deg"
+[damping]
+rayleigh = {ratio = 0.05, at = ["50 Hz", "500 Hz"]}
+[solve]
+preset = "coupled"
+start = "periodic"
+steps = 40
+modes = 1
+tolerance = 1e-9
+"""
+    c, k, force, w = 0.08, 8.0, 0.2, 20.0
+    solution = moved(tmp_path, f"-{k}*hub - {c}*hub_speed - {force}*sign(hub) + 1.5*sin({w}*t)", text=text)
+    run, A = solution.model.motion.curve, np.array([[0.0, 1.0], [-k / J, -c / J]])
+    found, last = np.eye(2), 0.0
+    for t in run.changes:
+        speed = run(t).u[solution.model.motion.module.system.speeds_of("hub")[0]]
+        found = np.array([[1.0, 0.0], [-2.0 * force / J / abs(speed), 1.0]]) @ expm((t - last) * A) @ found
+        last = t
+    found = expm((2.0 * math.pi / w - last) * A) @ found
+    assert len(run.changes) == 2
+    wanted = np.linalg.eigvals(found)
+    floquet = solution.model.motion.verdict.floquet
+    assert all(abs(floquet - each).min() < 1e-4 for each in wanted), (floquet, wanted)

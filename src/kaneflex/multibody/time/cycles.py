@@ -76,6 +76,7 @@ class SpatialCycles(Cycles[State, Run]):
     ) -> None:  # fmt: skip
         self.options, self.begin, self.turned, self.ends = options, begin, turned, ends
         super().__init__(options.duration, options.tolerance, equations, closer)
+        self.touches = bool(len(equations.system.engine.contacts))
 
     def run(self, start: State) -> Run:
         run = Run(self.equations.system, self.options, start, turned=self.turned, given=self.ends)

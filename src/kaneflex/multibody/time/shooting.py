@@ -73,7 +73,7 @@ class Cycles(ABC, Generic[At, Cycle]):
     """
 
     touches = False
-    """True with contacts or friction, whose changes the linearised equations between them don't include."""
+    """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
 
     def __init__(
         self, period: float, tolerance: float, equations: Equations[At], closer: float = 1.0
