@@ -299,6 +299,18 @@ def test_show_draws_and_counts():
     assert sorted(path.name for path in Path().iterdir()) == ["double-pendulum.png", "engine.png"]
 
 
+@pytest.mark.parametrize("arguments, lines", {
+    ("stick-slip",): ["way  0 mm", "rub  0 mm"],
+    ("engine", "--at", "main=180deg"): ["pin                 -180 deg", "wrist               0 deg"],
+    ("engine", "--set", "main.speed=0", "--set", "drives.main.cycle=none", "--set", "loads.gas=none",
+     "--set", "solve.start=zero", "--set", "solve.duration=1"): ["main                0 deg", "a stroke of 0 mm"],
+}.items(), ids=("guides", "angles", "stroke"))  # fmt: skip
+def test_rounding_errors_of_coordinates_are_shown_as_zero(arguments, lines):
+    shown = cli("show", *arguments)
+    assert shown.exit_code == 0, shown.output
+    assert all(line in shown.stdout for line in lines), shown.stdout
+
+
 BAD = {
     ("engine", "-o", "engine.gif"): ("engine.gif", "not a kind of picture", ".svg"),
     ("engine", "--at", "pin=3"): ("--at = 'pin=3'", "main"),

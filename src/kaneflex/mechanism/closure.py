@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.position_analysis import Placement
 
 _OPEN = 1e-9
-"""Largest gap of a closed loop, as a share of the mechanism's size."""
+"""Largest gap of a closed loop, as a share of the mechanism's size; a coordinate below it is printed as zero."""
 SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 _LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
@@ -220,6 +220,7 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
         if joint.kind == "weld":
             continue
         course = joint_course(joint, courses)
+        course = without_rounding(scene, course, joint.slides)
         if joint.slides:
             course = 1e3 * course
             found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
@@ -227,6 +228,15 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
             found[name] = "full turns" if turns_around(course) else f"{_range(np.degrees(course))} deg"
     meeting = _meeting(scene, courses)
     return found | ({"coincide": "; ".join(meeting)} if meeting else {})
+
+
+def without_rounding(scene: Scene, course: np.ndarray, slides: bool) -> np.ndarray:
+    """Coordinate of a joint over the motion [rad or m], (n,), without differences from zero or from its start
+    below 1e-9 of a turn or of the mechanism's size."""
+    points = [scene.point(Address(name, point)) for name, body in scene.bodies.items() for point in body.points_all]
+    size = max([abs(np.array(each)).max() for each in [*points, *scene.ground.values()]], default=0.0) or 1.0
+    least = _OPEN * (max(size, abs(course).max()) if slides else math.tau)
+    return np.where(abs(course) < least, 0.0, np.where(abs(course - course[0]) < least, course[0], course))
 
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.closure import courses_of, instants, reach_lines
+from kaneflex.mechanism.closure import courses_of, instants, reach_lines, without_rounding
 from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.option_check import moves_with_links
 from kaneflex.scene.options import has_term
@@ -82,8 +82,9 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     """Least and greatest coordinates of the joints in space that have one."""
     joints, found = model.scene.joints, {}
     for name in model.module.coordinates:
-        low, high = (float(pick(rigid[f"{name}.angle"])) for pick in (np.min, np.max))
         sliding = joints[name].kind == "prismatic"
+        course = without_rounding(model.scene, rigid[f"{name}.angle"], sliding)
+        low, high = course.min(), course.max()
         ends = [f"{1e3 * x:.6g} mm" if sliding else f"{np.degrees(x):.6g} deg" for x in (low, high)]
         found[name] = " to ".join(dict.fromkeys(ends))
     return found
