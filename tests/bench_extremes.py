@@ -51,8 +51,8 @@ RULES = """
 - **Steps longer than the vibration periods**: a run warns of unstable steps; only `exact-modal` (preset `paper`)
   stays accurate.
 - **Elements**: rounding errors grow with about the fourth power of the number of elements, to 1e-4 with 1024.
-- **Dead centres**: positions are accurate even if the rod is longer than the crank by only 1e-9; a loop that reaches
-  its dead centre is rejected ("the loop cannot close").
+- **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank, relative to its length; a
+  loop that reaches its dead centre is rejected ("the loop cannot close").
 """
 CYCLES_HEAD = f"""
 ## A million cycles
