@@ -239,8 +239,8 @@ class Joined:
         furthest, left = _apart_at_all(J[:, used])
         if left.any():
             raise SceneError(
-                "joints", ", ".join(self._named(used[left])), "the mechanism passes a dead centre with elastic bodies "
-                "there, where these joints do not determine it",
+                "joints", ", ".join(self._named(used[left])), "the mechanism passes a dead centre, where these joints "
+                "do not determine the positions of elastic bodies",
                 "Limit the drives' range, or change the joints",
             )  # fmt: skip
         furthest = np.sort(furthest)

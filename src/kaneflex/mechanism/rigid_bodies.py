@@ -116,7 +116,7 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
     if joint.kind == "prismatic":
         if other.body not in prescribed:
             raise SceneError(
-                f"joints.{name}", other.body, "a guide on a body that elastic links carry moves with them",
+                f"joints.{name}", other.body, "the guide is on a body that the deformation of elastic links moves",
                 "Use preset coupled or rigid, or put the guide on the ground or on a driven body",
             )  # fmt: skip
         return Carried("guided", scene.point(own), name, other)

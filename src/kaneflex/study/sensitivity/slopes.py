@@ -140,7 +140,7 @@ def _refuse_relief(model: Model, t: float) -> None:
     if model.options.dynamics == "quasistatic" and mechanism_modes(model, t):
         raise SceneError(
             "solve.preset", model.options.preset,
-            "rigid-body modes are carried by inertia relief, whose rounding errors exceed the differences",
+            "unconstrained degrees of freedom need inertia relief, whose rounding errors exceed the differences",
             "Use preset stiffened, or restrain the mechanism",
         )  # fmt: skip
 
