@@ -229,4 +229,4 @@ def test_free_bodies_are_counted_and_not_built_in_the_peer(tmp_path):
     assert "free bodies    -3  bar" in shown.output
     assert "left            0  forces drive the free joints" in shown.output
     command = ("compare", path, "--with", "exudyn", "-o", tmp_path / "out")
-    refused(cli(*command), "bodies.bar.free", "a body that moves freely is not supported by the other program")
+    refused(cli(*command), "bodies.bar.free", "a free body is not supported by the other program")
