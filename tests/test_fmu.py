@@ -210,7 +210,7 @@ def test_no_preset_is_advised_that_a_cylinder_on_an_elastic_boom_has_no_use_for(
     """The boom of the page on scenes: the barrel goes along with what it pushes."""
     page = (Path(__file__).parents[1] / "docs/scene/drives.md").read_text(encoding="utf-8")
     text = page.partition("# boom.toml\n")[2].partition("```")[0]
-    with pytest.raises(SceneError, match=r"No linear preset .*: joints\.cylinder: a guide on a body") as refusal:
+    with pytest.raises(SceneError, match=r"No linear preset .*: joints\.cylinder: the guide is on a body") as refusal:
         export_fmu(scene_of(text))
     assert "preset stiffened" not in str(refusal.value)
 
