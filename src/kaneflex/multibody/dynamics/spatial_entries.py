@@ -179,7 +179,7 @@ def _project(m, t):
 @of_changes(0)
 @njit(**OPTIONS)
 def _decide(m, t):
-    """After :func:`_project`, the same with discontinuous loads by the present or imminent sides of their arguments."""
+    """Project again, after :func:`_project`, if discontinuous loads are on other sides of their jumps; the outcome."""
     outcome = _project(m, t) if choose_sides(m, t) else DONE
     if outcome == DONE and m.now[2] != 0.0 and not stand_closed(m, t, m.real):
         return MASSLESS

@@ -35,7 +35,7 @@ def modes(m):
 
 @njit(**OPTIONS)
 def standing(m):
-    """The same with those for the quaternions of balls."""
+    """Number of entries of a row for modes and, in space, for the quaternions of balls."""
     inside()
     return modes(m)
 
@@ -58,7 +58,7 @@ def _take_modes(m, row):
 
 @njit(**OPTIONS)
 def stands(m, row):
-    """The same with the quaternions of balls."""
+    """Set the modes and, in space, the quaternions of balls from a row."""
     inside()
     _take_modes(m, row)
 
@@ -81,7 +81,7 @@ def _store_modes(m, row):
 
 @njit(**OPTIONS)
 def stored(m, row):
-    """The same with the quaternions of balls."""
+    """Store the modes and, in space, the quaternions of balls in a row."""
     inside()
     _store_modes(m, row)
 
