@@ -27,12 +27,12 @@ from kaneflex.derive.printers import numba_printer
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly
 from kaneflex.derive.printers.numba_printer import print_kernel
+from kaneflex.export.c_model import CModel, c_model, method_in_c
 from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.c_model import CModel, c_model, method_in_c
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.one_way_run import run_of
 from kaneflex.solve.simulation import solve

@@ -15,12 +15,12 @@ from test_c import HEADS, SHARED, built
 
 import kaneflex
 from kaneflex.derive.printers.c_printer import Printer
+from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.coupled_in_c import coupled_in_c
 from kaneflex.support.errors import SceneError
 
 COUPLED = "solve.preset=coupled"

@@ -16,8 +16,8 @@ from command_line import cli, refused
 from hostile_names import NAME
 from runs import solved
 
+from kaneflex.export.fmu import export_fmu
 from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.fmu import export_fmu
 from kaneflex.support.errors import SceneError
 
 RPM = 2 * np.pi / 60
@@ -172,7 +172,7 @@ def test_steps_of_another_program_and_states_to_go_back_to(engine, fmpy):
 
 
 def test_signatures_are_those_of_the_standards(fmpy, compiler):
-    sources = Path(__file__).parents[1] / "src/kaneflex/solve"
+    sources = Path(__file__).parents[1] / "src/kaneflex/export"
     headers = Path(fmpy.__file__).parent / "c-code"
     for version in "23":
         given = f'-DKANEFLEX_FMI_HEADER="fmi{version}Functions.h"'

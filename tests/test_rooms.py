@@ -15,7 +15,7 @@ FLOORS = (
     ("multibody",),
     ("response",),
     ("solve",),
-    ("study",),
+    ("study", "export"),
     ("report", "plots"),
     ("cli",),
 )

@@ -12,11 +12,11 @@ import pytest
 from command_line import cli, refused
 from hostile_names import HOSTILE, NAME
 
+from kaneflex.export.standalone import MOST_LINES, standalone
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.modes import modes
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.standalone import MOST_LINES, standalone
 from kaneflex.support.errors import SceneError
 
 SCENES = {

@@ -15,6 +15,9 @@ from kaneflex.support.numba_cache import ensure_cache_folder
 ensure_cache_folder()  # before any jitted module can be imported
 
 if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run time
+    from kaneflex.export.code import derive_code as derive_code
+    from kaneflex.export.code import equations as equations
+    from kaneflex.export.fmu import export_fmu as export_fmu
     from kaneflex.fem.import_mesh import import_mesh as import_mesh
     from kaneflex.multibody.model.bound_model import Model as Model
     from kaneflex.plots import draw_all as draw_all
@@ -27,10 +30,7 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.scene import scene_of as scene_of
     from kaneflex.scene import shipped_scenes as shipped_scenes
     from kaneflex.scene import with_settings as with_settings
-    from kaneflex.solve.code import derive_code as derive_code
-    from kaneflex.solve.code import equations as equations
     from kaneflex.solve.coupled_state import read_state as read_state
-    from kaneflex.solve.fmu import export_fmu as export_fmu
     from kaneflex.solve.linearisation import linearise as linearise
     from kaneflex.solve.loading import load as load
     from kaneflex.solve.modes import Modes as Modes
@@ -59,14 +59,14 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
 
 __version__ = "0.1.0"
 _PUBLIC = """
+export.code: derive_code equations
+export.fmu: export_fmu
 fem.import_mesh: import_mesh
 multibody.model.bound_model: Model
 plots: draw_all explore figures show
 report.page: write_report
 scene: Scene read_scene scene_of shipped_scenes with_settings
-solve.code: derive_code equations
 solve.coupled_state: read_state
-solve.fmu: export_fmu
 solve.linearisation: linearise
 solve.loading: load
 solve.modes: Modes modes

@@ -26,7 +26,7 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     \b
       kaneflex export engine --fmi 3 -o engine.fmu
     """
-    from kaneflex.solve.fmu import export_fmu
+    from kaneflex.export.fmu import export_fmu
 
     check_file(output, "an FMU", ".fmu", force)
     scene = asked.read()

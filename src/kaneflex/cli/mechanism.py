@@ -252,7 +252,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
     \b
       kaneflex equations engine -o engine.tex
     """
-    from kaneflex.solve.code import equations as latex
+    from kaneflex.export.code import equations as latex
 
     if output is not None:
         refuse_existing(output, force, "engine.tex")
@@ -298,8 +298,8 @@ def derive(
       kaneflex derive engine --language c -o engine-c
       kaneflex derive engine --standalone -o engine_model.py
     """
+    from kaneflex.export.code import derive_code
     from kaneflex.scene.structure import structure_hash
-    from kaneflex.solve.code import derive_code
 
     if coupled:
         echo("Warning: --coupled is now called --preset coupled", err=True)
@@ -339,9 +339,9 @@ def _refuse_others(asked: str, others: Mapping[str, object]) -> None:
 
 def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
     """Module with only the terms of the model that a tolerance chooses."""
+    from kaneflex.export.code import derive_code
     from kaneflex.multibody.model.module_loading import operation_count
     from kaneflex.scene import with_settings
-    from kaneflex.solve.code import derive_code
     from kaneflex.study.trade.choice import remembered_choice
 
     scene = asked.read()

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from kaneflex.export.c_model import CModel, array_in_c, c_model, shared_texts, unread
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
 from kaneflex.solve.one_way import one_way_cure
 from kaneflex.support.arguments import takes
 from kaneflex.support.atomic_output import write_bytes
@@ -98,7 +98,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     Raises
     ------
     SceneError
-        For scenes without C code, see :func:`kaneflex.solve.c_model.c_model`, and for presets without integration.
+        For scenes without C code, see :func:`kaneflex.export.c_model.c_model`, and for presets without integration.
     """
     scene, progress = scene_from(scene), progress or silent
     if version not in ("2", "3"):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
+from kaneflex.export import standalone_text as parts
+from kaneflex.export.standalone_numbers import LINE, filled, number, short, wrapped
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.readings import address_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
-from kaneflex.solve import standalone_text as parts
-from kaneflex.solve.standalone_numbers import LINE, filled, number, short, wrapped
 from kaneflex.support.errors import SceneError
 
 _LUMPS = "for to, on, m, J, at, push in "

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.export.c_model import array_in_c, cmake_text
+from kaneflex.export.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN, SAID, SOURCE
 from kaneflex.multibody.compile.library import ENTRIES
 from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
@@ -15,8 +17,6 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
 from kaneflex.scene import Scene
-from kaneflex.solve.c_model import array_in_c, cmake_text
-from kaneflex.solve.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN, SAID, SOURCE
 from kaneflex.solve.coupled_start import Begun, begun
 from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure

@@ -8,16 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Trajectory
-from kaneflex.mechanism.affine import as_array
-from kaneflex.mechanism.rigid_bodies import carried_bodies
-from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import Scene
-from kaneflex.scene.options import resolve_options
-from kaneflex.solve import standalone_text as parts
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import solve
-from kaneflex.solve.standalone_numbers import (
+from kaneflex.export import standalone_text as parts
+from kaneflex.export.standalone_numbers import (
     ELSE,
     LINE,
     data,
@@ -29,7 +21,15 @@ from kaneflex.solve.standalone_numbers import (
     tables,
     wrapped,
 )
-from kaneflex.solve.standalone_sensors import Texts, pair, sensor_text
+from kaneflex.export.standalone_sensors import Texts, pair, sensor_text
+from kaneflex.integrate.outcome import Trajectory
+from kaneflex.mechanism.affine import as_array
+from kaneflex.mechanism.rigid_bodies import carried_bodies
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 

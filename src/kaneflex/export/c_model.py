@@ -182,7 +182,7 @@ def cmake_text(name: str, sources: Iterable[str], runs: bool) -> str:
 
 def shared_texts(names: Iterable[str]) -> dict[str, str]:
     """C files that are the same for every scene."""
-    return {name: (files("kaneflex.solve") / name).read_text(encoding="utf-8") for name in names}
+    return {name: (files("kaneflex.export") / name).read_text(encoding="utf-8") for name in names}
 
 
 def method_in_c(model: Model) -> Method:

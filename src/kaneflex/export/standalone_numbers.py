@@ -13,9 +13,9 @@ from types import ModuleType
 
 import numpy as np
 
+from kaneflex.export import standalone_text as parts
 from kaneflex.generated.rows import BODY_SCALARS
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.solve import standalone_text as parts
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 

@@ -71,12 +71,12 @@ def derive_code(scene: SceneLike, form: str = "module", progress: Progress | Non
         raise SceneError("form", form, "no such form of the equations", nearest(form, FORMS))
     coupled = resolve_options(scene).dynamics == "coupled"
     if form == "c":
-        from kaneflex.solve.c_model import c_model
-        from kaneflex.solve.coupled_in_c import coupled_in_c
+        from kaneflex.export.c_model import c_model
+        from kaneflex.export.coupled_in_c import coupled_in_c
 
         return coupled_in_c(scene, progress) if coupled else dict(c_model(scene, progress).texts)
     if form == "standalone":
-        from kaneflex.solve.standalone import standalone
+        from kaneflex.export.standalone import standalone
 
         return standalone(scene, progress)
     progress("importing SymPy")
