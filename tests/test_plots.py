@@ -24,7 +24,7 @@ from kaneflex.plots.deformed import figures as figures_of_worst
 from kaneflex.plots.drawing import ticks
 from kaneflex.plots.enlarged import caption_at, enlarged, times
 from kaneflex.plots.link_colours import LinkColours, stress_field
-from kaneflex.plots.mechanism import outline, rigid_outline, scenery
+from kaneflex.plots.mechanism import outline, rigid_outline, rigid_scenery, scenery
 from kaneflex.plots.outlines import ALONG_LINK, Outline
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
@@ -136,7 +136,7 @@ def test_modes_are_drawn_straight_and_all_as_large():
     """With the displacements' second order in them, mass-normalised shapes would be metres of foreshortening."""
     solution = solved("engine")
     shapes = reference_modes(solution.model, 6)[1]
-    fixed = scenery(solution.model)
+    fixed = scenery(solution)
     rigid = solution.model.motion.at(np.zeros(6))
     still = rigid_outline(solution.model.scene, rigid, fixed)
     moved = modes._deflected(solution.model, rigid, fixed, shapes, still)
@@ -150,7 +150,8 @@ def test_modes_are_drawn_straight_and_all_as_large():
 def test_modes_of_a_link_of_a_few_are_drawn_without_what_loads_do_to_it():
     """Enlarged as the shapes are, the sag by its weight would be hundreds of kilometres."""
     model = load(with_settings(read_scene("pulsating-strut"), ["solve.modes=1"]))
-    fixed, rigid = scenery(model), model.motion.at(np.zeros(2))
+    rigid = model.motion.at(np.zeros(2))
+    fixed = rigid_scenery(model.scene, rigid)
     still = rigid_outline(model.scene, rigid, fixed)
     moved = modes._deflected(model, rigid, fixed, reference_modes(model, 2)[1], still).links["strut"]
     shift, x = abs(moved - still.links["strut"]), np.linspace(0.0, 1.0, 33)
@@ -175,7 +176,7 @@ def test_so_are_modes_in_space():
 def test_the_drawn_mechanism_holds_together(factor):
     solution = solved("engine")
     shown = view(solution)
-    fixed = scenery(solution.model)
+    fixed = scenery(solution)
     drawn_at = outline(shown.motion, fixed, factor)
     rod = drawn_at.links["rod"]
     assert drawn_at.pins["pin"] == pytest.approx(rod[:, 0], abs=1e-12)
@@ -189,11 +190,11 @@ def test_the_drawn_mechanism_holds_together(factor):
 
 
 def test_guides_span_the_stroke_and_pivots_stand_on_the_ground():
-    fixed = scenery(solved("engine").model)
+    fixed = scenery(solved("engine"))
     (start, end) = fixed.guides["bore"]
     assert start[0] < 0.097 < 0.177 < end[0] and start[1] == end[1] == 0
     assert fixed.pivots == pytest.approx(np.zeros((1, 2)))
-    assert len(scenery(solved("engine-3").model).guides) == 3
+    assert len(scenery(solved("engine-3")).guides) == 3
 
 
 def test_nodal_displacements_are_numbered_as_in_the_paper_and_held_ones_left_out():
@@ -304,7 +305,7 @@ def test_the_enlargement_is_a_round_number_and_stated():
     shown = view(solved("engine"))
     found = enlarged(shown)
     factor, largest = found.factor, np.abs(solved("engine").series["tip_axial"].values).max()
-    size = scenery(solved("engine").model).size
+    size = scenery(solved("engine")).size
     assert 0.04 * size < factor * largest <= 0.1 * size
     assert factor == 100
     assert found.title == "deformation enlarged 100 times"

@@ -148,8 +148,8 @@ def test_the_frame_of_a_picture_holds_what_turns_as_often_as_it_is_looked_at():
     """After 180 turns, 180 evenly spaced instants all show the crank at its first angle."""
     turning = {"schema": 1, "like": "four-bar", "drives": {"main": {"cycle": "none"}}}
     solve = {"preset": "rigid", "start": "zero", "duration": "36 s", "steps": 18_000}  # 180 turns at 300 rpm
-    found = solved(scene_of({**turning, "solve": solve})).model
-    own, once = scenery(found), scenery(model("four-bar", "solve.preset=rigid"))
+    found = solved(scene_of({**turning, "solve": solve}))
+    own, once = scenery(found), scenery(solved("four-bar", "solve.preset=rigid"))
     assert own.lower == pytest.approx(once.lower, abs=2e-3 * once.size)
     assert own.upper == pytest.approx(once.upper, abs=2e-3 * once.size)
 

@@ -12,7 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from kaneflex.plots.drawing import draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.drawing import draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.enlarged import caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, stress_field
 from kaneflex.plots.style import new_figure, wrapped
@@ -110,7 +110,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     width, height = frame_axes(axes, [still, moved], fixed)
     figure.set_size_inches(6.0, min(6.0, max(2.4, 5.2 * height / width + 1.1)))
     draw_scenery(axes, fixed, still)
-    ghosts = [] if fixed.view is not None else [draw_outline(axes, still, 0, ghost=True)]
+    ghosts = [draw_outline(axes, still, 0, ghost=True)] if fixed.flat else []
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(caption_at(shown, 0))
     field = stress_field(solution, shown.instants) if moved.links else None
@@ -118,8 +118,6 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     if field is not None:
         colours = [LinkColours(axes, moved, field)]
         figure.colorbar(colours[0].artist, ax=axes, fraction=0.05).set_label(field.label)
-    if fixed.view is not None:
-        draw_triad(axes, fixed.view)
     moving = [*(artist for ghost in ghosts for artist in ghost), *solid, caption, *(each.artist for each in colours)]
     with recording(axes, moving, files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, draw_triad, frame_axes
+from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.enlarged import Enlarged, caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, displacement_field, stress_field
 from kaneflex.plots.paths import velocity
@@ -133,8 +133,6 @@ def _draw(figure: Figure, axes: Axes, found: Enlarged, beside: float) -> None:
     if found.visible:
         draw_outline(axes, found.still, 0, ghost=True)
     draw_outline(axes, found.moved, 0)
-    if fixed.view is not None:
-        draw_triad(axes, fixed.view)
 
 
 def _mark(axes: Axes, found: Enlarged, worst: _Worst) -> None:

@@ -60,34 +60,38 @@ def ticks(points: np.ndarray) -> np.ndarray:
 
 
 def draw_scenery(axes: Axes, fixed: Scenery, outline: Outline) -> list[np.ndarray]:
-    """Draw pivots as triangles on a hatched base, and guides; returns their lines [mm].
+    """Draw pivots as triangles on a hatched base, and guides, in axes whose limits are final; returns the lines [mm].
 
-    A guide on the ground has two faces at the width of the body between them; in space it is an axis.
+    A guide on the ground has two faces at the width of the body between them; in space it is an axis, and a triad
+    stands for labelled axes.
     """
     size = MM * fixed.size
     strokes: list[np.ndarray] = []
-    others = [MM * ends for ends in fixed.guides.values()] if fixed.view is not None else []
-    for ends in others:
-        axes.plot(*ends.T, color=GREY, linewidth=1.0, linestyle="-.", zorder=1)
+    others: list[np.ndarray] = []
     for pivot in MM * fixed.pivots:
         triangle = pivot + size * np.array([(0.0, 0.0), (-0.022, -0.04), (0.022, -0.04)])
         axes.add_patch(Polygon(triangle, facecolor="white", edgecolor="black", linewidth=0.9, zorder=1.5))
         others.append(triangle[[1, 0, 2]])
         strokes += hatched(pivot + size * np.array([(-0.0396, -0.04), (0.0396, -0.04)]), size, below=True)
-    if fixed.view is None:
-        axes.set(xlabel="x [mm]", ylabel="y [mm]")
-        guides = {name: ends for name, ends in fixed.guides.items() if name not in fixed.carried}
-        # cylinders that share a bore are drawn once
-        bores = {tuple(np.round(ends.ravel() / fixed.size * 1e6)): name for name, ends in reversed(guides.items())}
-        for name in reversed(bores.values()):
-            box, ends = outline.boxes[name][0], MM * guides[name]
-            across = 0.5 * MM * (box[0] - box[3])
-            for face in (ends + across, ends[::-1] - across):
-                strokes += hatched(face, size, below=False)
+    # cylinders that share a bore are drawn once
+    rails = {tuple(np.round(ends.ravel() / fixed.size * 1e6)): name for name, ends in reversed(fixed.rails.items())}
+    for name in reversed(rails.values()):
+        ends = MM * fixed.rails[name]
+        if not fixed.flat:
+            axes.plot(*ends.T, color=GREY, linewidth=1.0, linestyle="-.", zorder=1)
+            others.append(ends)
+            continue
+        box = outline.boxes[name][0]
+        across = 0.5 * MM * (box[0] - box[3])
+        for face in (ends + across, ends[::-1] - across):
+            strokes += hatched(face, size, below=False)
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
     axes.set_aspect("equal")
     axes.grid(False)
-    return strokes + others
+    if fixed.flat:
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
+        return strokes + others
+    return strokes + others + draw_triad(axes, fixed.view)
 
 
 def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarray]:
@@ -170,14 +174,14 @@ def frame_axes(
     beside the outlines.
     """
     parts = [fixed.pivots - [0, 0.07 * fixed.size]]
-    parts += [fixed.lower, fixed.upper] if swept else [*fixed.guides.values()] if fixed.view is not None else []
+    parts += [fixed.lower, fixed.upper] if swept else [*fixed.rails.values()]
     for outline in outlines:
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])
     points = points[np.isfinite(points).all(axis=1)]  # at some instants the rigid mechanism may have no place
     margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
-    if fixed.view is not None:  # the triad stands at the left
+    if not fixed.flat:  # the triad stands at the left
         lower[0] -= 0.18 * (upper - lower).max()
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])
@@ -186,7 +190,7 @@ def frame_axes(
 
 def small_drawings(count: int, outlines: list[Outline], fixed: Scenery) -> tuple[Figure, list[Axes]]:
     """A figure of drawings of one size, side by side or one above the other, whichever suits the mechanism's shape."""
-    width, height = frame_axes(Figure().subplots(), outlines, fixed, swept=fixed.view is None)
+    width, height = frame_axes(Figure().subplots(), outlines, fixed, swept=False)
     columns = min(count, 2 if width > 1.2 * height else 3)
     rows = -(-count // columns)
     panel = min(9.0 / columns, 4.4)

@@ -67,7 +67,7 @@ def enlarged(shown: View) -> Enlarged:
     factor is reduced until no body crosses another that it does not cross undeformed, and no joint opens.
     """
     solution, scene = shown.solution, shown.solution.model.scene
-    fixed = scenery(solution.model, solution.rigid if scene.is_spatial else None)
+    fixed = scenery(solution)
     still = rigid_outline(scene, shown.rigid, fixed)
     if not solution.model.links:  # shapes of coupled bodies without a mesh here are drawn in true size
         coupled = solution.model.options.dynamics == "coupled" and any(body.deforms for body in scene.bodies.values())
@@ -107,7 +107,7 @@ def _passes(shown: View, fixed: Scenery, moved: Outline) -> bool:
     In space lines that cross in a picture need not meet.
     """
     scene, rigid = shown.solution.model.scene, shown.solution.rigid
-    if scene.is_spatial:
+    if not fixed.flat:
         return False
     joined = [{side.body for side in joint.addresses} for joint in scene.joints.values()]
     joined += [{side.body for side in joint.sides} for joint in scene.loose.values()]

@@ -18,10 +18,9 @@ from matplotlib.transforms import Bbox
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.axonometric import view_of
 from kaneflex.plots.drawing import MM
-from kaneflex.plots.mechanism import frame_of
+from kaneflex.plots.mechanism import Rigid, frame_of
 from kaneflex.plots.style import PALETTE
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -43,7 +42,7 @@ _LEADER = 20.0
 class Standing:
     """A scene in the plane at a placement, or in space at the first instant of a motion."""
 
-    def __init__(self, scene: Scene, placed: Placement | RigidMotion) -> None:
+    def __init__(self, scene: Scene, placed: Rigid) -> None:
         self.scene, self.placed = scene, placed
         self.view = view_of(scene)
 
@@ -70,7 +69,7 @@ class Standing:
     def around(self, joint: str, turn: np.ndarray) -> np.ndarray:
         """Points at angles [rad] of the unit circle around a joint's axis, as they are drawn, (n, 2)."""
         first, axes = self.scene.joints[joint].addresses[0].body, self.scene.joints[joint].given_axes
-        if not self.scene.is_spatial:
+        if len(self.view.T) == 2:
             return np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         axis = np.array(axes[-1] if axes else (0.0, 0.0, 1.0))
         helper = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])

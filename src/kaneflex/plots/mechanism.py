@@ -5,80 +5,79 @@ A mechanism in space is projected by :data:`kaneflex.plots.axonometric.VIEW`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import BodyFrame, normal
+from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.axonometric import GUIDES, block, lines_size, outline_points, seen, view_of
+from kaneflex.plots.axonometric import box, seen, view_of
 from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address, Vector
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.response.motion import Motion
+    from kaneflex.scene.parts import Joint
+    from kaneflex.solve.solution import Solution
 
-_SWEEP, _MOST = 180, 20_000
-"""Least and largest number of instants from which the travel along guides and the frame of the picture are found;
-in space the largest."""
+_MOST = 20_000
+"""Largest number of instants from which the travel along guides and the frame of the picture are found."""
 _ON_LINE = 1e-6
 """Share of a guide's margin by which a point may miss its line."""
 _CARRIED = 0.5
-"""Share of that size for a body on a guide that moves."""
+"""Share of the size of a guided body for one on a guide that moves."""
+_AXIS = 0.06
+"""Half the length of a joint's axis as drawn, in sizes of the mechanism."""
 
 Rigid = RigidMotion | Placement
 
 
-def scenery(model: Model, rigid: RigidMotion | None = None) -> Scenery:
-    """Pivots, guides and extent of a model's run, without instants at which the rigid mechanism has no place.
-
-    ``rigid``: motion of a run, from which those in space are found.
-    """
-    if model.scene.is_spatial:
-        rigid = model.motion.at(0.0) if rigid is None else rigid
-        return rigid_scenery(model.scene, rigid.taken(np.arange(0, len(rigid.times), len(rigid.times) // _SWEEP + 1)))
-    count = min(max(_SWEEP, model.options.steps), _MOST)
-    rigid = model.motion.at(np.linspace(0.0, model.options.duration, count, endpoint=False))
-    placed = np.all([np.isfinite(rigid[f"{name}.x"] + rigid[f"{name}.c"]) for name in model.scene.bodies], axis=0)
-    if not placed.all():
-        rigid = model.motion.at(rigid.times[placed])
-    return rigid_scenery(model.scene, rigid)
+def scenery(solution: Solution) -> Scenery:
+    """Pivots, guides and extent of a run."""
+    rigid, every = solution.rigid, len(solution.times) // _MOST + 1
+    return rigid_scenery(solution.model.scene, rigid.taken(np.arange(0, len(rigid.times), every)))
 
 
 def rigid_scenery(scene: Scene, rigid: Rigid) -> Scenery:
-    """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
-    space, view = scene.is_spatial, view_of(scene)
-    lines = {name: _places(rigid, name, outline_points(scene, name) if space else used_points(scene, name))
-             for name in (*("ground",)[space:], *scene.bodies)}  # fmt: skip
-    swept = np.concatenate([_in_picture(line, view).reshape(-1, 2) for line in lines.values()])
-    swept = swept[np.isfinite(swept).all(axis=1)]
+    """Pivots, guides and extent of a scene over some rigid motion, or at one configuration.
+
+    Instants at which the rigid mechanism has no place are left out.
+    """
+    view = view_of(scene)
+    lines = np.concatenate([_places(rigid, name, used_points(scene, name)) for name in ("ground", *scene.bodies)])
+    lines = lines[..., np.isfinite(lines).all(axis=(0, 1))]
+    swept = _in_picture(lines, view).reshape(-1, 2)
     lower, upper = swept.min(axis=0), swept.max(axis=0)
-    size = lines_size(scene, lines) if space else float(np.hypot(*(upper - lower))) or 1.0
+    extent = np.ptp(lines[..., 0], axis=0) if scene.is_spatial else upper - lower
+    size = float(np.linalg.norm(extent)) or 1.0
     guides, all_guides = {}, guides_of(scene)
     for name, (carrier, rider, direction) in all_guides.items():
         frame = frame_of(rigid, carrier.body)
         points = frame.to_body(_places(rigid, rider.body, [scene.point(rider)])[0] - frame.origin).T
-        carried = [] if space or carrier.body == "ground" else used_points(scene, carrier.body)
-        ends = _travel(points, np.array(direction), (BOX[0] if len(points) > 1 else STANDING) * size, carried)
-        guides[name] = seen(_places(rigid, carrier.body, ends)[..., 0], view) if space else ends
+        points = points[np.isfinite(points).all(axis=1)]
+        carried = [] if carrier.body == "ground" else used_points(scene, carrier.body)
+        guides[name] = _travel(points, np.array(direction), (BOX[0] if len(points) > 1 else STANDING) * size, carried)
     pivots = [
         seen(np.array(scene.point(side)), view)
-        for joint in scene.joints.values() if joint.kind not in GUIDES
+        for joint in scene.joints.values() if not _is_guide(joint)
         for side in joint.addresses if side.body == "ground"
     ]  # fmt: skip
-    held = [name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground" and not space]
-    at = np.array(pivots).reshape(-1, 2)
-    return Scenery(at, guides, size, lower, upper, view if space else None, frozenset(held))
+    held = frozenset(name for name, (carrier, *_) in all_guides.items() if carrier.body != "ground")
+    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper, view, held)
+
+
+def _is_guide(joint: Joint) -> bool:
+    """True for joints along whose axis a body slides; a cylindrical joint on a body that moves is drawn as a pin."""
+    return joint.kind == "prismatic" or (joint.kind == "cylindrical" and joint.addresses[0].body == "ground")
 
 
 def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Vector]]:
     """The side that carries each guide, the side that rides on it, and its direction; those with a clearance, too."""
     sides = {name: (joint.addresses, joint.given_axes[0]) for name, joint in scene.joints.items()
-             if joint.kind in GUIDES}  # fmt: skip
+             if _is_guide(joint)}  # fmt: skip
     sides |= {name: (joint.sides, joint.direction) for name, joint in scene.loose.items() if joint.direction}
     return {name: (*pair, direction) for name, (pair, direction) in sides.items()}
 
@@ -111,41 +110,64 @@ def rigid_outline(scene: Scene, rigid: Rigid, fixed: Scenery) -> Outline:
 
 
 def deformed_lines(motion: Motion, factor: float) -> dict[str, np.ndarray]:
-    """Line of every body in space as it deforms or follows those that do, enlarged, (points, 3, n_times) [m]."""
-    return _Pose(motion.model.scene, motion.rigid, motion, factor).lines
+    """Lines of every body as it deforms or follows those that do, enlarged, (points, 2 or 3, n_times) [m]."""
+    return _Pose(motion.model.scene, motion.rigid, motion, factor).lines({})
+
+
+def body_lines(scene: Scene, rigid: Rigid) -> dict[str, np.ndarray]:
+    """Line of every undeformed body through the points that are used of it, (points, 2 or 3, n_times) [m]."""
+    return {name: _places(rigid, name, _star(used_points(scene, name))) for name in scene.bodies}
+
+
+def joint_axes(scene: Scene, rigid: Rigid, size: float) -> list[np.ndarray]:
+    """Ends of the joints' axes at the first instant but those of guides, which are drawn whole, (2, 3) [m]."""
+    found = []
+    for joint in (joint for joint in scene.joints.values() if not _is_guide(joint)):
+        first = joint.addresses[0]
+        frame = frame_of(rigid, first.body)
+        at = frame.place(scene.point(first))[:, 0]
+        arms = [_AXIS * size * frame.to_global(axis)[:, 0] for axis in joint.given_axes]
+        found += [np.array([at - arm, at + arm]) for arm in arms]
+    return found
 
 
 class _Pose:
     """Places of a mechanism's parts; ``motion`` is None where nothing is deformed."""
 
     def __init__(self, scene: Scene, rigid: Rigid, motion: Motion | None = None, factor: float = 0.0):
-        self.scene, self.rigid, self.space = scene, rigid, scene.is_spatial
+        self.scene, self.rigid = scene, rigid
         self.motion, self.factor = motion if factor else None, factor
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
-        self.lines = {name: _places(rigid, name, axis) for name, axis in self.axes.items()}
-        if self.space:
-            self.lines |= {name: np.array([self._point(name, at) for at in outline_points(scene, name)])
-                           for name in scene.bodies if name not in self.axes}  # fmt: skip
+
+    def lines(self, guides: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Elastic links, then rigid bodies with the guides that they carry, and arms of links by their numbers."""
+        found = {name: _places(self.rigid, name, axis) for name, axis in self.axes.items()}
+        for name in self.scene.bodies:
+            path = [] if name in self.axes else _star([self._point(name, at) for at in used_points(self.scene, name)])
+            for joint, (carrier, *_) in guides_of(self.scene).items():
+                if carrier.body == name and joint in guides:
+                    path += [self._point(name, tuple(end)) for end in guides[joint]]
+            if len(path) > 1:
+                found[f"{name} 0" if name in self.axes else name] = np.array(path)
+        arms = ((f"{name} {k}", arm) for name in self.axes for k, arm in enumerate(self._arms(name), 1))
+        return found | dict(arms)
 
     def outline(self, fixed: Scenery) -> Outline:
-        links = {name: self.lines[name] for name in self.axes}
-        bars = {name: line for name, line in self.lines.items() if name not in links}
-        boxes, pins = {}, {}
-        if not self.space:
-            bars = {name: np.array(bar) for name in self.scene.bodies if (bar := self._bar(name, fixed))}
-            bars |= {f"{name} {k}": arm for name in self.axes for k, arm in enumerate(self._arms(name))}
+        lines, boxes, pins = self.lines(fixed.guides), {}, {}
         for name, joint in self.scene.joints.items():
-            if joint.kind != "prismatic" and (self.space or joint.kind == "revolute"):
+            if joint.kind not in ("prismatic", "weld"):
                 side = max(reversed(joint.addresses), key=lambda side: side.body in self.axes)
                 pins[name] = self._point(side.body, self.scene.point(side))[None]
-        for name, guide in guides_of(self.scene).items():
+        for name, (carrier, rider, direction) in guides_of(self.scene).items():
             if name not in pins:
-                boxes[name] = self._box(*guide, fixed.size)
-        view = view_of(self.scene)
-        links, bars, boxes = (
-            {name: _in_picture(line, view) for name, line in kind.items()} for kind in (links, bars, boxes)
+                t = frame_of(self.rigid, carrier.body).to_global(direction)
+                size = fixed.size * (_CARRIED if name in fixed.carried else 1.0)
+                boxes[name] = self._point(rider.body, self.scene.point(rider)) + box(t, size)
+        links = {name: lines.pop(name) for name in self.axes}
+        links, bars, boxes, pins = (
+            {name: _in_picture(line, fixed.view) for name, line in kind.items()} for kind in (links, lines, boxes, pins)
         )
-        return Outline(links, bars, boxes, {name: _in_picture(place, view)[:, 0] for name, place in pins.items()})
+        return Outline(links, bars, boxes, {name: place[:, 0] for name, place in pins.items()})
 
     def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_points, 2 or 3, n_times)."""
@@ -169,35 +191,13 @@ class _Pose:
         local = axis[k] + (share - k) * (axis[k + 1] - axis[k]) + np.reshape((0.0, *at[1:]), (-1, 1))
         return np.asarray(frame_of(self.rigid, body).place(local))
 
-    def _bar(self, name: str, fixed: Scenery) -> list[np.ndarray]:
-        """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
-        path = list[np.ndarray]()
-        if name not in self.axes:
-            hub, *rest = (self._point(name, at) for at in used_points(self.scene, name))
-            path = [part for tip in rest for part in (hub, tip, hub)]
-        for joint, (carrier, *_) in guides_of(self.scene).items():
-            if carrier.body == name:
-                path += [self._point(name, tuple(end)) for end in fixed.guides[joint]]
-        return path
-
     def _arms(self, name: str) -> Iterator[np.ndarray]:
-        """From an elastic link's axis to each used point beside it, (2, 2, n_times)."""
+        """From an elastic link's axis to each used point beside it, (2, 2 or 3, n_times)."""
         length = self.scene.bodies[name].length or 0.0
-        for x, y in used_points(self.scene, name):
-            foot = min(max(x, 0.0), length), 0.0
-            if foot != (x, y):
-                yield np.array([self._point(name, foot), self._point(name, (x, y))])
-
-    def _box(self, carrier: Address, rider: Address, direction: Vector, size: float) -> np.ndarray:
-        """Corners of a guided body about its joint, along its guide, (n_corners, 2 or 3, n_times)."""
-        side = max(rider, carrier, key=lambda side: side.body in self.axes) if self.space else rider
-        centre = self._point(side.body, self.scene.point(side))
-        t = frame_of(self.rigid, carrier.body).to_global(direction)
-        if self.space:
-            return block(centre, t, size)
-        corners = np.array(BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
-        corners *= size * (1.0 if carrier.body == "ground" else _CARRIED)
-        return centre + corners[:, :1, None] * t + corners[:, 1:, None] * normal(t)
+        for at in used_points(self.scene, name):
+            foot = self.scene.vector((min(max(at[0], 0.0), length), 0.0))
+            if foot != at:
+                yield np.array([self._point(name, foot), self._point(name, at)])
 
 
 def used_points(scene: Scene, body: str) -> list[Vector]:
@@ -212,8 +212,17 @@ def used_points(scene: Scene, body: str) -> list[Vector]:
     places += [sensor.target for sensor in scene.sensors.values() if sensor.stress is None]
     used = [scene.point(each) for each in places if isinstance(each, Address) and each.body == body]
     if body != "ground" and scene.bodies[body].length is not None:
-        used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]
-    return list(dict.fromkeys(used)) or [(0.0, 0.0)]
+        used += map(scene.vector, ((0.0, 0.0), (scene.bodies[body].length, 0.0)))
+    points = list(dict.fromkeys(used)) or [scene.vector((0.0, 0.0))]
+    if body != "ground" and len(points) == 1 and any(scene.bodies[body].centre):
+        points.append(scene.vector(scene.bodies[body].centre))
+    return points
+
+
+def _star(points: Sequence[Any]) -> list[Any]:
+    """From the first point to every other and back."""
+    hub, *rest = points
+    return [hub, *(part for tip in rest for part in (tip, hub))]
 
 
 def _in_picture(line: np.ndarray, view: np.ndarray) -> np.ndarray:

@@ -10,19 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from kaneflex.multibody.model.building import has_modes, reference_modes
-from kaneflex.plots.drawing import (
-    ROUNDING,
-    draw_outline,
-    draw_scenery,
-    draw_triad,
-    frame_axes,
-    small_drawings,
-)
-from kaneflex.plots.mechanism import deformed_lines, outline, rigid_outline, scenery
+from kaneflex.plots.drawing import ROUNDING, draw_outline, draw_scenery, frame_axes, small_drawings
+from kaneflex.plots.mechanism import deformed_lines, outline, rigid_outline, rigid_scenery, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
 from kaneflex.plots.view import angle_name
-from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
+from kaneflex.response.elastic_motion import elastic_motion
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -43,24 +36,22 @@ def figures(solution: Solution) -> dict[str, Figure]:
         return {}
     count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)
-    fixed = scenery(model, solution.rigid)
     rigid = model.motion.at(np.full(count, model.reference_time))
+    fixed = scenery(solution) if len(solution.times) else rigid_scenery(model.scene, rigid)
     still = rigid_outline(model.scene, rigid, fixed)
     positive = _deflected(model, rigid, fixed, shapes, still)
     negative = still.combined(lambda at, moved: 2.0 * at - moved, positive)
     figure, panels = small_drawings(count, [still, positive, negative], fixed)
     figure.suptitle(_title(solution, figure.get_figwidth()))
     for k, axes in enumerate(panels):
-        frame_axes(axes, [still, positive, negative], fixed, swept=fixed.view is None)
+        frame_axes(axes, [still, positive, negative], fixed, swept=False)
         draw_scenery(axes, fixed, still)
         draw_outline(axes, still, k, ghost=True)
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)
         axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
-        if fixed.view is None:
+        if fixed.flat:
             axes.label_outer()
-        else:
-            draw_triad(axes, fixed.view)
     figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
     return {"modes": figure}
 
@@ -74,24 +65,14 @@ def _deflected(model: Model, rigid: RigidMotion, fixed: Scenery, shapes: np.ndar
     small = shapes * (SMALL * fixed.size / np.abs(shapes).max(axis=0))
     moved, loaded = (elastic_motion(model, rigid, (each, none, none)) for each in (small, none))
     drawn, bent = (outline(each, fixed, 1.0 / SMALL) for each in (moved, loaded))
-    away = DRAWN * fixed.size / _largest(fixed, (moved, drawn), (loaded, bent))
+    lines, others = (deformed_lines(each, 1.0 / SMALL) for each in (moved, loaded))
+    largest = [np.linalg.norm(lines[name] - others[name], axis=1).max(axis=0) for name in lines]
+    away = DRAWN * fixed.size / np.max(largest, axis=0)
 
     def shifted(at: np.ndarray, mode: np.ndarray, load: np.ndarray) -> np.ndarray:
         return at + away.reshape((-1,) + (1,) * (at.ndim - 1)) * (mode - load)
 
     return still.combined(shifted, drawn, bent)
-
-
-def _largest(fixed: Scenery, moved: tuple[ElasticMotion, Outline], loaded: tuple[ElasticMotion, Outline]) -> np.ndarray:
-    """Largest shift of any part of each mode, enlarged 1 / SMALL times [m], (count,)."""
-    if fixed.view is not None:
-        lines, others = (deformed_lines(of, 1.0 / SMALL) for of, _ in (moved, loaded))
-        shifts = [np.linalg.norm(lines[name] - others[name], axis=1).max(axis=0) for name in lines]
-    else:
-        apart = moved[1].combined(np.subtract, loaded[1])
-        shifts = [np.hypot(*np.moveaxis(each, -1, 0)).max(axis=1) for kind in (apart.links, apart.bars, apart.boxes)
-                  for each in kind.values()]  # fmt: skip
-    return np.max(shifts, axis=0)
 
 
 def _title(solution: Solution, width: float) -> str:

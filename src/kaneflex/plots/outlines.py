@@ -23,17 +23,16 @@ class Scenery:
     ----------
     pivots : ndarray (n, 2)
         Points of the ground that joints other than guides use [m].
-    guides : mapping of str to ndarray (2, 2)
-        Ends of each guide's centre line over the travel of its body, in the plane in the axes of the body that
-        carries it [m].
+    guides : mapping of str to ndarray (2, 2 or 3)
+        Ends of each guide's centre line over the travel of its body, in the axes of the body that carries it [m].
     size : float
         Diagonal of the region that the rigid mechanism sweeps in the plane, of the box that it fills in space [m].
     lower, upper : ndarray (2,)
         Corners of the region that it sweeps in the picture [m].
-    view : ndarray (2, 3) or None
-        Projection of a mechanism in space; its columns are the global axes in the picture.
+    view : ndarray (2, 2 or 3)
+        Projection; its columns are the global axes in the picture.
     carried : frozenset of str
-        Guides in the plane that a body carries, not the ground.
+        Guides that a body carries, not the ground.
     """
 
     pivots: np.ndarray
@@ -41,8 +40,18 @@ class Scenery:
     size: float
     lower: np.ndarray
     upper: np.ndarray
-    view: np.ndarray | None = None
-    carried: frozenset[str] = frozenset()
+    view: np.ndarray
+    carried: frozenset[str]
+
+    @property
+    def flat(self) -> bool:
+        """True for a mechanism in the plane, which is drawn over labelled axes."""
+        return self.view.shape[1] == 2
+
+    @property
+    def rails(self) -> dict[str, np.ndarray]:
+        """Ends of the guides on the ground in the picture [m]."""
+        return {name: ends @ self.view.T for name, ends in self.guides.items() if name not in self.carried}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +68,7 @@ class Outline:
     boxes : mapping of str to ndarray (n_times, n_corners, 2)
         Closed outline of the body on each guide, by the guide's joint.
     pins : mapping of str to ndarray (n_times, 2)
-        Each joint but welds and guides in the plane, each joint but guides in space.
+        Each joint but welds and guides.
     """
 
     links: Mapping[str, np.ndarray]

@@ -31,13 +31,14 @@ def figures(solution: Solution) -> dict[str, Figure]:
     scene = solution.model.scene
     if scene.is_frame or not (points := read_points(scene)):
         return {}
-    shown, fixed = view(solution), scenery(solution.model)
+    shown, fixed = view(solution), scenery(solution)
     curves = _together(shown, points, _ONE * fixed.size)
     note = "" if len(curves) <= len(PALETTE) else f", the first {len(PALETTE)} of {len(curves)}"
     figure = new_figure(11.8, 5.0, f"Paths and hodographs{shown.note}{note}")
     grid = figure.add_gridspec(1, 2)
     path, hodograph = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
     outline = rigid_outline(scene, shown.rigid, fixed)
+    frame_axes(path, [outline], fixed)
     draw_scenery(path, fixed, outline)
     draw_outline(path, outline, 0, ghost=True)
     drawn = [*zip(curves.items(), PALETTE, strict=False)]
@@ -47,7 +48,6 @@ def figures(solution: Solution) -> dict[str, Figure]:
         name = ", ".join(map(str, together))
         curve(path, shown, MM * place, colour, name)
         curve(hodograph, shown, factor * velocities, colour, name)
-    frame_axes(path, [outline], fixed)
     hodograph.plot(0.0, 0.0, "+", color="black", markersize=9)
     hodograph.set(aspect="equal", adjustable="datalim", xlabel=f"v_x [{unit}]", ylabel=f"v_y [{unit}]")
     shape = float(np.ptp(path.get_ylim()) / np.ptp(path.get_xlim()))

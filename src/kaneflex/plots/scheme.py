@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,20 +15,18 @@ from matplotlib.patches import Circle
 from kaneflex.fem.links import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.axonometric import FLAT, body_lines, joint_axes, label_flat, seen
+from kaneflex.plots.axonometric import FLAT, label_flat, seen
 from kaneflex.plots.drawing import (
     MM,
     ROUNDING,
     draw_outline,
     draw_scenery,
-    draw_triad,
     frame_axes,
     hatched,
     small_drawings,
 )
 from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
-from kaneflex.plots.mechanism import rigid_outline, rigid_scenery
+from kaneflex.plots.mechanism import Rigid, body_lines, joint_axes, rigid_outline, rigid_scenery
 from kaneflex.plots.outlines import Scenery
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
@@ -54,7 +52,7 @@ _TOLD = 90
 """Characters in a line of the configuration."""
 
 
-def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
+def scheme(scene: Scene, placed: Rigid) -> Figure:
     """The drawing of a scene at one configuration: a placement in the plane, the first instant of a motion in space."""
     fixed = rigid_scenery(scene, placed)
     drawn = rigid_outline(scene, placed, fixed)
@@ -64,7 +62,7 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
     sensors = sensors_by_place(scene, stand)
-    below = _arrange(figure, axes, shape, title, listed(sensors), _FLAT_VIEWS if scene.is_spatial else 0.0)
+    below = _arrange(figure, axes, shape, title, listed(sensors), 0.0 if fixed.flat else _FLAT_VIEWS)
     axes.set_title(_configuration(scene, stand))
     ground = draw_scenery(axes, fixed, drawn)
     for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
@@ -73,10 +71,8 @@ def scheme(scene: Scene, placed: Placement | RigidMotion) -> Figure:
             _mark_nodes(axes, stand, name)
     bodies = (*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values())
     labels = Labels(axes, [*(MM * part[0] for part in bodies), *ground])
-    if fixed.view is not None:
-        for corner in draw_triad(axes, fixed.view):
-            labels.block(corner)
-        _draw_flat_views(figure, scene, cast("RigidMotion", placed), below)
+    if not fixed.flat:
+        _draw_flat_views(figure, scene, placed, below)
     _Parts(stand, fixed, axes, labels).draw()
     mark_sensors(axes, labels, sensors)
     labels.place()
@@ -110,10 +106,10 @@ def refuse_places(at: Mapping[str, float]) -> None:
         raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn at its start", cure)
 
 
-def _draw_flat_views(figure: Figure, scene: Scene, motion: RigidMotion, height: float) -> None:
+def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float) -> None:
     """The bodies seen along the three axes, side by side below the drawing, in that share of the figure's height."""
     width, inches = figure.get_size_inches()
-    lines = body_lines(scene, motion)
+    lines = body_lines(scene, placed)
     for k, (title, view) in enumerate(FLAT.items()):
         axes = figure.add_axes(((_LEFT + k * 2.75) / width, _BELOW / inches, 2.0 / width, height - 1.1 / inches))
         label_flat(axes, view, "{} [mm]")
@@ -191,7 +187,7 @@ class _Parts:
     def _joints(self) -> None:
         """Names of joints, one label a place."""
         here: dict[tuple[float, ...], list[str]] = {}
-        for ends in joint_axes(self.scene, cast("RigidMotion", self.stand.placed)) if self.scene.is_spatial else ():
+        for ends in joint_axes(self.scene, self.stand.placed, self.size / MM):
             self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
         for name, joint in self.scene.joints.items():
             at = self.at(joint.addresses[1])

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.axonometric import FLAT, VIEW, body_lines, joint_axes, label_flat, seen
+from kaneflex.plots.axonometric import FLAT, VIEW, label_flat, seen
 from kaneflex.plots.drawing import MM, draw_triad
+from kaneflex.plots.mechanism import body_lines, joint_axes, scenery
 from kaneflex.plots.paths import curve, dotted, read_points, velocity
 from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable
 from kaneflex.plots.view import view
@@ -43,7 +44,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
                 draw(points[:, :, ghost], alpha=0.22, linewidth=1.0, **style)
             label = name if len(points) > 1 else None  # a dot where a line ends needs no name
             draw(points[:, :, 0], marker="o", markersize=3.5, linewidth=2.2, label=label, **style)
-        for ends in joint_axes(scene, shown.rigid):
+        for ends in joint_axes(scene, shown.rigid, scenery(solution).size):
             draw(ends, color="0.35", linestyle="-.", linewidth=0.9)
         for name, track in tracks.items():
             draw(track.T, color="0.1", linewidth=0.8, label=f"path of {name}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.plots.axonometric import outline_points
 from kaneflex.plots.mechanism import used_points
 from kaneflex.plots.outlines import ALONG_LINK
 from kaneflex.plots.view import FRAMES, View, frames_of, view
@@ -88,9 +87,6 @@ def _lines(scene: Scene, body: str) -> tuple[list[Vector], list[tuple[int, int]]
         end = scene.vector(scene.bodies[body].points_all["end"])
         shares = np.linspace(0.0, 1.0, ALONG_LINK).tolist()
         return [tuple(share * x for x in end) for share in shares], [(k, k + 1) for k in range(ALONG_LINK - 1)]
-    if scene.is_spatial:
-        points = outline_points(scene, body)
-        return points, [(k, k + 1) for k in range(len(points) - 1)]
     points = used_points(scene, body)
     return points, [(0, k) for k in range(1, len(points))]
 
