@@ -58,9 +58,8 @@ COLUMNS = (
 PRICES = ("scene", "model", "sensor", "change", "missed")
 PAGE_TEXT = """# Accuracy of results
 
-Every run [estimates the error](scene/solve.md#error-estimates) of its sensors. This page compares estimates with true
-errors. *Effectivity* is the largest estimate of a sensor divided by its largest true error: 1 is exact, above 1 is
-safe.
+Every run [estimates the error](scene/solve.md#error-estimates) of its sensors. *Effectivity* is the largest estimate
+of a sensor divided by its largest true error: 1 is exact, above 1 is safe.
 
 ## One-way presets
 
@@ -72,16 +71,15 @@ runs of scenes that start from rest.
 ## Preset coupled
 
 Runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with four times the
-elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance. Its error is estimated as a quarter of
-its change with half the elements and modes. Sensors whose error is below ten times this value are left out.
+elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its error is a quarter of its change with
+half the elements and modes. Sensors whose error is below ten times this value are left out.
 
 {coupled}
 ## Prices and runs
 
-A [price](trade.md#prices) estimates the change that a group of terms or a coarser mesh causes. The table compares it
-with the change between two runs of `stiffened`, for the sensor that changes most. *Missed* is the error of the price
-as a share of this change. This error is at most 2 % of the change or 2e-5 of the peak, whichever is larger. Changes
-below 1e-5 of the peak are left out.
+[Prices](trade.md#prices) are compared with the change between two runs of `stiffened`, for the sensor that changes
+most (above 1e-5 of its peak). *Missed* is the error of the price as a share of this change, at most 2 % or 2e-5 of
+the peak, whichever is larger.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.

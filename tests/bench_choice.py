@@ -56,13 +56,12 @@ SECONDS = 20.0
 LIMIT = 240.0
 HEAD = """# Choices compared with brute force
 
-For each scene and tolerance the table gives the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance)
-chooses, its largest error, the cheapest model of `kaneflex trade` within the tolerance (with a budget of twenty
-seconds), and the ratio of their run times. Errors are relative to the finest converged reference. The time to choose
-includes deriving.
+The model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance) chooses, its largest error relative to the finest
+converged reference, the cheapest model of `kaneflex trade` within the tolerance (budget 20 s), and the ratio of their
+run times. The time to choose includes deriving.
 
-In 43 cases a model was chosen: all are within their tolerance and take at most 1.57 times as long as the cheapest
-model. In the other 8 no reference converges, so none is chosen.
+All 43 chosen models are within their tolerance and take at most 1.57 times as long as the cheapest. In 8 cases no
+reference converges, so none is chosen.
 
 """
 TABLE = "choices"

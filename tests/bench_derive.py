@@ -43,10 +43,9 @@ print(time.perf_counter() - started)
 """
 HEAD = """# Times to derive and to compile
 
-Chains of elastic links, each hinged to the previous one (`tests/chains.py`): open chains with all joints driven, and
-closed chains from ground to ground. Operations are those of the kernel `motion`. Their number grows
-linearly with the number of links (exponentially without shared subexpressions). Each chain is compiled in a new
-process with an empty cache.
+Chains of elastic links (`tests/chains.py`): open with all joints driven, and closed from ground to ground. Operations
+are those of the kernel `motion`; their number grows linearly with the number of links (exponentially without shared
+subexpressions). Each chain is compiled in a new process with an empty cache.
 
 """
 COLUMNS = (
@@ -67,8 +66,8 @@ print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step
 COUPLED_HEAD = """
 ## The coupled equations
 
-Runs of 1 s of the open chains under preset `coupled`, with 1 to 6 modes per link and the static shapes. The first row
-includes compiling the engine that all scenes share.
+Runs of 1 s of the open chains under preset `coupled`, with 1 to 6 modes per link. The first row includes compiling
+the engine that all scenes share.
 
 """
 COUPLED_COLUMNS = ("links", "modes", "coordinates", "derive [s]", "compile [s]", "a step [us]", "steps", "rejected")

@@ -23,14 +23,12 @@ SINGLE = ("engine", "rotating-cantilever")
 HEAD = """# Extremes
 
 Scenes at extreme speeds, stiffnesses and step sizes, compared with a closed form, a scaling law or a limit.
-`make extremes` runs all of them.
 
 ## Results by method
 
 Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value. If it is in brackets, it exceeds the accuracy required for the case,
-and the run warns. A word is the outcome of the run. A dash means that the case was not run or, for `gauss`, that
-displacements equal those of `radau`.
+the error relative to the largest expected value; in brackets it exceeds the accuracy required for the case, and the
+run warns. A word is the outcome of the run. A dash: not run or, for `gauss`, the displacements of `radau`.
 
 ![Errors and outcomes of every case](pictures/extremes.png)
 
@@ -39,26 +37,22 @@ RULES = """
 ## Conclusions
 
 - **Slow motions** (a step covers thousands of vibration periods) and **stiff links next to soft ones**: use `radau`
-  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state (outcome
-  `no_periodic_state`).
+  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state.
 - **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
-  and `newmark` a run warns if forces from the equations of motion differ from forces computed by differences of
-  velocities.
-- **`coupled` at low speed**: forces are right. At 60 rpm vibrations that are smaller than the tolerance have
-  accelerations as large as those of the motion; a run warns. Below about 0.01 rpm a cycle takes millions of steps.
+  and `newmark` a run warns.
+- **`coupled` at low speed**: forces are right. At 60 rpm vibrations below the tolerance have accelerations as large
+  as those of the motion (a run warns). Below about 0.01 rpm a cycle takes millions of steps.
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
-- **Steps longer than the vibration periods**: a run warns of unstable steps; only `exact-modal` (preset `paper`)
-  stays accurate.
+- **Steps longer than the vibration periods**: only `exact-modal` (preset `paper`) stays accurate; a run warns.
 - **Elements**: rounding errors grow with about the fourth power of the number of elements, to 1e-4 with 1024.
-- **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank, relative to its length; a
-  loop that reaches its dead centre is rejected ("the loop cannot close").
+- **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank.
 """
 CYCLES_HEAD = f"""
 ## A million cycles
 
 $\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error in a cycle, and the part
-of the final phase error that the stability function of the method does not explain.
+of the final phase error that the stability function does not explain.
 
 | integrator | amplitude | phase in a cycle [rad] | unexplained [rad] |
 | --- | --- | --- | --- |

@@ -18,8 +18,8 @@ from kaneflex.solve.one_way_run import run_of
 
 ABOUT = """\
 *A cycle*: the periodic motion at one of 64 speeds on one core by `integrate`. The error is the rms difference of the
-rod's first bending mode from a run by `gauss` with 16 times as many steps (largest of four speeds).
-*spectral* includes the stability check; *its motion* is the same without this check. Ratios are to `gauss`."""
+rod's first bending mode from a run by `gauss` with 16 times as many steps (largest of four speeds). *its motion*:
+`spectral` without the stability check. Ratios are to `gauss`."""
 SPEEDS, STEPS, FINER = 64, 720, 16
 ROUNDS, BUDGET = 5, 20.0
 BENDING = 1

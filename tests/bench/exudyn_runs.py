@@ -23,10 +23,10 @@ from kaneflex_peers import exudyn
 
 TITLE = "Whole runs against Exudyn"
 ABOUT = """\
-Time to compute an elastic link's deflection with an rms error of 1e-3 of its peak; the ratio is to kaneflex. The
-error is relative to the program's own converged result. Preset `stiffened` is linear about the prescribed motion, so
-its ratio compares models, too; `coupled` is nonlinear like Exudyn, but with modes in a floating frame. kaneflex finds
-periodic motions by harmonics; Exudyn integrates from the undeformed state until 1e-4 of the transient is left."""
+Time to compute an elastic link's deflection with an rms error of 1e-3 of its peak, relative to the program's own
+converged result; the ratio is to kaneflex. Preset `stiffened` is linear about the prescribed motion; `coupled` is
+nonlinear like Exudyn, but with modes in a floating frame. kaneflex finds periodic motions by harmonics; Exudyn
+integrates until 1e-4 of the transient is left."""
 ERROR, ROUNDS = 1e-3, 7
 
 

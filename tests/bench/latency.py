@@ -23,11 +23,11 @@ FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
 ABOUT = f"""\
 Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
-Ratios are relative to the time of a fixed piece of Python, `{FIXED}`.
+Ratios are relative to the time of `{FIXED}`.
 
 - *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
-- *Cold*: first `kaneflex run SCENE --no-plots` on a machine, without compiled kernels. The equations of the engine
-  with gravity are not shipped, so they are derived first. *From a wheel*: a wheel with compiled kernels.
+- *Cold*: first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
+  shipped, so they are derived first. *From a wheel*: a wheel with compiled kernels.
 - *Warm*: kernels were compiled before.
 - Lines and modules of kaneflex are limited by `tests/data/budget.json`."""
 WARM = {

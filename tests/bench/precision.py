@@ -14,9 +14,8 @@ from kaneflex_peers import exudyn
 
 TITLE = "Work over precision"
 ABOUT = """\
-Preset `coupled` and Exudyn with equal numbers of elements: time and error for tighter tolerances or more steps. The
-error is the rms error of the deflection in the middle of an elastic link, compared with the program's own converged
-result."""
+Preset `coupled` and Exudyn with equal numbers of elements, for tighter tolerances or more steps: time, and rms error
+of the deflection in the middle of an elastic link, compared with the program's own converged result."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SLOW = (1e-3, 1e-4, 1e-5, 1e-6)
 """Those of scipy."""

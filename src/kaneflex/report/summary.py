@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 
-
 class Instant(PlainTable):
     """An instant of the run."""
 
@@ -45,7 +44,6 @@ class Instant(PlainTable):
     drive_deg: float | None = Field(
         description="angle of the drive within its cycle, degrees; null if other instants have the same angle"
     )
-
 
 class SensorError(PlainTable):
     """Largest estimated error of a sensor over the run by cause, in SI."""
@@ -56,7 +54,6 @@ class SensorError(PlainTable):
     terms: float = Field(description="terms left out")
     elements: float = Field(description="length of the elements")
     coupling: float | None = Field(default=None, description="one-way coupling, if computed")
-
 
 class SensorSummary(PlainTable):
     """A sensor over the stored times, in SI."""
@@ -71,7 +68,6 @@ class SensorSummary(PlainTable):
     mean: float = Field(description="mean over time")
     plus_minus: SensorError | None = Field(default=None, description="error estimate; null if there is none")
 
-
 class StressSummary(PlainTable):
     """Largest von Mises stress in an elastic link, over its length, the outline of its section and the run."""
 
@@ -79,7 +75,6 @@ class StressSummary(PlainTable):
     x_m: float = Field(description="distance from the link's start, m")
     at: Instant = Field(description="its instant")
     utilisation: float | None = Field(description="share of the beam's yield_strength; null without one")
-
 
 class Timing(PlainTable):
     """Wall time of the stages."""
@@ -90,13 +85,11 @@ class Timing(PlainTable):
     integrate_s: float = Field(description="solving, including compiling the integrator, s")
     ns_per_step: float = Field(description="one step in the compiled loop, ns")
 
-
 class Operations(PlainTable):
     """Arithmetic operations of one kernel call."""
 
     written_out: int = Field(description="without shared subexpressions")
     shared: int = Field(description="with shared subexpressions, as generated")
-
 
 class EnergyBalance(PlainTable):
     """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
@@ -106,7 +99,6 @@ class EnergyBalance(PlainTable):
     supplied: float = Field(description="by loads and prescribed drives")
     gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
     drift: float = Field(description="gap relative to the largest exchanged energy")
-
 
 class Summary(PlainTable):
     """Settings and results of a run."""
@@ -156,7 +148,6 @@ class Summary(PlainTable):
         description="derivatives of the sensors by parameter, if requested"
     )
 
-
 def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
     """The summary of a solution; ``settings`` are those that were laid over the scene, ``choice`` what chose them.
 
@@ -204,7 +195,6 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         **_of_its_preset(solution),
     )  # fmt: skip
 
-
 def _of_its_preset(solution: Solution) -> dict[str, Any]:
     """Fields that are empty but under preset paper, or under coupled."""
     model = solution.model
@@ -221,13 +211,11 @@ def _of_its_preset(solution: Solution) -> dict[str, Any]:
         found["unresolved_modes"] = unresolved(solution)
     return found
 
-
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
     degrees, (errors, _), times = drive_degrees(solution), solution.errors, solution.times
     return {name: _sensor(series, solution.statistics(name), times, degrees, errors.get(name))
             for name, series in solution.series.items()}  # fmt: skip
-
 
 def _stresses(solution: Solution) -> dict[str, StressSummary]:
     degrees, found = drive_degrees(solution), {}
@@ -243,10 +231,8 @@ def _stresses(solution: Solution) -> dict[str, StressSummary]:
         )
     return found
 
-
 def _instant(times: np.ndarray, degrees: np.ndarray | None, index: int) -> Instant:
     return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
-
 
 def _sensor(
     series: Series, found: Statistics, times: np.ndarray, degrees: np.ndarray | None, error: ErrorEstimate | None = None
@@ -255,7 +241,6 @@ def _sensor(
     own |= {key: _instant(times, degrees, own[key]) for key in ("at_min", "at_max")}
     own["plus_minus"] = None if error is None else SensorError(**asdict(error))
     return SensorSummary(unit=series.unit, meaning=series.meaning, **own)
-
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:
     """Angle of the drive in degrees, within its cycle where it has one; None where it does not name one instant.
@@ -276,7 +261,6 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     cycle = round(math.degrees(drive.cycle), 9)
     return np.mod(np.round(degrees, 9), cycle) if round(abs(steps.sum()), 6) <= cycle else None
 
-
 def _energy(solution: Solution) -> EnergyBalance | None:
     energy = solution.energy
     if energy is None or not len(solution.times):
@@ -285,40 +269,35 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     stored = energy.stored[-1] - energy.stored[0]
     return EnergyBalance(stored=stored, **exchanged, gap=abs(energy.gap).max(), drift=energy.drift)
 
-
 def json_schema() -> dict[str, Any]:
     """JSON Schema of ``summary.json``."""
     schema = Summary.model_json_schema(mode="serialization")
     return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-
 
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
     for table in _TABLES:
         about = (table.__doc__ or "").splitlines()[0]
-        parts.append(f"\n## {table.__name__}\n\n{about}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
+        parts.append(f"\n## {table.__name__}\n\n{about}\n\n| field | meaning |\n| --- | --- |\n")
         parts += [
-            f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
+            f"| `{name}` | {_type_name(field.annotation)}: {field.description} |\n".replace("| number: ", "| ")
             for name, field in table.model_fields.items()
         ]
     return "".join(parts)
 
-
 _HEAD = """# summary.json
 
-`kaneflex run` writes `summary.json` next to `results.nc`. Numbers are in SI unless the
-name of a field contains a unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
+`kaneflex run` writes `summary.json` next to `results.nc`. Fields without a type are
+numbers, in SI unless their name contains a unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
 
 Made by `python -m kaneflex.report.summary`; do not edit.
 """
-
 
 _TABLES = (
     Summary, SensorSummary, SensorError, Instant, StressSummary, PeakSpread, EnergyBalance, ContactSummary,
     FrictionSummary, UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
-
 
 def _type_name(kind: Any) -> str:
     if get_origin(kind) is dict:
@@ -331,7 +310,6 @@ def _type_name(kind: Any) -> str:
         return " or ".join(_type_name(option) for option in get_args(kind))
     names = {float: "number", int: "integer", bool: "true or false", str: "text", type(None): "null", Any: "any"}
     return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
-
 
 if __name__ == "__main__":
     schema = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
