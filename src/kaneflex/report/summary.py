@@ -288,8 +288,8 @@ def documentation() -> str:
 
 _HEAD = """# summary.json
 
-`kaneflex run` writes `summary.json` next to `results.nc`. Fields without a type are
-numbers, in SI unless their name contains a unit. This is version {version} of the [JSON Schema](data/summary.schema.json).
+`kaneflex run` writes `summary.json` next to `results.nc`. Fields without a type are numbers,
+in SI unless their name contains a unit. The [JSON Schema](data/summary.schema.json) has version {version}.
 
 Made by `python -m kaneflex.report.summary`; do not edit.
 """
