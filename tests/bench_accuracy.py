@@ -95,13 +95,12 @@ def page() -> str:
 
 def by_model(rows):
     """A short table over all scenes."""
-    text = f"| model | scenes | sensors | effectivity: least | median | greatest |\n{'| --- ' * 6}|\n"
+    text = f"| model | effectivity: least | median | greatest |\n{'| --- ' * 4}|\n"
     for model in dict.fromkeys(row[1] for row in rows):
         found = [row for row in rows if row[1] == model and row[2].isdigit()]
         least, medians, greatest = ([float(row[k]) for row in found] for k in (4, 5, 6))
         numbers = (min(least), statistics.median(medians), max(greatest))
-        sensors = sum(int(row[2]) for row in found)
-        text += f"| {model} | {len(found)} | {sensors} | {' | '.join(f'{number:.2f}' for number in numbers)} |\n"
+        text += f"| {model} | {' | '.join(f'{number:.2f}' for number in numbers)} |\n"
     return text
 
 

@@ -265,7 +265,7 @@ def test_the_page_has_an_entry_for_each_scene():
     text = page.read_text(encoding="utf-8")
     assert sorted(re.findall(r"^## (\S+)$", text, flags=re.MULTILINE)) == sorted(shipped_scenes())
     rows = re.findall(
-        r"^\| \[(\S+)\]\(#\1\) \| !\[\1\]\(pictures/thumbs/\1\.png\) \| [^|]+ \| [^|]+ \|$", text, flags=re.MULTILINE
+        r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\) \| [^|]+ \| [^|]+ \|$", text, flags=re.MULTILINE
     )
     assert sorted(rows) == sorted(shipped_scenes())
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 
+
 class Instant(PlainTable):
     """An instant of the run."""
 
@@ -44,6 +45,7 @@ class Instant(PlainTable):
     drive_deg: float | None = Field(
         description="angle of the drive within its cycle, degrees; null if other instants have the same angle"
     )
+
 
 class SensorError(PlainTable):
     """Largest estimated error of a sensor over the run by cause, in SI."""
@@ -54,6 +56,7 @@ class SensorError(PlainTable):
     terms: float = Field(description="terms left out")
     elements: float = Field(description="length of the elements")
     coupling: float | None = Field(default=None, description="one-way coupling, if computed")
+
 
 class SensorSummary(PlainTable):
     """A sensor over the stored times, in SI."""
@@ -66,7 +69,8 @@ class SensorSummary(PlainTable):
     at_max: Instant = Field(description="when first reached")
     rms: float = Field(description="root mean square over time")
     mean: float = Field(description="mean over time")
-    plus_minus: SensorError | None = Field(default=None, description="error estimate; null if there is none")
+    plus_minus: SensorError | None = Field(default=None, description="error estimate")
+
 
 class StressSummary(PlainTable):
     """Largest von Mises stress in an elastic link, over its length, the outline of its section and the run."""
@@ -74,22 +78,25 @@ class StressSummary(PlainTable):
     largest: float = Field(description="largest stress, Pa; notches are not included")
     x_m: float = Field(description="distance from the link's start, m")
     at: Instant = Field(description="its instant")
-    utilisation: float | None = Field(description="share of the beam's yield_strength; null without one")
+    utilisation: float | None = Field(description="share of the beam's yield_strength")
+
 
 class Timing(PlainTable):
     """Wall time of the stages."""
 
-    derive_s: float = Field(description="deriving the equations, s")
-    compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
+    derive_s: float = Field(description="deriving, s")
+    compile_s: float = Field(description="compiling or loading kernels, s")
     set_up_s: float = Field(description="other work before the first step, s")
     integrate_s: float = Field(description="solving, including compiling the integrator, s")
     ns_per_step: float = Field(description="one step in the compiled loop, ns")
+
 
 class Operations(PlainTable):
     """Arithmetic operations of one kernel call."""
 
     written_out: int = Field(description="without shared subexpressions")
     shared: int = Field(description="with shared subexpressions, as generated")
+
 
 class EnergyBalance(PlainTable):
     """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
@@ -100,26 +107,27 @@ class EnergyBalance(PlainTable):
     gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
     drift: float = Field(description="gap relative to the largest exchanged energy")
 
+
 class Summary(PlainTable):
     """Settings and results of a run."""
 
-    schema_version: Literal[1] = Field(description="raised when a field is removed or changes its meaning")
+    schema_version: Literal[1] = Field(description="raised when fields are removed or change")
     kaneflex: str = Field(description="version")
     scene: str = Field(description="name")
     settings: list[str] = Field(description="changes by the command line, as path=value")
-    structure: str = Field(description="structure hash, part of the name of the generated module")
+    structure: str = Field(description="hash of the structure")
     preset: str = Field(description="preset")
-    options: dict[str, Any] = Field(description="all options in SI: kaneflex.scene.options.Options")
-    elements: dict[str, int] = Field(description="number of elements of each elastic link")
+    options: dict[str, Any] = Field(description="all options, SI")
+    elements: dict[str, int] = Field(description="by elastic link")
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state, cascade or paradox")
     message: str = Field(description="the outcome in words, with time and reason")
-    solver: str = Field(description="solver of the equations, the reason for its choice, and its residual")
-    errors: str = Field(description="reason why there are no error estimates")
+    solver: str = Field(description="solver, the reason for its choice, and its residual")
+    errors: str = Field(description="why there are no error estimates")
     warnings: list[str] = Field(description="warnings")
-    duration_s: float = Field(description="time from the first to the last stored instant, s")
+    duration_s: float = Field(description="from the first to the last stored instant, s")
     step_s: float = Field(description="time step, s")
     steps: int = Field(description="steps requested")
-    stored: int = Field(description="number of stored instants; statistics are computed over them")
+    stored: int = Field(description="stored instants, over which statistics are computed")
     sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid: value in the rigid mechanism")
     mode_angle_spread: dict[str, PeakSpread] = Field(
         description="preset paper: by sensor, range of its peak over options.mode_angle"
@@ -128,25 +136,23 @@ class Summary(PlainTable):
         description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic degrees of freedom before reduction, or number of shapes of modal data; for rigid "
-        "bodies under preset coupled number of free coordinates"
+        description="elastic ones before reduction, or shapes of modal data; without any, free coordinates under coupled"
     )
     modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(
-        description="largest modulus of the Floquet multipliers (unstable above 1); null if not computed"
+        description="largest modulus of the Floquet multipliers; unstable above 1"
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="preset coupled, or free joints")
     contacts: dict[str, ContactSummary] = Field(description="by name")
     frictions: dict[str, FrictionSummary] = Field(description="by joint or contact")
     stresses: dict[str, StressSummary] = Field(description="by elastic link with a section shape")
-    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: modes that the steps do not resolve")
-    choice: Choice | None = Field(description="the model chosen by --tolerance")
+    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled")
+    choice: Choice | None = Field(description="by --tolerance")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
-    sensitivities: dict[str, ParameterSensitivity] = Field(
-        description="derivatives of the sensors by parameter, if requested"
-    )
+    sensitivities: dict[str, ParameterSensitivity] = Field(description="by parameter")
+
 
 def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
     """The summary of a solution; ``settings`` are those that were laid over the scene, ``choice`` what chose them.
@@ -195,6 +201,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         **_of_its_preset(solution),
     )  # fmt: skip
 
+
 def _of_its_preset(solution: Solution) -> dict[str, Any]:
     """Fields that are empty but under preset paper, or under coupled."""
     model = solution.model
@@ -211,11 +218,13 @@ def _of_its_preset(solution: Solution) -> dict[str, Any]:
         found["unresolved_modes"] = unresolved(solution)
     return found
 
+
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
     degrees, (errors, _), times = drive_degrees(solution), solution.errors, solution.times
     return {name: _sensor(series, solution.statistics(name), times, degrees, errors.get(name))
             for name, series in solution.series.items()}  # fmt: skip
+
 
 def _stresses(solution: Solution) -> dict[str, StressSummary]:
     degrees, found = drive_degrees(solution), {}
@@ -231,8 +240,10 @@ def _stresses(solution: Solution) -> dict[str, StressSummary]:
         )
     return found
 
+
 def _instant(times: np.ndarray, degrees: np.ndarray | None, index: int) -> Instant:
     return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
+
 
 def _sensor(
     series: Series, found: Statistics, times: np.ndarray, degrees: np.ndarray | None, error: ErrorEstimate | None = None
@@ -241,6 +252,7 @@ def _sensor(
     own |= {key: _instant(times, degrees, own[key]) for key in ("at_min", "at_max")}
     own["plus_minus"] = None if error is None else SensorError(**asdict(error))
     return SensorSummary(unit=series.unit, meaning=series.meaning, **own)
+
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:
     """Angle of the drive in degrees, within its cycle where it has one; None where it does not name one instant.
@@ -261,6 +273,7 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     cycle = round(math.degrees(drive.cycle), 9)
     return np.mod(np.round(degrees, 9), cycle) if round(abs(steps.sum()), 6) <= cycle else None
 
+
 def _energy(solution: Solution) -> EnergyBalance | None:
     energy = solution.energy
     if energy is None or not len(solution.times):
@@ -269,10 +282,12 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     stored = energy.stored[-1] - energy.stored[0]
     return EnergyBalance(stored=stored, **exchanged, gap=abs(energy.gap).max(), drift=energy.drift)
 
+
 def json_schema() -> dict[str, Any]:
     """JSON Schema of ``summary.json``."""
     schema = Summary.model_json_schema(mode="serialization")
     return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
 
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field."""
@@ -286,6 +301,7 @@ def documentation() -> str:
         ]
     return "".join(parts)
 
+
 _HEAD = """# summary.json
 
 `kaneflex run` writes `summary.json` next to `results.nc`. Fields without a type are numbers,
@@ -294,10 +310,12 @@ in SI unless their name contains a unit. The [JSON Schema](data/summary.schema.j
 Made by `python -m kaneflex.report.summary`; do not edit.
 """
 
+
 _TABLES = (
     Summary, SensorSummary, SensorError, Instant, StressSummary, PeakSpread, EnergyBalance, ContactSummary,
     FrictionSummary, UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
+
 
 def _type_name(kind: Any) -> str:
     if get_origin(kind) is dict:
@@ -310,6 +328,7 @@ def _type_name(kind: Any) -> str:
         return " or ".join(_type_name(option) for option in get_args(kind))
     names = {float: "number", int: "integer", bool: "true or false", str: "text", type(None): "null", Any: "any"}
     return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
+
 
 if __name__ == "__main__":
     schema = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-_RELATIVE = "(p/y) dy/dp of the {}; null if that is zero"
+_RELATIVE = "of the {}, relative"
 
 
 class PlainTable(BaseModel):
@@ -35,22 +35,22 @@ class FrictionSummary(PlainTable):
     """Forces and losses of a friction over the run."""
 
     lost: float = Field(description="energy lost, J")
-    largest_force: float | None = Field(description="largest stored force, N; null for a pin")
+    largest_force: float | None = Field(description="largest stored force, N")
     largest_torque: float | None = Field(description="of a pin: largest stored torque, N m")
-    stuck: float = Field(description="share of the stored instants with sticking")
-    jams_at_s: float | None = Field(description="of a contact: instant of the first jamming (Painlevé's paradox), s")
+    stuck: float = Field(description="share of instants with sticking")
+    jams_at_s: float | None = Field(description="first jamming of a contact (Painlevé's paradox), s")
 
 
 class ContactSummary(PlainTable):
     """Impacts and forces of a contact over the run."""
 
-    impacts: int = Field(description="number of closings")
-    fastest_m_s: float | None = Field(description="largest approach speed, m/s; null without an impact")
-    largest_force: float | None = Field(description="largest normal force, N; null without an impact")
+    impacts: int = Field(description="closings")
+    fastest_m_s: float | None = Field(description="largest approach speed, m/s")
+    largest_force: float | None = Field(description="largest normal force, N")
     fastest_rad_s: float | None = Field(description="backlash: largest approach speed, rad/s")
     largest_torque: float | None = Field(description="backlash: largest torque, N m")
     lost: float = Field(description="energy lost, J")
-    rests_since_s: float | None = Field(description="instant from which it stays closed to the end, s")
+    rests_since_s: float | None = Field(description="stays closed from here to the end, s")
 
 
 class Attempt(PlainTable):
@@ -59,8 +59,8 @@ class Attempt(PlainTable):
     model: str = Field(description="name, as in `kaneflex trade`")
     error: float | None = Field(description="largest error of a sensor as a share of its peak")
     worst_sensor: str | None = Field(description="sensor with that error")
-    within: bool = Field(description="whether error plus uncertainty of the reference are within the tolerance")
-    priced: bool = Field(description="whether the error was computed as a price, without a run")
+    within: bool = Field(description="whether error plus doubt are within the tolerance")
+    priced: bool = Field(description="whether the error is a price, without a run")
     reason: str = Field(description="why it was not run, or which loads its steps do not resolve")
 
 
@@ -70,7 +70,7 @@ class Choice(PlainTable):
     tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
     sensors: list[str] = Field(description="sensors considered")
     model: str = Field(description="chosen model, as in `kaneflex trade`")
-    settings: list[str] = Field(description="settings of the chosen model, as path=value")
+    settings: list[str] = Field(description="its settings, as path=value")
     dropped: list[str] = Field(description="groups of terms left out beyond the preset")
     errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
     reference: str = Field(description="finest model, to which errors refer")
@@ -78,9 +78,8 @@ class Choice(PlainTable):
     reference_note: str = Field(description="limits of the reference")
     doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
     indicators: dict[str, float | None] = Field(
-        description="by group of terms: first-order change of quasi-static displacements if it is left out; "
-        "speed_ratio: fastest drive speed over lowest natural frequency; buckling_ratio: largest axial "
-        "force over buckling load; null if unknown"
+        description="by group of terms: first-order change of quasi-static displacements without it; "
+        "speed_ratio: drive speed over lowest natural frequency; buckling_ratio: axial force over buckling load"
     )
     attempts: list[Attempt] = Field(description="models in the order of trial")
     seconds: float = Field(description="wall time of the choice, s")
@@ -88,10 +87,10 @@ class Choice(PlainTable):
 
 
 class SensorDerivative(PlainTable):
-    """Derivatives of a sensor's statistics with respect to a parameter p, in SI."""
+    """Derivatives dy/dp of a sensor's statistics y by a parameter p; relative (p/y) dy/dp, null if y is zero."""
 
     unit: str = Field(description="the sensor's SI unit over the parameter's")
-    min: float = Field(description="derivative of the smallest value")
+    min: float = Field(description="of the smallest value")
     max: float = Field(description="of the largest value")
     rms: float = Field(description="of the rms over time")
     mean: float = Field(description="of the mean over time")
