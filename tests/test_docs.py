@@ -45,101 +45,8 @@ TABLES = {"Scene": SCHEMA, **SCHEMA["$defs"]}
 BLOCKS = re.findall(r"^```toml\n(.*?)^```", TEXT, flags=re.DOTALL | re.MULTILINE)
 SCENES = {re.match(r"# (\S+)\.toml\n", block)[1]: block for block in BLOCKS if "schema = 1" in block}
 FRAGMENTS = [block for block in BLOCKS if "schema = 1" not in block]
-MORE_SCENES = {
-    "arm": """
-schema = 1
-description = "An elastic arm turning under gravity"
-gravity = [0, "-9.81 m/s^2"]
-
-[bodies]
-hub = {mass = "2 kg", inertia = "0.01 kg m^2", points = {rim = ["50 mm", 0]}}
-arm = {length = "800 mm", beam = {material = "aluminium", A = "300 mm^2", I = "2500 mm^4"}}
-
-[joints]
-shaft = {revolute = ["ground", "hub"]}
-root = {weld = ["hub.rim", "arm.start"]}
-
-[drives]
-shaft = {speed = "120 rpm", cycle = "360 deg"}
-
-[damping]
-rayleigh = {ratio = 0.01, at = ["13 Hz", "80 Hz"]}
-
-[sensors]
-sag = {displacement = "arm.end", component = "y"}
-tension = {axial_force = "arm.start"}
-torque = {drive_torque = "shaft"}
-tip_reading = {acceleration = "arm.end", component = "x"}
-
-[solve]
-start = "periodic"
-""",
-    "belt": """
-schema = 1
-description = "A motor that drives a mill through an elastic belt"
-ground = {far = ["400 mm", 0]}
-
-[bodies]
-motor = {mass = "2 kg", inertia = "0.01 kg m^2"}
-mill = {mass = "9 kg", inertia = "0.2 kg m^2"}
-
-[joints]
-pulley = {revolute = ["ground", "motor"]}
-wheel = {revolute = ["ground.far", "mill"]}
-
-[drives]
-pulley = {free = true}
-wheel = {free = true}
-
-[loads]
-motor = {torque_at = "pulley", law = "6 * (1 - pulley_speed / 150)"}
-tight = {torque_at = "pulley", law = "-0.05 * (2e4 * (0.05 * pulley - 0.12 * wheel) + 20 * (0.05 * pulley_speed - 0.12 * wheel_speed))"}
-driven = {torque_at = "wheel", law = "0.12 * (2e4 * (0.05 * pulley - 0.12 * wheel) + 20 * (0.05 * pulley_speed - 0.12 * wheel_speed))"}
-grinding = {torque_at = "wheel", law = "-0.1 * wheel_speed"}
-
-[sensors]
-speed = {velocity = "mill", component = "angle"}
-
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 400
-""",
-    "knock": """
-schema = 1
-description = "A slider-crank with clearance in its wrist pin"
-
-[bodies]
-crank = {length = "50 mm", mass = "0.3 kg"}
-rod = {length = "120 mm", beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 6}}
-piston = {mass = "0.14 kg"}
-
-[joints]
-main = {revolute = ["ground", "crank"]}
-pin = {revolute = ["crank.end", "rod"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-
-[joints.wrist]
-revolute = ["rod.end", "piston"]
-clearance = {radial = "0.2 mm", width = "20 mm", contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.9}}
-
-[drives]
-main = {speed = "3000 rpm"}
-pin = {free = true}
-bore = {free = true}
-
-[sensors]
-knock = {contact_force = "wrist"}
-room = {contact_gap = "wrist"}
-moment = {bending_moment = "rod.mid"}
-
-[solve]
-preset = "coupled"
-duration = "20 ms"
-steps = 2000
-""",
-}
-"""Scenes of the tests below that no page shows."""
+MORE_SCENES = {path.stem: path.read_text() for path in (Path(__file__).parent / "data" / "scenes").glob("*.toml")}
+"""Further scenes of the tests below, which no page shows."""
 
 
 def models(parent: type = SceneTable) -> dict[str, type]:
@@ -303,7 +210,8 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 def test_every_complete_scene_runs(solved):
     assert set(solved) == {
-        "cantilever", "arm", "frame", "boom", "band-brake", "belt", "brake", "coupling", "knock", "slow-engine", "mount",
+        "cantilever", "arm", "frame", "boom", "band-brake", "belt", "brake", "coupling", "knock", "slow-engine",
+        "mount",
     }  # fmt: skip
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"

@@ -28,8 +28,7 @@ Ratios are relative to the time of `{FIXED}`.
 - *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
 - *Cold*: first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
   shipped, so they are derived first. *From a wheel*: a wheel with compiled kernels.
-- *Warm*: kernels were compiled before.
-- Lines and modules of kaneflex are limited by `tests/data/budget.json`."""
+- *Warm*: kernels were compiled before."""
 WARM = {
     "list": 0.4, "check engine": 0.4, "show engine --force -o shown.png": 0.4, "modes engine": 0.4,
     "run engine --no-plots --force -o warm": 0.5, "run engine --force -o drawn": 2.0,

@@ -23,11 +23,10 @@ from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
 ABOUT = """\
-Time of one step in the compiled loop for the engine with various numbers of elements, with 16 elements and various
-numbers of modes, and for open chains with various numbers of links (four elements each). scipy's `solve_banded` is
-one solution with a matrix of the same size, a part of a step. Ratios are to the Newmark step. Further rows: a cycle
-of the engine with 6 coordinates, with the error relative to a run of 46080 steps; 10,000 cycles of 720 steps under
-preset `paper`."""
+Time of one step in the compiled loop for the engine with various numbers of elements or (with 16 elements) modes, and
+for open chains of links with four elements each. scipy's `solve_banded` is one solution with a matrix of the same
+size, a part of a step. Ratios are to the Newmark step. Further rows: a cycle of the engine with 6 coordinates, with
+the error relative to a run of 46080 steps; 10,000 cycles of 720 steps under preset `paper`."""
 METHODS = ("newmark", "gauss")
 ELEMENTS = (1, 4, 16, 64, 256, 1024)
 MODES = (2, 5, 11, 23)

@@ -136,7 +136,7 @@ class Summary(PlainTable):
         description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic ones before reduction, or shapes of modal data; without any, free coordinates under coupled"
+        description="elastic ones before reduction; shapes of modal data; of rigid bodies under coupled the free ones"
     )
     modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(
@@ -294,9 +294,9 @@ def documentation() -> str:
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
     for table in _TABLES:
         about = (table.__doc__ or "").splitlines()[0]
-        parts.append(f"\n## {table.__name__}\n\n{about}\n\n| field | meaning |\n| --- | --- |\n")
+        parts.append(f"\n## {table.__name__}\n\n{about}\n\n")
         parts += [
-            f"| `{name}` | {_type_name(field.annotation)}: {field.description} |\n".replace("| number: ", "| ")
+            f"- `{name}`, {_type_name(field.annotation)}: {field.description}\n".replace(", number: ", ": ")
             for name, field in table.model_fields.items()
         ]
     return "".join(parts)
