@@ -10,7 +10,7 @@ instants, corrections     compiled parts of these.
 fourier                   Fourier transforms of a cycle that is stored in lanes.
 steppers                  compiled loops over steps.
 conventions               constants and arrays that compiled loops share with Python.
-lanes, matrices           eight numbers per register (SIMD), and compiled functions of such numbers.
+lanes                     eight numbers per register (SIMD).
 modal                     exact solution of decoupled modes.
 
 Import from these modules; this one imports nothing, since a list of the methods needs no numba.

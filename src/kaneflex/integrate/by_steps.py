@@ -108,8 +108,8 @@ def _scales(system: AffineSystem, row: np.ndarray, step: float, state_vectors: i
 
 
 def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
-    state = State.zeros(1, setup.system.n)
-    state.z[0], state.v[0] = z, v
+    state = State.zeros(setup.system.n, 1)
+    state.z[:, 0], state.v[:, 0] = z, v
     if not setup.consistent(state, np.ones(1)):
         outcome = Outcome.SINGULAR
         return Beginning(None, None, outcome, f"{outcome.value}: M is singular at t = {setup.stream.t0:.9g} s")

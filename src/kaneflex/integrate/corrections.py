@@ -6,7 +6,7 @@ Arrays are as in `kaneflex.integrate.instants`.
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import conventions, fourier, instants, lanes, matrices
+from kaneflex.integrate import conventions, fourier, instants, lanes
 from kaneflex.integrate.conventions import (
     FASTMATH,
     FOUND,
@@ -25,6 +25,7 @@ from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
 from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
 from kaneflex.integrate.lanes import (
     absolute,
+    compiled,
     lane_sum,
     load,
     mirrored,
@@ -32,7 +33,6 @@ from kaneflex.integrate.lanes import (
     stay_apart,
     store,
 )
-from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
@@ -239,7 +239,7 @@ def _moved(n, w, factor, basis, small, count, z, out):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
-@made_of(conventions.__file__, lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
+@made_of(conventions.__file__, lanes.__file__, fourier.__file__, instants.__file__)
 def corrected(
     n,
     w,

@@ -13,8 +13,7 @@ B - q, in the lane where `lanes.mirrored` finds it.
 import numpy as np
 
 from kaneflex.integrate.conventions import ALONG_COS, ALONG_SIN, COS, HIGHEST, LANES, SIN
-from kaneflex.integrate.lanes import butterfly_1, butterfly_2, butterfly_4, load, stay_apart, store
-from kaneflex.integrate.matrices import compiled
+from kaneflex.integrate.lanes import butterfly_1, butterfly_2, butterfly_4, compiled, load, stay_apart, store
 
 _HALF_ROOT = 0.5 * np.sqrt(3.0)
 

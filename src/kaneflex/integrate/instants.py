@@ -4,12 +4,15 @@ Instant l N / 8 + b of N is lane l of block b: a lane goes through an eighth of 
 (blocks, rows, LANES).
 """
 
+import numpy as np
 from numba import njit
 
-from kaneflex.integrate import conventions, lanes, matrices
+from kaneflex.integrate import conventions, lanes
 from kaneflex.integrate.conventions import FASTMATH, LANES
 from kaneflex.integrate.lanes import (
+    ONE,
     absolute,
+    compiled,
     everywhere,
     lane_sum,
     less,
@@ -17,12 +20,11 @@ from kaneflex.integrate.lanes import (
     root,
     store,
 )
-from kaneflex.integrate.matrices import ZERO, affine_sums, compiled, read_steps
 from kaneflex.support.fingerprint import made_of
 
 ROUNDING = 1e-13
 """Share of a diagonal entry that is taken for nothing."""
-_made_of_parts = made_of(conventions.__file__, lanes.__file__, matrices.__file__)
+_made_of_parts = made_of(conventions.__file__, lanes.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 
 
@@ -66,6 +68,17 @@ def _cholesky(n, w, sums, b, factor):
     return good
 
 
+@compiled
+def _affine_sums(terms, scalars, sums):
+    """M, C, K and F of LANES instants: sums of scalar x constant."""
+    ends, what, values = terms
+    for k in range(np.uint64(len(ends)) - ONE):
+        total = 0.0 * load(scalars, 0)
+        for term in range(ends[k], ends[k + ONE]):
+            total += values[term] * load(scalars, what[term])
+        store(sums, k, total)
+
+
 @_cached
 @_made_of_parts
 def equations(n, w, terms, rows, scalars, sums, factor):
@@ -79,8 +92,10 @@ def equations(n, w, terms, rows, scalars, sums, factor):
     """
     good, blocks = True, len(sums)
     for b in range(blocks):
-        read_steps(rows, b, blocks, len(rows), 1, 0, scalars)
-        affine_sums(terms, scalars, sums[b], ZERO)
+        for lane in range(LANES):
+            for k in range(rows.shape[1]):
+                scalars[k, lane] = rows[b + lane * blocks, k]
+        _affine_sums(terms, scalars, sums[b])
         good = _cholesky(n, w, sums, b, factor) and good
     if not good:
         _diagonal_factor(n, w, sums, factor)

@@ -6,16 +6,22 @@ instructions stay in this file.
 
 import operator
 
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 from kaneflex.integrate.conventions import FASTMATH, LANES
+from kaneflex.support.inner import PART
 
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _INT = ir.IntType(32)
+ZERO, ONE = np.uint64(0), np.uint64(1)
+"""Unsigned numbers, which numba need not test for a negative index; with a signed number they become a float."""
+compiled = njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
+"""Decorator of parts that are compiled into the functions that call them."""
 
 
 class _Lanes(types.Type):

@@ -62,7 +62,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     if outcome is not Outcome.COMPLETED and not unstable:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
-    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message)
+    return Beginning(states_of(setup, x[:, None]), multipliers, outcome, message)
 
 
 def corrected_state(
@@ -78,13 +78,13 @@ def corrected_state(
     n = setup.system.n
 
     def after(x: np.ndarray, load: float) -> np.ndarray:
-        state, load_factor = states_of(setup, x[None, :]), np.array([load])
+        state, load_factor = states_of(setup, x[:, None]), np.array([load])
         if not setup.consistent(state, load_factor):
             raise FloatingPointError
         advanced = advance(setup, state, load_factor, period_steps, period_steps + 1, Stored.of(state, 1), False)
         if advanced.outcome is not Outcome.COMPLETED:
             raise FloatingPointError
-        return vectors_of(setup, state)[0]
+        return vectors_of(setup, state)[:, 0]
 
     scales = np.repeat(setup.scales, n)
     x = scales * np.pad(np.concatenate((z, v)), (0, len(scales) - 2 * n))
@@ -110,7 +110,7 @@ def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
         message = f"{advanced.outcome.value}, at t = {at:.9g} s, in the first cycle"
         return Cycle(None, None, advanced.outcome, message)
     ends = vectors_of(setup, state)
-    return Cycle(ends[:-1].T, ends[-1], advanced.outcome, "")
+    return Cycle(ends[:, :-1], ends[:, -1], advanced.outcome, "")
 
 
 def unit_states(setup: Setup) -> tuple[State, np.ndarray]:
@@ -118,22 +118,21 @@ def unit_states(setup: Setup) -> tuple[State, np.ndarray]:
     size = setup.system.n * len(setup.scales)
     load_factor = np.zeros(size + 1)
     load_factor[size] = 1.0
-    return states_of(setup, np.eye(size + 1, size)), load_factor
+    return states_of(setup, np.eye(size, size + 1)), load_factor
 
 
 def states_of(setup: Setup, x: np.ndarray) -> State:
-    """States of the vectors x, shape (columns, size); without accelerations."""
-    n = setup.system.n
-    state = State.zeros(x.shape[0], n)
-    for part, scale in enumerate(setup.scales):
-        state[part][:] = x[:, part * n : (part + 1) * n] / scale
+    """States of the vectors x, shape (size, columns); without accelerations."""
+    state = State.zeros(setup.system.n, x.shape[1])
+    for part, own, scale in zip(state, np.split(x, len(setup.scales)), setup.scales, strict=False):
+        part[:] = own / scale
     return state
 
 
 def vectors_of(setup: Setup, state: State) -> np.ndarray:
     """Inverse of `states_of`."""
     scales = setup.scales
-    return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)], axis=1)
+    return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)])
 
 
 def _blur(setup: Setup, period_steps: int) -> float:

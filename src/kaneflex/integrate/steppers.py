@@ -1,4 +1,4 @@
-"""Compiled loops over the steps of a run; their parts are in `kaneflex.integrate.matrices`.
+"""Compiled loops over the steps of a run, and their parts: sums, factorisation and solution of banded equations.
 
 Arguments of the loops:
 
@@ -9,66 +9,136 @@ position       steps already taken in this table
 n_steps        steps to take
 coefficients   numbers of the method, see `kaneflex.integrate.methods`
 load_factor    shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
-state          z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
+state          z, v, a, q, each of shape (n, columns): displacements, velocities, the method's own and the true
                accelerations; overwritten. Several columns share one factorisation a step.
 done, every    steps taken before this call; the first column is stored after every `every` steps
 bound          largest permitted sum of squares of z
 stored         z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
 
 They return the number of completed steps and a status.
-
-Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `load` and
-written by `store`; then the steps follow one another, each for LANES columns at once.
 """
 
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import conventions, lanes, matrices
-from kaneflex.integrate.conventions import COMPLETED, FASTMATH, LANES, SINGULAR, UNBOUNDED
-from kaneflex.integrate.lanes import absolute, everywhere, less, load, store
-from kaneflex.integrate.matrices import (
-    ONE,
-    THREE,
-    TWO,
-    ZERO,
-    affine_sums,
-    compiled,
-    factor,
-    in_lanes,
-    out_of_lanes,
-    read_steps,
-    residual,
-    solve,
-)
+from kaneflex.integrate import conventions, lanes
+from kaneflex.integrate.conventions import COMPLETED, FASTMATH, SINGULAR, UNBOUNDED
+from kaneflex.integrate.lanes import ONE, ZERO, compiled, stay_apart
 from kaneflex.support.fingerprint import made_of
 
-# numba hands over and types tuples of arrays one by one, and every number of a run by itself: hence the parameters.
-_made_of_parts = made_of(conventions.__file__, lanes.__file__, matrices.__file__)
+_TWO, _THREE = np.uint64(2), np.uint64(3)
+_SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
+
+_made_of_parts = made_of(conventions.__file__, lanes.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
 @compiled
-def _store_row(stored, out, z, v, q):
-    """Store the first column of states in lanes in row `out`."""
-    out_z, out_v, out_a = stored
-    for i in range(z.shape[1]):
-        out_z[out, i], out_v[out, i], out_a[out, i] = z[0, i, 0], v[0, i, 0], q[0, i, 0]
+def _affine_sums(terms, scalars, sums, begin):
+    """M, C, K and F at one row of the table, in `sums` from `begin` on: sums of scalar x constant."""
+    stay_apart()
+    ends, what, values = terms
+    for k in range(np.uint64(len(ends)) - ONE):
+        total = 0.0
+        for term in range(ends[k], ends[k + ONE]):
+            total += values[term] * scalars[what[term]]
+        sums[begin + k] = total
 
 
 @compiled
-def _newmark_matrices(layout, sums, begin, c_weight, k_weight, lu, scale, good):
-    """Factorise M + c_weight C + k_weight K of LANES steps, of the sums from `begin` on."""
+def _factor(layout, lu, scale):
+    """A = L U in place, without pivoting, reciprocal pivots on the diagonal; false where a pivot vanishes.
+
+    scale: of each row, sum of the absolute values of what was added up in the diagonal
+    """
+    stay_apart()
+    base, last, regular = layout.base, layout.last, True
+    for k in range(layout.n):
+        row_k = base[k]
+        regular = regular and _SMALLEST_PIVOT * scale[k] < abs(lu[row_k + k])
+        lu[row_k + k] = 1.0 / lu[row_k + k]
+        for i in range(k + ONE, last[k]):
+            row_i = base[i]
+            share = lu[row_i + k] * lu[row_k + k]
+            lu[row_i + k] = share
+            for j in range(k + ONE, last[k]):
+                lu[row_i + j] -= share * lu[row_k + j]
+    return regular
+
+
+@compiled
+def _solve(layout, lu, x):
+    """Solve L U x = x for all columns."""
+    stay_apart()
+    for i in range(layout.n):
+        for j in range(layout.first[i], i):
+            _subtract(lu[layout.base[i] + j], x[j], x[i])
+    for back in range(layout.n):
+        i = layout.n - ONE - back
+        for j in range(i + ONE, layout.last[i]):
+            _subtract(lu[layout.base[i] + j], x[j], x[i])
+        reciprocal, found = lu[layout.base[i] + i], x[i]
+        for c in range(len(found)):
+            found[c] *= reciprocal
+
+
+@compiled
+def _subtract(share, x, found):
+    for c in range(len(x)):
+        found[c] -= share * x[c]
+
+
+@compiled
+def _residual(layout, sums, begin, load_factor, z, v, rest, place, apart):
+    """F - C v - K z of all columns, with the sums from `begin` on, in rows of `rest` from `place` on, `apart`."""
+    stay_apart()
+    damping = begin + layout.n_slots
+    stiffness = damping + layout.n_slots
+    force = stiffness + layout.n_slots
+    for i in range(layout.n):
+        found, own = rest[place + apart * i], sums[force + i]
+        for c in range(len(found)):
+            found[c] = load_factor[c] * own
+        for j in range(layout.first[i], layout.last[i]):
+            of_v, of_z = sums[damping + layout.base[i] + j], sums[stiffness + layout.base[i] + j]
+            fast, there = v[j], z[j]
+            for c in range(len(found)):
+                found[c] -= of_v * fast[c] + of_z * there[c]
+
+
+@compiled
+def _within(z, bound):
+    """True if the sum of squares of every column is below a bound."""
+    stay_apart()
+    for c in range(z.shape[1]):
+        squares = 0.0
+        for i in range(len(z)):
+            squares += z[i, c] * z[i, c]
+        if not squares < bound:
+            return False
+    return True
+
+
+@compiled
+def _store_row(stored, out, z, v, q):
+    """Store the first column in row `out`."""
+    out_z, out_v, out_a = stored
+    for i in range(len(z)):
+        out_z[out, i], out_v[out, i], out_a[out, i] = z[i, 0], v[i, 0], q[i, 0]
+
+
+@compiled
+def _newmark_matrix(layout, sums, begin, c_weight, k_weight, lu, scale):
+    """Factorise M + c_weight C + k_weight K, of the sums from `begin` on; false where a pivot vanishes."""
+    stay_apart()
     damping = begin + layout.n_slots
     stiffness = damping + layout.n_slots
     for i in range(layout.n_slots):
-        damped = load(sums, begin + i) + c_weight * load(sums, damping + i)
-        store(lu, i, damped + k_weight * load(sums, stiffness + i))
+        lu[i] = sums[begin + i] + c_weight * sums[damping + i] + k_weight * sums[stiffness + i]
     for i in range(layout.n):
         m = layout.base[i] + i
-        c_part, k_part = c_weight * load(sums, damping + m), k_weight * load(sums, stiffness + m)
-        store(scale, i, absolute(load(sums, begin + m)) + absolute(c_part) + absolute(k_part))
-    factor(layout, lu, scale, good)
+        scale[i] = abs(sums[begin + m]) + abs(c_weight * sums[damping + m]) + abs(k_weight * sums[stiffness + m])
+    return _factor(layout, lu, scale)
 
 
 @_cached
@@ -88,79 +158,63 @@ def newmark(
     where v_p and z_p are v_1 and z_1 without their share of q_1 (Arnold and Bruels 2007, section 2, whose
     accelerations satisfy the equation of motion; for constant M it is the method of Chung and Hulbert 1993).
     """
-    z, v, a, q = in_lanes(state[0]), in_lanes(state[1]), in_lanes(state[2]), in_lanes(state[3])
-    loads = in_lanes(load_factor.reshape((-1, 1)))
+    z, v, a, q = state
     step, from_q, from_a, kappa = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
     c_weight, k_weight, v_start, v_known = coefficients[4], coefficients[5], coefficients[6], coefficients[7]
     z_start, z_known = coefficients[8], coefficients[9]
-    sums, now = np.empty((THREE * layout.n_slots + layout.n, LANES)), np.empty((scalars.shape[1], LANES))
-    lu, scale, good = np.empty((layout.n_slots, LANES)), np.empty((layout.n, LANES)), np.empty((1, LANES))
-    taken, status = 0, COMPLETED
-    while taken < n_steps and status == COMPLETED:
-        lane = taken % LANES
-        if lane == 0:
-            read_steps(scalars, position + taken, 1, period, 1, 1, now)
-            affine_sums(terms, now, sums, ZERO)
-            _newmark_matrices(layout, sums, ZERO, c_weight, k_weight, lu, scale, good)
-        if not good[0, lane] > 0.0:
-            status = SINGULAR
-            break
-        for block in range(len(z)):
-            z_own, v_own, a_own, q_own = z[block], v[block], a[block], q[block]
-            for i in range(layout.n):
-                before, speed = load(a_own, i), load(v_own, i)
-                known = from_q * load(q_own, i) + from_a * before
-                store(z_own, i, load(z_own, i) + step * speed + z_start * before + z_known * known)
-                store(v_own, i, speed + v_start * before + v_known * known)
-                store(a_own, i, known)
-            residual(layout, sums, ZERO, lane, load(loads[block], 0), z_own, v_own, q_own, ZERO, ONE)
-            solve(layout, lu, lane, q_own)
-            squares = 0.0 * load(z_own, 0)
-            for i in range(layout.n):
-                found = load(q_own, i)
-                moved = load(z_own, i) + k_weight * found
-                store(z_own, i, moved)
-                store(v_own, i, load(v_own, i) + c_weight * found)
-                store(a_own, i, load(a_own, i) + kappa * found)
-                squares += moved * moved
-            if not everywhere(less(squares, bound)):
-                status = UNBOUNDED
-        taken += 1
-        if status == COMPLETED and (done + taken) % every == 0:
-            _store_row(stored, (done + taken) // every, z, v, q)
-    out_of_lanes(z, state[0])
-    out_of_lanes(v, state[1])
-    out_of_lanes(a, state[2])
-    out_of_lanes(q, state[3])
-    return taken, status
+    sums, lu, scale = np.empty(_THREE * layout.n_slots + layout.n), np.empty(layout.n_slots), np.empty(layout.n)
+    for taken in range(n_steps):
+        _affine_sums(terms, scalars[(position + taken) % period + 1], sums, ZERO)
+        if not _newmark_matrix(layout, sums, ZERO, c_weight, k_weight, lu, scale):
+            return taken, SINGULAR
+        for i in range(layout.n):
+            for c in range(z.shape[1]):
+                before, speed = a[i, c], v[i, c]
+                known = from_q * q[i, c] + from_a * before
+                z[i, c] += step * speed + z_start * before + z_known * known
+                v[i, c] += v_start * before + v_known * known
+                a[i, c] = known
+        _residual(layout, sums, ZERO, load_factor, z, v, q, ZERO, ONE)
+        _solve(layout, lu, q)
+        for i in range(layout.n):
+            for c in range(z.shape[1]):
+                found = q[i, c]
+                z[i, c] += k_weight * found
+                v[i, c] += c_weight * found
+                a[i, c] += kappa * found
+        if not _within(z, bound):
+            return taken + 1, UNBOUNDED
+        if (done + taken + 1) % every == 0:
+            _store_row(stored, (done + taken + 1) // every, z, v, q)
+    return n_steps, COMPLETED
 
 
 @compiled
-def _stage_matrices(layout, stages, count, coefficients, sums, matrix, scale, good):
-    """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s of LANES steps at row (i, s), column (j, r), factorised.
+def _stage_matrix(layout, stages, count, coefficients, sums, matrix, scale):
+    """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r), factorised; false where a pivot vanishes.
 
     sums: at one stage after the other
     """
+    stay_apart()
     n_slots = layout.n_slots
-    apart = THREE * n_slots + layout.n
+    apart = _THREE * n_slots + layout.n
     a_weights = ONE + count
     e_weights = a_weights + count * count
     for i in range(layout.n):
         for s in range(count):
             row = s * apart + layout.base[i]
             for j in range(layout.first[i], layout.last[i]):
-                c, k = load(sums, row + j + n_slots), load(sums, row + j + TWO * n_slots)
+                c, k = sums[row + j + n_slots], sums[row + j + _TWO * n_slots]
                 slot = stages.base[count * i + s] + count * j
                 for r in range(count):
                     place = s * count + r
-                    both = coefficients[a_weights + place] * c + coefficients[e_weights + place] * k
-                    store(matrix, slot + r, both)
-                store(matrix, slot + s, load(matrix, slot + s) + load(sums, row + j))
+                    matrix[slot + r] = coefficients[a_weights + place] * c + coefficients[e_weights + place] * k
+                matrix[slot + s] += sums[row + j]
             m, place = row + i, s * (count + ONE)
-            c, k = load(sums, m + n_slots), load(sums, m + TWO * n_slots)
-            c, k = coefficients[a_weights + place] * c, coefficients[e_weights + place] * k
-            store(scale, count * i + s, absolute(c) + absolute(k) + absolute(load(sums, m)))
-    factor(stages, matrix, scale, good)
+            damping = abs(coefficients[a_weights + place] * sums[m + n_slots])
+            stiffness = abs(coefficients[e_weights + place] * sums[m + _TWO * n_slots])
+            scale[count * i + s] = damping + stiffness + abs(sums[m])
+    return _factor(stages, matrix, scale)
 
 
 @_cached
@@ -184,63 +238,43 @@ def collocation(
     its x_s is the acceleration there, and satisfies the equation of motion. Two stages leave that equation to be
     solved for the acceleration, which takes what the step did not resolve at its stiffness.
     """
-    z, v, q = in_lanes(state[0]), in_lanes(state[1]), in_lanes(state[3])
-    loads = in_lanes(load_factor.reshape((-1, 1)))
-    n, count_s = layout.n, stages.n // layout.n
-    apart, step = THREE * layout.n_slots + n, coefficients[0]
-    v_weights = ONE + count_s + TWO * count_s * count_s
-    z_weights = v_weights + count_s
-    sums, now = np.empty((THREE * apart, LANES)), np.empty((scalars.shape[1], LANES))
-    matrix, scale, good = np.empty((stages.n_slots, LANES)), np.empty((stages.n, LANES)), np.empty((1, LANES))
-    mass, good_mass = np.empty((layout.n_slots, LANES)), np.empty((1, LANES))
-    at_stage, x = np.empty((n, LANES)), np.empty((stages.n, LANES))
-    taken, status = 0, COMPLETED
-    while taken < n_steps and status == COMPLETED:
-        lane = taken % LANES
-        if lane == 0:
-            for s in range(3):
-                read_steps(scalars, position + taken, 1, period, 3, s + 1, now)
-                affine_sums(terms, now, sums, np.uint64(s) * apart)
-            _stage_matrices(layout, stages, count_s, coefficients, sums, matrix, scale, good)
-            if count_s == TWO:
-                _newmark_matrices(layout, sums, TWO * apart, 0.0, 0.0, mass, scale, good_mass)
-        if not good[0, lane] > 0.0:
-            status = SINGULAR
-            break
-        for block in range(len(z)):
-            z_own, v_own, q_own = z[block], v[block], q[block]
-            for s in range(count_s):
-                ahead = coefficients[ONE + s]
-                for i in range(n):
-                    store(at_stage, i, load(z_own, i) + ahead * load(v_own, i))
-                residual(layout, sums, s * apart, lane, load(loads[block], 0), at_stage, v_own, x, s, count_s)
-            solve(stages, matrix, lane, x)
-            squares = 0.0 * load(z_own, 0)
+    z, v, _, q = state
+    n, count, columns = layout.n, stages.n // layout.n, z.shape[1]
+    apart, step = _THREE * layout.n_slots + n, coefficients[0]
+    v_weights = ONE + count + _TWO * count * count
+    z_weights = v_weights + count
+    sums, scale = np.empty(_THREE * apart), np.empty(stages.n)
+    matrix, mass = np.empty(stages.n_slots), np.empty(layout.n_slots)
+    at_stage, x = np.empty((n, columns)), np.empty((stages.n, columns))
+    for taken in range(n_steps):
+        row = (position + taken) % period * 3
+        for s in range(3):
+            _affine_sums(terms, scalars[row + s + 1], sums, np.uint64(s) * apart)
+        if not _stage_matrix(layout, stages, count, coefficients, sums, matrix, scale):
+            return taken, SINGULAR
+        for s in range(count):
             for i in range(n):
-                faster, moved = 0.0 * squares, load(z_own, i) + step * load(v_own, i)
-                for s in range(count_s):
-                    found = load(x, count_s * i + s)
-                    faster += coefficients[v_weights + s] * found
-                    moved += coefficients[z_weights + s] * found
-                store(z_own, i, moved)
-                store(v_own, i, load(v_own, i) + faster)
-                store(q_own, i, load(x, count_s * i + count_s - ONE))
-                squares += moved * moved
-            if not everywhere(less(squares, bound)):
-                status = UNBOUNDED
-        if status == COMPLETED and (done + taken + 1) % every == 0:
-            if count_s == TWO:
-                if not good_mass[0, lane] > 0.0:
-                    status = SINGULAR
-                    break
-                residual(layout, sums, TWO * apart, lane, load(loads[0], 0), z[0], v[0], q[0], ZERO, ONE)
-                solve(layout, mass, lane, q[0])
+                for c in range(columns):
+                    at_stage[i, c] = z[i, c] + coefficients[ONE + s] * v[i, c]
+            _residual(layout, sums, s * apart, load_factor, at_stage, v, x, s, count)
+        _solve(stages, matrix, x)
+        for i in range(n):
+            for c in range(columns):
+                faster, moved = 0.0, z[i, c] + step * v[i, c]
+                for s in range(count):
+                    faster += coefficients[v_weights + s] * x[count * i + s, c]
+                    moved += coefficients[z_weights + s] * x[count * i + s, c]
+                z[i, c], v[i, c], q[i, c] = moved, v[i, c] + faster, x[count * i + count - ONE, c]
+        if not _within(z, bound):
+            return taken + 1, UNBOUNDED
+        if (done + taken + 1) % every == 0:
+            if count == _TWO:
+                if not _newmark_matrix(layout, sums, _TWO * apart, 0.0, 0.0, mass, scale):
+                    return taken, SINGULAR
+                _residual(layout, sums, _TWO * apart, load_factor, z, v, q, ZERO, ONE)
+                _solve(layout, mass, q)
             _store_row(stored, (done + taken + 1) // every, z, v, q)
-        taken += 1
-    out_of_lanes(z, state[0])
-    out_of_lanes(v, state[1])
-    out_of_lanes(q, state[3])
-    return taken, status
+    return n_steps, COMPLETED
 
 
 @_cached
@@ -256,22 +290,18 @@ def exact_modal(
     z, v, _, q = state
     w = coefficients
     for count in range(n_steps):
-        row = (position + count) % period
-        for column in range(z.shape[0]):
-            factor, bounded = load_factor[column], True
-            for i in range(layout.n):
-                moved, speed = z[column, i], v[column, i]
+        row, bounded = (position + count) % period, True
+        for i in range(layout.n):
+            for column in range(z.shape[1]):
+                factor, moved, speed = load_factor[column], z[i, column], v[i, column]
                 before, now = factor * forces[row, i], factor * forces[row + 1, i]
                 there = w[0, i] * moved + w[1, i] * speed + (w[2, i] * before + w[3, i] * now)
                 speed = w[4, i] * moved + w[5, i] * speed + (w[6, i] * before + w[7, i] * now)
-                z[column, i], v[column, i] = there, speed
-                q[column, i] = w[8, i] * now - w[9, i] * speed - w[10, i] * there
+                z[i, column], v[i, column] = there, speed
+                q[i, column] = w[8, i] * now - w[9, i] * speed - w[10, i] * there
                 bounded = bounded and there * there < bound
-            if not bounded:
-                return count + 1, UNBOUNDED
+        if not bounded:
+            return count + 1, UNBOUNDED
         if (done + count + 1) % every == 0:
-            out_z, out_v, out_a = stored
-            out = (done + count + 1) // every
-            for i in range(layout.n):
-                out_z[out, i], out_v[out, i], out_a[out, i] = z[0, i], v[0, i], q[0, i]
+            _store_row(stored, (done + count + 1) // every, z, v, q)
     return n_steps, COMPLETED

@@ -30,7 +30,7 @@ _STEPPERS = {name: Kernel("integrate.steppers", name) for name in ("newmark", "c
 
 
 class State(NamedTuple):
-    """Columns of states, each array of shape (columns, n).
+    """Columns of states, each array of shape (n, columns).
 
     Displacements, velocities, the method's own accelerations and those of the equation of motion.
     """
@@ -41,8 +41,8 @@ class State(NamedTuple):
     q: np.ndarray
 
     @classmethod
-    def zeros(cls, columns: int, n: int) -> State:
-        return cls(*(np.zeros((columns, n)) for _ in cls._fields))
+    def zeros(cls, n: int, columns: int) -> State:
+        return cls(*(np.zeros((n, columns)) for _ in cls._fields))
 
 
 class Stored(NamedTuple):
@@ -55,9 +55,9 @@ class Stored(NamedTuple):
     @classmethod
     def of(cls, state: State, rows: int) -> Stored:
         """Room for so many rows, with the start in the first one."""
-        stored = cls(*(np.zeros((rows, *state.z.shape[1:])) for _ in cls._fields))
+        stored = cls(*(np.zeros((rows, len(state.z))) for _ in cls._fields))
         for out, now in zip(stored, (state.z, state.v, state.q), strict=True):
-            out[0] = now[0]
+            out[0] = now[:, 0]
         return stored
 
 
@@ -131,7 +131,7 @@ def advance(
     loop = setup.loop
     # one cycle of a unit state may well grow beyond what forces cause: it only has to stay a number
     bound = _Bound(setup, state, n_steps) if bounded else None
-    most = _steps_of_a_call(setup, state.z.shape[0])
+    most = _steps_of_a_call(setup, state.z.shape[1])
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
     end = begin + n_steps
     while done < end and outcome is Outcome.COMPLETED:

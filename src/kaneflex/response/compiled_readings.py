@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import conventions, lanes, matrices
+from kaneflex.integrate import conventions, lanes
 from kaneflex.integrate.conventions import FASTMATH, LANES, aligned
-from kaneflex.integrate.lanes import less, load, root, store, store_run
-from kaneflex.integrate.matrices import ONE, ZERO, compiled
+from kaneflex.integrate.lanes import ONE, ZERO, compiled, less, load, root, store, store_run
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.response.motion import Motion
 from kaneflex.response.polynomials import Readings, sensor_readings
@@ -127,7 +126,7 @@ def _solve(rows, n, entries, numbers, place):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
-@made_of(conventions.__file__, lanes.__file__, matrices.__file__)
+@made_of(conventions.__file__, lanes.__file__)
 def _read(given, stages, ends, pairs, constants, numbers, entries, found):
     """Evaluate the sensors (n_sensors, n_times) from the given numbers and a one, (n_times, n_given + 1).
 
