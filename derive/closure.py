@@ -150,8 +150,8 @@ def _align(name: str, inside: Vector, outside: Vector, square: sm.Expr, at: Vect
 def _close_slider(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
     """Revolute, revolute, guide: the circle of the rod's head about its foot meets the line of the guide.
 
-    With t along the guide and n = S t, the rod's vector is R(phi) ab = gamma n + branch w t, where gamma is given
-    by the guide's line and w^2 = |ab|^2 - gamma^2 (at gamma = |ab| the linkage is about to break apart).
+    With t along the guide and n = S t, the rod's vector is R(phi) ab = gamma n + branch w t. The guide's line gives
+    gamma, and w^2 = |ab|^2 - gamma^2; at gamma = |ab| the loop can no longer close.
     """
     rod, guide = dyad.first, dyad.second
     head, slider_point = dyad.middle.first, dyad.middle.second
