@@ -13,15 +13,15 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
-    "fem": 26,
+    "fem": 25,
     "integrate": 13,
     "mechanism": 21,
     "multibody": 36,
     "plots": 31,
     "report": 5,
-    "response": 40,
+    "response": 32,
     "scene": 64,
-    "solve": 27,
+    "solve": 26,
     "study": 70,
     "support": 3,
 }

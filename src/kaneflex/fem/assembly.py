@@ -14,21 +14,37 @@ K_z = sum L^T K L.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.fem.coordinate_map import Frame, to_link_axes
+from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Frame, from_start, to_link_axes
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
+from kaneflex.mechanism.planar import GROUND, Vector
 from kaneflex.mechanism.rigid_bodies import Carried
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
+from kaneflex.scene.quantities import Address
 
-Placed = tuple[Part, Affine]
-"""Part with its map L."""
+_MATRICES = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
+Site = tuple[str, int | None]
+"""Elastic link and its node, or rigid body and None."""
+
+
+class Placed(NamedTuple):
+    """Part with its map L from the mechanism's coordinates.
+
+    ``at``: sites on which the part acts, with the matrices (size, dofs) from the displacement and rotation there to the
+    part's coordinates; these are global in the plane, those of a rigid body are of its start; none of a link.
+    """
+
+    part: Part
+    L: Affine
+    at: tuple[tuple[Site, Affine], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -48,12 +64,18 @@ class ElasticEquations:
     K_g: Affine
     F: Affine
 
+    @classmethod
+    def zero(cls, coordinates: tuple[str, ...]) -> ElasticEquations:
+        """Equations without terms."""
+        n = len(coordinates)
+        return cls(coordinates, **{name: Affine.zero(n, 1 if name == "F" else n) for name in _MATRICES})
+
     @property
     def size(self) -> int:
         return len(self.coordinates)
 
     def matrices(self) -> dict[str, Affine]:
-        return {name: getattr(self, name) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")}
+        return {name: getattr(self, name) for name in _MATRICES}
 
     def fixed(self, constants: Mapping[str, float]) -> ElasticEquations:
         """Equations with the scalars that a structure fixes replaced by their values; terms that vanish are omitted."""
@@ -123,21 +145,59 @@ def with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
     return replace(part, matrices={**part.matrices, "F": total})
 
 
-def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> list[Placed]:
-    """Add the carried rigid bodies and the loads on them."""
-    placed = []
-    for name in carried:
-        body = scene.bodies[name]
-        if body.mass:
-            part = inertia_part(name, name, body.mass, body.inertia, body.centre, scene.gravity)
-            placed.append((part, frame.body_point(name, body.centre)))
-        placed.append((_turning_part(scene, name, carried[name]), frame.bodies[name]))
-    for body in carried:
-        for name, load, address, share in scene.pushes(body):
-            pushed = share * _along(name, load, body)
-            part = sparse_part(name, 3, F=Affine.constant(np.eye(3)[:, :2]) @ pushed)
-            placed.append((part, frame.body_point(body, scene.point(address))))
-    return placed
+@dataclass(frozen=True)
+class Sites:
+    """Sites of a planar mechanism on which parts act."""
+
+    scene: Scene
+    links: Mapping[str, Link]
+    parts: Mapping[str, Part]
+    frame: Frame
+
+    def place(self, part: Part, *points: tuple[str, Vector, Affine]) -> Placed:
+        """Part with coordinates that are sums of matrices times the global displacement and rotation of points, given
+        by body and place in its axes."""
+        at: list[tuple[Site, Affine]] = []
+        L = Affine.zero(part.size, len(self.frame.coordinates))
+        for body, where, rows in points:
+            if body in self.links:
+                node = self.links[body].node_at(where[0])
+                at.append(((body, node), rows))
+                L += rows @ self.frame.link_point(body, self.parts[body], node)
+            elif body != GROUND:
+                at.append(((body, None), rows @ from_start(body, where)))
+                if body in self.frame.bodies:
+                    L += at[-1][1] @ self.frame.bodies[body]
+        return Placed(part, L, tuple(at))
+
+    def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
+        """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
+        a first."""
+        signs = zip(sides, (-1.0, 1.0), strict=True)
+        return self.place(part, *((side.body, self.scene.point(side), sign * rows) for side, sign in signs))
+
+
+def place_rigid(sites: Sites, carried: Mapping[str, Carried]) -> Iterator[Placed]:
+    """Add rigid bodies, lumped masses, and the loads on rigid bodies."""
+    scene = sites.scene
+    for name, how in carried.items():
+        yield sites.place(_turning_part(scene, name, how), (name, (0.0, 0.0), WHOLE))
+    for name, *inertia in _inertias(scene):
+        body, _, _, at = inertia
+        yield sites.place(inertia_part(name, *inertia, scene.gravity), (body, at, WHOLE))
+    for body in scene.bodies:
+        for name, load, point, share in scene.pushes(body) if body not in sites.links else ():
+            push = sparse_part(name, 2, F=share * _along(name, load, body))
+            yield sites.place(push, (body, scene.point(point), SHIFT))
+
+
+def _inertias(scene: Scene) -> Iterator[tuple[str, str, float, float, Vector]]:
+    """Rigid bodies and lumped masses: name, body, mass [kg], moment of inertia [kg m^2] and centre."""
+    for name, body in scene.bodies.items():
+        if not body.elastic and body.mass:
+            yield name, name, body.mass, body.inertia, body.centre
+    for name, mass in scene.masses.items():
+        yield name, mass.at.body, mass.mass, mass.inertia, scene.point(mass.at)
 
 
 def _along(name: str, load: Load, body: str) -> Affine:
@@ -146,37 +206,11 @@ def _along(name: str, load: Load, body: str) -> Affine:
     return direction if load.axes == "global" else to_link_axes(body).T @ direction
 
 
-def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+def place_torques(sites: Sites) -> Iterator[Placed]:
     """Add torques at joints, which act on the rotation of the second side relative to the first."""
-    placed = []
-    for name, load in scene.torques.items():
-        relative = Affine.zero(1, len(frame.coordinates))
-        for address, sign in zip(scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
-            if address.body in links:
-                node = links[address.body].node_at(scene.point(address)[0])
-                motion = frame.link_point(address.body, parts[address.body], node)
-            elif address.body in frame.bodies:
-                motion = frame.bodies[address.body]
-            else:
-                continue
-            relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
-        placed.append((sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), relative))
-    return placed
-
-
-def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
-    """Add lumped masses on links and on carried rigid bodies, each once and in global axes."""
-    placed = []
-    for name, mass in scene.masses.items():
-        at = scene.point(mass.at)
-        if mass.at.body in links:
-            motion = frame.link_point(mass.at.body, parts[mass.at.body], links[mass.at.body].node_at(at[0]))
-        elif mass.at.body in frame.bodies:
-            motion = frame.body_point(mass.at.body, at)
-        else:
-            continue
-        placed.append((inertia_part(name, mass.at.body, mass.mass, mass.inertia, at, scene.gravity), motion))
-    return placed
+    for name, load in sites.scene.torques.items():
+        torque = sparse_part(name, 1, F=Affine.term((name,), [[1.0]]))
+        yield sites.between(torque, sites.scene.joints[load.torque_at].addresses, TURN)
 
 
 def sparse_part(name: str, size: int, **own: Affine) -> Part:
@@ -191,23 +225,19 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
     A force F at the arm a = R (r - r_0) from the body's centre of rotation does second-order work
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
-    if how.kind not in ("free", "hinged"):
-        return sparse_part(f"{name}.arms", 3)
     total = Affine.zero(1, 1)
-    body = scene.bodies[name]
-    for force, at in _forces_on(scene, name):
+    for force, at in _forces_on(scene, name) if how.kind in ("free", "hinged") else ():
         arm = np.array([[at[0] - how.at[0], at[1] - how.at[1]]])
         if arm.any():
             total += Affine.constant(arm) @ to_link_axes(name) @ force
-    inertia = inertia_part(name, name, body.mass, 0.0, body.centre, scene.gravity).matrices["F"]
-    arm = np.array([[body.centre[0] - how.at[0], body.centre[1] - how.at[1]]])
-    total += Affine.constant(arm) @ to_link_axes(name) @ Affine.constant(np.eye(3)[:2]) @ inertia
-    corner = Affine.constant([[0.0], [0.0], [1.0]])
-    return sparse_part(f"{name}.arms", 3, K_g=corner @ total @ corner.T)
+    return sparse_part(f"{name}.arms", 3, K_g=TURN.T @ total @ TURN)
 
 
 def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
-    """Global force (2 x 1) and its point, of every load, spring and joint on a rigid body."""
+    """Global force (2 x 1) and its point, of inertia, weight, and every load, spring and joint on a rigid body."""
+    for name, on, mass, _, at in _inertias(scene):
+        if on == body:
+            yield SHIFT @ inertia_part(name, body, mass, 0.0, at, scene.gravity).matrices["F"], at
     for name, load, address, share in scene.pushes(body):
         yield share * _along(name, load, body), scene.point(address)
     pairs = {name: joint.addresses for name, joint in scene.joints.items() if joint.kind != "prismatic"}
@@ -226,24 +256,31 @@ def assemble(
 
     ``at_rest``: of a deformation at rest in the axes of the bodies.
     """
-    size = len(coordinates)
-    total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
-    total["F"] = Affine.zero(size, 1)
-    for matrices, L, body in _by_motion(placed):
+    total = ElasticEquations.zero(coordinates).matrices()
+    for part, L in _by_motion(placed):
+        own = in_own_axes(part, convective, at_rest).matrices()
         L_T = L.T
-        pushes = {key: L_T @ matrices[key] for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g", "F")}
+        pushes = {key: L_T @ matrix for key, matrix in own.items()}
         total["F"] += pushes.pop("F")
         for key, push in pushes.items():
             total[key] += push @ L
-        if at_rest:
-            if body is not None:
-                total["K_d"] += pushes["M"] @ _of_turning(f"{body}.epsilon", f"{body}.omega") @ L
-        elif convective:
+        if convective and not at_rest:
             rate = L.rate
             total["C_d"] += 2.0 * (pushes["M"] @ rate)
             total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate
-            total["K_c"] += pushes["C_s"] @ (rate if body is None else rate + -1.0 * (_of_turning(f"{body}.omega") @ L))
+            total["K_c"] += pushes["C_s"] @ rate
     return ElasticEquations(coordinates, **total)
+
+
+def in_own_axes(part: Part, convective: bool, at_rest: bool) -> ElasticEquations:
+    """Equations of a part in its own coordinates; damping and rest of one in global axes are in those of its body."""
+    K_c, matrices = Affine.zero(part.size, part.size), dict(part.matrices)
+    if part.turns is not None and at_rest:
+        turned = _of_turning(f"{part.turns}.epsilon", f"{part.turns}.omega")
+        matrices["K_d"] = matrices["K_d"] + matrices["M"] @ turned
+    elif part.turns is not None and convective:
+        K_c = -1.0 * (matrices["C_s"] @ _of_turning(f"{part.turns}.omega"))
+    return ElasticEquations(part.coordinates, K_c=K_c, **matrices)
 
 
 def _of_turning(about: str, spin: str = "") -> Affine:
@@ -253,13 +290,14 @@ def _of_turning(about: str, spin: str = "") -> Affine:
     return across + Affine.term((spin, spin), np.diag([-1.0, -1.0, 0.0])) if spin else across
 
 
-def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine], Affine, str | None]]:
-    """Sum of the matrices of parts with the same L, which turn with the same body."""
-    found: dict[tuple[int, str | None], tuple[Mapping[str, Affine], Affine, str | None]] = {}
-    for part, L in placed:
-        before = found.get((id(L), part.turns), (None,))[0]
-        whole = {key: before[key] + own for key, own in part.matrices.items()} if before else part.matrices
-        found[id(L), part.turns] = whole, L, part.turns
+def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Part, Affine]]:
+    """Sum of the parts with the same L, which turn with the same body."""
+    found: dict[tuple[int, str | None], tuple[Part, Affine]] = {}
+    for part, L, *_ in placed:
+        if (before := found.get((id(L), part.turns))) is not None:
+            summed = {key: before[0].matrices[key] + own for key, own in part.matrices.items()}
+            part = replace(part, matrices=summed)
+        found[id(L), part.turns] = part, L
     return found.values()
 
 

@@ -18,7 +18,8 @@ from kaneflex.mechanism.affine import Affine, Matrix, from_entries
 from kaneflex.mechanism.rigid_bodies import Carried
 from kaneflex.scene import Scene
 
-IDENTITY, TURN = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
+WHOLE, SHIFT, TURN = (Affine.constant(np.eye(3)[rows]) for rows in ([0, 1, 2], [0, 1], [2]))
+"""Matrices that take all, the displacement, or the rotation from global displacements and a rotation."""
 
 
 @dataclass(frozen=True)
@@ -40,23 +41,25 @@ class Frame:
 
     def body_point(self, body: str, at: tuple[float, float]) -> Affine:
         """Global displacement of a point of a carried rigid body, and the body's turn: d + theta S R r; (3, n)."""
-        motion = self.bodies[body]
-        if at == (0.0, 0.0):
-            return motion
-        arm = to_link_axes(body).T @ Affine.constant([[-at[1]], [at[0]]])
-        return motion + _lift(3, [0, 1]) @ arm @ _pick(3, [2]) @ motion
+        return self.bodies[body] if at == (0.0, 0.0) else from_start(body, at) @ self.bodies[body]
 
     def link_point(self, link: str, part: Part, node: int) -> Affine:
         """Global displacement and rotation of a link's node, (3, n)."""
         u, v, theta = part.place[node]
         rows = Affine.constant(_selector(3, [0, 1, 2], [u, v, theta], part.size)) @ self.maps[link]
-        turned = _lift(3, [0, 1]) @ to_link_axes(link).T @ _pick(3, [0, 1]) @ rows
-        return turned + _lift(3, [2]) @ _pick(3, [2]) @ rows
+        return (SHIFT.T @ to_link_axes(link).T @ SHIFT + TURN.T @ TURN) @ rows
 
 
 def to_link_axes(body: str) -> Affine:
     """T of paper (66) for one point: global components -> components in the body's axes."""
-    return Affine.term((f"{body}.c",), IDENTITY) + Affine.term((f"{body}.s",), TURN)
+    return Affine.term((f"{body}.c",), np.eye(2)) + Affine.term((f"{body}.s",), [[0.0, 1.0], [-1.0, 0.0]])
+
+
+def from_start(body: str, at: tuple[float, float]) -> Affine:
+    """Global displacement of a rigid body's point, and the body's turn, from those of its start, (3, 3)."""
+    if at == (0.0, 0.0):
+        return WHOLE
+    return WHOLE + SHIFT.T @ to_link_axes(body).T @ Affine.constant([[-at[1]], [at[0]]]) @ TURN
 
 
 def guide_direction(scene: Scene, joint_name: str) -> Affine:
@@ -104,7 +107,7 @@ def build_frame(
                 total += _lift(part.size, [u, v]) @ to_link_axes(name) @ displacement
             body = interfaces.turned_body.get(interfaces.turned.get(key))
             if body is not None and theta is not None:
-                total += _lift(part.size, [theta]) @ _pick(3, [2]) @ bodies[body]
+                total += _lift(part.size, [theta]) @ TURN @ bodies[body]
         maps[name] = total
     return Frame(tuple(columns.names), maps, bodies)
 
@@ -146,19 +149,15 @@ def _body_motion(scene: Scene, name: str, how: Carried, bodies, columns: _Column
     """Global displacement of a carried body's start and its turn, (3, n)."""
     at = columns(("body", name))
     if how.kind == "guided":
-        return _lift(3, [0, 1]) @ guide_direction(scene, how.joint) @ Affine.constant(_selector(1, [0], at, size))
+        return SHIFT.T @ guide_direction(scene, how.joint) @ Affine.constant(_selector(1, [0], at, size))
     if how.kind == "free":
         return Affine.constant(_selector(3, [0, 1, 2], at, size))
     held = Affine.zero(3, size)
     if how.base.body in bodies:
         held = Frame((), {}, bodies).body_point(how.base.body, scene.point(how.base))
     # The held point moves with the holder; the start follows at -theta S R r.
-    turn = Affine.constant(_selector(1, [0], at, size)) if how.kind == "hinged" else _pick(3, [2]) @ held
-    back = to_link_axes(name).T @ Affine.constant([[how.at[1]], [-how.at[0]]])
-    shift = _pick(3, [0, 1]) @ held
-    if how.at != (0.0, 0.0):
-        shift += back @ turn
-    return _lift(3, [0, 1]) @ shift + _lift(3, [2]) @ turn
+    turn = Affine.constant(_selector(1, [0], at, size)) if how.kind == "hinged" else TURN @ held
+    return from_start(name, (-how.at[0], -how.at[1])) @ (SHIFT.T @ SHIFT @ held + TURN.T @ turn)
 
 
 def _node_displacement(key, scene: Scene, interfaces: Interfaces, rigid: Frame, columns: _Columns, size: int) -> Affine:
@@ -166,7 +165,7 @@ def _node_displacement(key, scene: Scene, interfaces: Interfaces, rigid: Frame, 
     group = interfaces.displaced[key]
     if group in interfaces.carrier:
         address = interfaces.carrier[group]
-        return _pick(3, [0, 1]) @ rigid.body_point(address.body, scene.point(address))
+        return SHIFT @ rigid.body_point(address.body, scene.point(address))
     if group in interfaces.fixed:
         return Affine.zero(2, size)
     return Affine.constant(_selector(2, [0, 1], columns(("shift", group)), size))
@@ -179,8 +178,3 @@ def _selector(rows: int, at, columns, size: int) -> Matrix:
 def _lift(rows: int, at: list[int]) -> Affine:
     """Matrix that puts len(at) components into rows ``at`` of a longer vector."""
     return Affine.constant(_selector(rows, at, range(len(at)), len(at)))
-
-
-def _pick(columns: int, at: list[int]) -> Affine:
-    """Matrix that takes components ``at`` of a longer vector."""
-    return Affine.constant(_selector(len(at), range(len(at)), at, columns))

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
+from kaneflex.fem.assembly import Site
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
 from kaneflex.mechanism.planar import GROUND
@@ -102,10 +103,16 @@ class Joined:
         (6, 6) before them; None on the ground."""
         if side.body == GROUND:
             return None
-        columns = self.first[side.body] + np.arange(self.parts[side.body].size)
-        if side.body not in self.links:
-            return columns, at_point(np.asarray(side.at))
-        return columns[list(self.parts[side.body].place[node_of(self.links[side.body], side)])], np.eye(6)
+        return self.columns(self.site(side)), np.eye(6) if side.body in self.links else at_point(np.asarray(side.at))
+
+    def site(self, side: Side) -> Site:
+        """Node of a link at a joint's point, or the start of its rigid body."""
+        return side.body, node_of(self.links[side.body], side) if side.body in self.links else None
+
+    def columns(self, site: Site) -> np.ndarray:
+        """Indices of the six coordinates of a site."""
+        body, node = site
+        return self.first[body] + np.array(self.parts[body].place[node or 0])
 
     @cached_property
     def tied(self) -> np.ndarray:

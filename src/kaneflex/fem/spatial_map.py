@@ -11,8 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from kaneflex.fem.assembly import Placed, Site
+from kaneflex.fem.links import Part
 from kaneflex.fem.spatial_joined import ZERO, Choice, Joined
 from kaneflex.mechanism.affine import Affine, from_entries
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_motion import RigidMotion
 
 _VARY = 1e-9
@@ -81,25 +84,28 @@ class SpatialMap:
     def of(self, body: str) -> Affine:
         """L of a part, or how far the ends of a spring part."""
         first, size = self.joined.first[body], self.joined.size_of(body)
-        total = Affine.constant(self.constant[first : first + size])
+        constant = self.constant[first : first + size]
+        total = Affine.constant(constant) if constant.nnz else Affine.zero(*constant.shape)
         for name, row, column in self._entries():
             if first <= row < first + size:
                 entry = from_entries((size, self.constant.shape[1]), [row - first], [column], [1.0])
                 total += Affine.term((f"{name}.value",), entry)
         return total
 
-    def rotation(self, joint: str) -> Affine:
-        """Elastic rotation of a joint's second body relative to its first, about its first axis, (1, independent)."""
-        of, mechanism = self.joined.mechanism.joints[joint], self.joined.mechanism
-        total = Affine.zero(1, self.constant.shape[1])
+    def place(self, part: Part, joint: str) -> Placed:
+        """Part whose coordinate is the elastic rotation of a joint's second body relative to its first, about its first
+        axis."""
+        of, joined, at = self.joined.mechanism.joints[joint], self.joined, list[tuple[Site, Affine]]()
+        L = Affine.zero(1, self.constant.shape[1])
         for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
-            point = self.joined.point(side)
-            if point is not None:
-                axis = mechanism.stands(side.body).T @ mechanism.stands(of.sides[0].body) @ of.axes[0]
-                row = np.zeros((1, self.joined.parts[side.body].size))
-                row[0, point[0] - self.joined.first[side.body]] = sign * axis @ point[1][3:]
-                total += Affine.constant(row) @ self.of(side.body)
-        return total
+            if side.body != GROUND:
+                stands, site = joined.mechanism.stands, joined.site(side)
+                axis = stands(side.body).T @ stands(of.sides[0].body) @ of.axes[0]
+                rows = np.concatenate([np.zeros(3), sign * axis])[None]
+                at.append((site, Affine.constant(rows)))
+                pick = np.eye(joined.parts[side.body].size)[joined.columns(site) - joined.first[side.body]]
+                L += Affine.constant(rows @ pick) @ self.of(side.body)
+        return Placed(part, L, tuple(at))
 
 
 def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
 
-from kaneflex.fem.assembly import load_on_link, spin_or_euler
-from kaneflex.fem.links import Link
+from kaneflex.fem.assembly import Placed, Site, in_own_axes, load_on_link, spin_or_euler
+from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.section_forces import carried, growing, spread_loads
+from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
@@ -24,9 +25,10 @@ _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 class Deformation:
     """Nodal coordinates q, q', q'' of one link over time, in link axes; arrays (dofs n_nodes, n_times).
 
-    ``balanced``: the rates in the equations, if these are others: none in quasi-static ones. ``shortened``: nodal
-    displacements that foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements,
-    (elements, 6, n_times), if known.
+    ``attached``: function that returns the forces at all sites, see :func:`attached_forces`. ``balanced``:
+    the rates in the equations, if these are others: none in quasi-static ones. ``shortened``: nodal displacements that
+    foreshortening causes, without those of the bent axis itself. ``residuals``: of all elements, (elements, 6,
+    n_times), if known.
     """
 
     model: Model
@@ -35,6 +37,7 @@ class Deformation:
     q: np.ndarray
     q_rate: np.ndarray
     q_accel: np.ndarray
+    attached: Callable[[], Mapping[Site, np.ndarray]]
     balanced: tuple[np.ndarray, np.ndarray] | None = None
     shortened: Rates | None = None
     residuals: np.ndarray | None = None
@@ -94,18 +97,27 @@ class Deformation:
             total = total + weights @ squares
         return 0.5 * reach[:, None, None] * total
 
-    def pushes(self) -> np.ndarray:
-        """Forces of the point loads on the link's coordinates, (size, n_times)."""
-        unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
-        return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
-
     def unbalanced(self) -> np.ndarray:
         """Forces of the elements less the point loads on the part's coordinates, (size, n_times)."""
-        total = -self.pushes()
-        for e in range(len(self.link.nodes) - 1):
-            rows = [row for node in (e, e + 1) for row in self.link.part.place[node]]
-            for row, force in zip(rows, self.end_forces(e), strict=True):  # one by one: rows may coincide
-                total[row] += force
+        total = np.zeros((self.link.part.size, self.q.shape[1]), self.q.dtype)
+        for node, rows in self.link.part.place.items():  # one by one: nodes may share a row
+            total[list(rows)] += self.at_nodes[node]
+        return total
+
+    @cached_property
+    def at_nodes(self) -> np.ndarray:
+        """Forces of the elements less the point loads at each node, link axes, (n_nodes, dofs, n_times)."""
+        elements = range(len(self.link.nodes) - 1)
+        return self._summed([self.end_forces(e) for e in elements])
+
+    def _summed(self, forces: Sequence[np.ndarray]) -> np.ndarray:
+        """Sum of forces at the elements' ends less the point loads at each node, (n_nodes, dofs, n_times)."""
+        coordinates, place = node_coordinates(self.link.name, len(self.link.nodes), False, self.link.names)
+        unloaded = Part(self.link.name, coordinates, {"F": Affine.zero(len(coordinates), 1)}, place)
+        loads = self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
+        total = -loads.reshape(len(place), self.link.dofs, -1)
+        for e, at_ends in enumerate(forces):
+            total[e : e + 2] += at_ends.reshape(2, self.link.dofs, -1)
         return total
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
@@ -192,41 +204,16 @@ class Deformation:
     def _passed_on(self) -> np.ndarray:
         """Tension of each element of an axially rigid link in addition to its residual, (elements, n_times).
 
-        From the free ends to the node at the joint, every node is in equilibrium with element forces, loads and lumped
-        masses.
+        From the free ends to the node at the joint, every node is in equilibrium with element forces, loads and all
+        that is fixed to it.
         """
-        elements = len(self.link.nodes) - 1
-        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
-        residuals = [self._residual(e) for e in range(elements)]
-        tension = np.zeros((elements, self.q.shape[1]), self.q.dtype)
-        for node in range(joint):
-            before = tension[node - 1] + residuals[node - 1][3] if node else 0.0
-            tension[node] = before + residuals[node][0] - self._axial_push(node)
-        for node in range(elements, joint, -1):
-            beyond = tension[node] - residuals[node][0] if node < elements else 0.0
-            tension[node - 1] = beyond - residuals[node - 1][3] + self._axial_push(node)
-        return tension
-
-    def _axial_push(self, node: int) -> np.ndarray:
-        """Axial force of the loads and the lumped masses at a node, (n_times,)."""
-        scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
-        total = np.zeros(self.q.shape[1], self.q.dtype)
-        for key, load in scene.forces.items():
-            if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
-                along = load.direction[0]
-                if load.axes == "global":
-                    along = rigid.frame(name).to_body(load.direction)[0]
-                total += rigid[key] * along
-        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-        u, v = self.q[3 * node : 3 * node + 2]
-        specific_force = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
-        specific_force = specific_force - options.spin * omega**2 * u - options.euler * epsilon * v
-        q_rate, q_accel = self.balanced or (self.q_rate, self.q_accel)
-        specific_force = specific_force + q_accel[3 * node] - options.gyroscopic * 2 * omega * q_rate[3 * node + 1]
-        for mass in scene.masses.values():
-            if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
-                total -= mass.mass * specific_force
-        return total
+        elements = range(len(self.link.nodes) - 1)
+        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), len(elements))
+        along = self._summed([self._residual(e) for e in elements])[:, 0]
+        for (name, node), force in self.attached().items():
+            if name == self.link.name:
+                along[node] += self.rigid.frame(name).to_body(force)[0]
+        return np.concatenate([np.cumsum(along[:joint], 0), -np.cumsum(along[:joint:-1], 0)[::-1]])
 
     def _residual(self, e: int) -> np.ndarray:
         """Residual M q'' + C q' + K q - F of one element, (6, n_times)."""
@@ -281,27 +268,63 @@ def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.nda
     return total
 
 
-def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
-    """Link coordinates q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
+def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine, inertial: bool = True) -> Rates:
+    """Part coordinates q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times).
+
+    ``inertial``: whether q'' is needed; the motion has no L'' of springs.
+    """
     z, v, _ = coordinates
     q, q_rate, q_accel = rigid.apply_each(L, coordinates)
-    if model.options.convective:
+    if model.options.convective and not model.scene.is_frame:
         of_z, of_v = rigid.apply_each(L.rate, (z, v))
         q_rate += of_z
-        q_accel += 2.0 * of_v + rigid.apply(L.rate.rate, z)
+        if inertial:
+            q_accel += 2.0 * of_v + rigid.apply(L.rate.rate, z)
     return q, q_rate, q_accel
 
 
-def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
+def as_balanced(
+    model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine, inertial: bool = True
+) -> Rates:
     """Coordinates q, q', q'' as in the model's equations: quasi-static ones have no rates in the axes of the bodies."""
     if model.options.dynamics != "quasistatic":
-        return follow(model, rigid, coordinates, L)
+        return follow(model, rigid, coordinates, L, inertial)
     q = rigid.apply(L, coordinates[0])
     return q, np.zeros_like(q), np.zeros_like(q)
 
 
-def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
-    """Deformation of one link, with reduced coordinates expanded."""
+def demanded(
+    model: Model, rigid: RigidMotion, coordinates: Rates, placed: Placed, options: Options | None = None
+) -> np.ndarray:
+    """Forces that a part needs, on its coordinates: inertia, damping and stiffness less its loads, (size, n_times).
+
+    ``options``: of the terms to include, if not those of the model.
+    """
+    part, L, options = placed.part, placed.L, options or model.options
+    own = keep_terms(in_own_axes(part, options.convective, options.dynamics == "quasistatic"), options)
+    total = -rigid.column_of(own["F"])
+    if L.terms:
+        q, q_rate, q_accel = as_balanced(model, rigid, coordinates, L, bool(own["M"].terms))
+        for key, series in (("M", q_accel), ("C", q_rate), ("K", q)):
+            total += rigid.apply(own[key], series)
+    return total
+
+
+def attached_forces(model: Model, rigid: RigidMotion, coordinates: Rates) -> dict[Site, np.ndarray]:
+    """Forces and moments that all but links needs at each of its sites, (dofs, n_times) each."""
+    found: dict[Site, np.ndarray] = {}
+    for placed in model.placed if model.balances else ():
+        needed = demanded(model, rigid, coordinates, placed)
+        for site, rows in placed.at:
+            found[site] = found.get(site, 0.0) + rigid.apply(rows.T, needed)
+    return found
+
+
+def deform(
+    model: Model, rigid: RigidMotion, coordinates: Rates, name: str,
+    attached: Callable[[], Mapping[Site, np.ndarray]] | None = None,
+) -> Deformation:  # fmt: skip
+    """Deformation of one link, with reduced coordinates expanded; ``attached`` as of :class:`Deformation`."""
     L, link = model.frame.maps[name], model.links[name]
     series = follow(model, rigid, coordinates, L)
     if model.options.dynamics == "quasistatic":
@@ -309,7 +332,8 @@ def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> D
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
     q, q_rate, q_accel, *balanced = (link.at_nodes(part) for part in series)
-    found = Deformation(model, link, rigid, q, q_rate, q_accel, tuple(balanced) or None)
+    attached = attached or partial(attached_forces, model, rigid, coordinates)
+    found = Deformation(model, link, rigid, q, q_rate, q_accel, attached, tuple(balanced) or None)
     return found if name not in model.bases else _with_static_share(found)
 
 

@@ -11,14 +11,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from kaneflex.fem.assembly import Placed
-from kaneflex.mechanism.affine import Affine
-from kaneflex.mechanism.body_frame import Rates, normal
+from kaneflex.fem.assembly import Site
+from kaneflex.mechanism.body_frame import normal
 from kaneflex.mechanism.planar import GROUND, Vector, cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.deformation import Deformation, as_balanced
-from kaneflex.scene.parts import Joint, Load
+from kaneflex.response.deformation import Deformation
+from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
 
 Row = dict[int, float | np.ndarray]
@@ -94,10 +93,12 @@ def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
 
 
 def consistent_reactions(
-    model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation],
+    model: Model, rigid: RigidMotion, attached: Mapping[Site, np.ndarray], deformed: Mapping[str, Deformation],
     solver: Solver | None = None,
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Solve the equilibrium of all interface nodes and rigid bodies for the reactions.
+
+    ``attached``: forces of all but links, see :func:`kaneflex.response.deformation.attached_forces`.
 
     Returns
     -------
@@ -106,7 +107,7 @@ def consistent_reactions(
     """
     names = [row for rows in reaction_rows(model).values() for row in rows]
     # consistent, but more equations than unknowns: moments are divided by a length to weigh alike
-    rows, right = _Balances(model, rigid, names, coordinates, deformed).assemble()
+    rows, right = _Balances(model, rigid, names, deformed).assemble(attached)
     solved = least_squares(rows, right, solver or normal_equations)
     return {name: solved[k] for k, name in enumerate(names)}
 
@@ -114,25 +115,25 @@ def consistent_reactions(
 class _Balances:
     """Equations 'sum of joint forces = residual' with the coefficients of the joint forces, at all times."""
 
-    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], coordinates: Rates, deformed):
-        self.model, self.rigid, self.coordinates, self.deformed = model, rigid, coordinates, deformed
+    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], deformed: Mapping[str, Deformation]):
+        self.model, self.rigid, self.deformed = model, rigid, deformed
         self.index = {name: k for k, name in enumerate(names)}
-        self.steps, self.dtype = len(rigid.times), rigid.values.dtype
-        lengths = [body.length for body in model.scene.bodies.values() if body.length]
-        self.scale = 1.0 / max(lengths)
+        self.scale = 1.0 / max(body.length for body in model.scene.bodies.values() if body.length)
 
-    def assemble(self) -> tuple[list[Row], np.ndarray]:
+    def assemble(self, attached: Mapping[Site, np.ndarray]) -> tuple[list[Row], np.ndarray]:
         """Coefficients of the reactions, and residuals (n_balances, n_times)."""
         bodies = self.model.scene.bodies
         sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
         rows: list[Row] = [{} for _ in range(3 * len(sites))]
-        residual = np.empty((len(rows), self.steps), self.dtype)
+        residual = np.zeros((len(rows), len(self.rigid.times)), self.rigid.values.dtype)
         for k, (name, node) in enumerate(sites):
             for row, reaction, value in self._of_joints(name, node):
                 scaled = value * self.scale if row == 2 else value
                 rows[3 * k + row][reaction] = rows[3 * k + row].get(reaction, 0.0) + scaled
-            found = self._rigid_residual(name) if node is None else self._node_residual(name, node)
-            residual[3 * k : 3 * k + 3] = found
+            if node is not None:
+                local = self.deformed[name].at_nodes[node]
+                residual[3 * k : 3 * k + 3] = *self.rigid.frame(name).to_global(local[:2]), local[2]
+            residual[3 * k : 3 * k + 3] += attached.get((name, node), 0.0)
         residual[2::3] *= self.scale
         return rows, residual
 
@@ -185,151 +186,3 @@ class _Balances:
             return None
         arm = self.rigid.frame(touches.body).to_global(self.model.scene.point(touches))
         return arm + self.rigid.frame(touches.body).origin - self.rigid.frame(address.body).origin
-
-    def _node_residual(self, link: str, node: int) -> np.ndarray:
-        """Global force and moment of the joints on a node, (3, n_times)."""
-        deformation = self.deformed[link]
-        elements = len(deformation.link.nodes) - 1
-        local = np.zeros((3, self.steps), self.dtype)
-        if node < elements:
-            local += deformation.end_forces(node)[:3]
-        if node > 0:
-            local += deformation.end_forces(node - 1)[3:]
-        total = np.vstack([self.rigid.frame(link).to_global(local), local[2]])
-        for name, load in self.model.scene.forces.items():
-            if load.force_on.body == link and self._node(load.force_on) == node:
-                total[:2] -= self._load(name, load, link)
-        total[2] -= self._torque(link, node)
-        for name, spring in self.model.scene.springs.items():
-            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
-                if end.body == link and self._node(end) == node:
-                    total[:2] -= sign * self._spring(name)
-        for mass in self.model.scene.masses.values():
-            if mass.at.body == link and self._node(mass.at) == node:
-                motion = self.model.frame.link_point(link, self.model.parts[link], node)
-                total += self._inertia(link, mass.mass, mass.inertia, mass.at, motion)
-        return total
-
-    def _inertia(
-        self, body: str, mass: float, inertia: float, at: Address | tuple, motion: Affine | None
-    ) -> np.ndarray:
-        """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; (3, n_times).
-
-        The elastic motion includes Rayleigh's damping of the mass, alpha m times its velocity in the body's axes.
-        """
-        scene, rigid, frame = self.model.scene, self.rigid, self.rigid.frame(body)
-        acceleration = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
-        total = np.vstack([acceleration - np.array(scene.gravity)[:, None], frame.epsilon])
-        if motion is not None:
-            (x, y, _), rate, accel = as_balanced(self.model, rigid, self.coordinates, motion)
-            options, across, along = self.model.options, np.array([-y, x, 0.0 * x]), np.array([x, y, 0.0 * x])
-            if options.dynamics == "quasistatic":
-                accel = options.euler * frame.epsilon * across - options.spin * frame.omega**2 * along
-            total += accel + self.model.rayleigh[0] * (rate - frame.omega * across)
-        return np.array([[mass], [mass], [inertia]]) * total
-
-    def _rigid_residual(self, body: str) -> np.ndarray:
-        """Inertia minus loads of a rigid body, moments about its start, (3, n_times).
-
-        If deformation rotates the body by theta, the forces keep their direction and the arms rotate: each force F at
-        the arm a adds -theta a . F to the moments.
-        """
-        scene, frame, axes = self.model.scene, self.model.frame, self.rigid.frame(body)
-        data = scene.bodies[body]
-        carried = body in frame.bodies
-        fixed = [(data.mass, data.inertia, data.centre)]
-        fixed += [(m.mass, m.inertia, scene.point(m.at)) for m in scene.masses.values() if m.at.body == body]
-        total = np.zeros((3, self.steps), self.dtype)
-        work = np.zeros(self.steps, self.dtype)  # sum of a . F over all forces on the body
-        for mass, inertia, at in fixed:
-            motion = frame.body_point(body, at) if carried else None
-            push = self._inertia(body, mass, inertia, at, motion)
-            arm = axes.to_global(at)
-            total += push
-            total[2] += cross(arm, push)
-            still = self._inertia(body, mass, inertia, at, None)  # K_g has the forces of the rigid motion
-            work -= arm[0] * still[0] + arm[1] * still[1]
-        for name, load, address, share in scene.pushes(body):
-            push, arm = share * self._load(name, load, body), axes.to_global(scene.point(address))
-            total -= np.array([*push, cross(arm, push)])
-            work += arm[0] * push[0] + arm[1] * push[1]
-        for name, spring in scene.springs.items():
-            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
-                if end.body == body:
-                    push, arm = sign * self._spring(name), axes.to_global(scene.point(end))
-                    total -= np.array([*push, cross(arm, push)])
-                    work += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
-        total[2] -= self._torque(body, None)
-        if carried and self.model.options.geometric:
-            turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
-            total[2] += turn * (work + self._joint_work(body))
-        return total
-
-    def _torque(self, body: str, node: int | None) -> np.ndarray:
-        """Sum of the torques of loads and springs on a rigid body, or on a node of a link."""
-        total = np.zeros(self.steps, self.dtype)
-        scene = self.model.scene
-        for name, (joint, on_second) in scene.joint_torques.items():
-            for address, sign in zip(scene.joints[joint].addresses, (-on_second, on_second), strict=True):
-                if address.body == body and (node is None or self._node(address) == node):
-                    spring = name.removesuffix(".torque")
-                    total += sign * (-self._spring(spring)[0] if spring in scene.springs else self.rigid[name])
-        return total
-
-    def _spring(self, name: str) -> np.ndarray:
-        return spring_force(self.model, self.rigid, self.coordinates, name)
-
-    def _joint_work(self, body: str) -> np.ndarray:
-        """Sum of a . F over the rigid mechanism's joint forces on a body."""
-        total = np.zeros(self.steps, self.dtype)
-        for name, joint in self.model.scene.joints.items():
-            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-                if address.body == body and joint.kind != "prismatic":
-                    arm = self.rigid.frame(body).to_global(self.model.scene.point(address))
-                    total += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
-        return total
-
-    def _load(self, name: str, load: Load, body: str) -> np.ndarray:
-        """Global vector of a load, (2, n_times)."""
-        axes = self.rigid.frame("ground" if load.axes == "global" else body)
-        return self.rigid[name] * axes.to_global(load.direction)
-
-
-def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> np.ndarray:
-    """Force on a planar spring's second point, global (2, n_times), or torque on the second body (1, n_times)."""
-    spring, placed = model.scene.springs[name], placed_spring(model, name)
-    if placed is None:
-        if spring.torsional_at is not None:
-            return -rigid[f"{name}.torque"][None]
-        return np.array([rigid[f"{name}.force_x"], rigid[f"{name}.force_y"]])
-    force = spring_push(model, rigid, coordinates, placed)
-    if spring.torsional_at is not None:
-        return force
-    if spring.length or spring.damping:
-        force[1:] += rigid.frame(name).to_global(np.array([force[0], np.zeros_like(force[0])]))
-    return force[1:]
-
-
-def placed_spring(model: Model, name: str) -> Placed | None:
-    """Planar spring with its map L; None if deformation does not move its ends."""
-    if model.frame is None:
-        return None
-    from kaneflex.fem.springs import place_spring
-
-    part, L = place_spring(model.scene, model.links, model.parts, model.frame, name)
-    return (part, L) if L.terms else None
-
-
-def spring_push(
-    model: Model, rigid: RigidMotion, coordinates: Rates, placed: Placed, geometric: bool = True
-) -> np.ndarray:
-    """Generalised force on the coordinates of a spring's part, (size, n_times)."""
-    (part, L), (z, z_rate, _), options = placed, coordinates, model.options
-    apart, own = rigid.apply(L, z), part.matrices
-    force = rigid.column_of(own["F"]) - rigid.apply(own["K_s"], apart)
-    if geometric and options.geometric:
-        force -= rigid.apply(own["K_g"], apart)
-    if options.damping:
-        rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate, z) if options.convective else 0.0)
-        force -= rigid.apply(own["C_s"], rate)
-    return force

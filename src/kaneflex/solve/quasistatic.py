@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, cast
+from collections.abc import Callable
 
 import numpy as np
 
-from kaneflex.fem.springs import place_springs
-from kaneflex.mechanism.affine import Matrix, as_array, entries
-from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.affine import as_array, entries
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.support.errors import SceneError
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.model.spatial_elastic import DeformingKinematics
 
 _DEPENDENT = 1e-9  # singular value below which unit conditions count as dependent
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that counts as rounding
@@ -125,7 +119,8 @@ def mechanism_modes(model: Model, t: float) -> int:
                 if row is not None:
                     rows.append(moved[[row]] * (1.0 if of_node < n // 2 + n % 2 else length))
                     shapes.append(np.pad(-carried[of_node], (n * k, n * (len(links) - k - 1))))
-    stiff = list(_kept_by_springs(model, rigid))
+    stiff = [rigid.first(L)[[row]] for part, L, _ in model.sprung.values() if L.terms
+             for row in np.flatnonzero(part.matrices["K_s"].value({}).diagonal())]  # fmt: skip
     rows, shapes = rows + stiff, shapes + [np.zeros(n * len(links))] * len(stiff)
     bodies = map(rigid.first, model.frame.bodies.values())
     if not rows:  # unconnected free links
@@ -135,19 +130,6 @@ def mechanism_modes(model: Model, t: float) -> int:
     sizes = np.linalg.norm(conditions, axis=0)
     conditions /= np.where(sizes > 0.0, sizes, 1.0)
     return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
-
-
-def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[Matrix]:
-    """Rows of the springs' displacements by the coordinates."""
-    if model.scene.is_spatial:
-        # springs between points don't act on elastic links
-        turned = cast("DeformingKinematics", model.motion).deforming.map.rotation
-        twists = (spring.torsional_at for spring in model.scene.springs.values() if spring.stiffness)
-        yield from (rigid.first(turned(joint)) for joint in twists if joint is not None)
-        return
-    for part, parted in place_springs(model.scene, model.links, model.parts, model.frame):
-        stiff = np.flatnonzero(rigid.first(part.matrices["K_s"]).diagonal())
-        yield from (rigid.first(parted)[[row]] for row in stiff)
 
 
 def lost_digits(model: Model, t: float) -> float:

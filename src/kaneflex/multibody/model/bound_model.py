@@ -46,8 +46,9 @@ class Stage:
         Rigid motion, with all scalars of the parts.
     links, parts, bases, interfaces, frame
         As :class:`kaneflex.multibody.model.bound_model.Model` has them.
-    placed, sprung : list of (Part, L)
-        What is assembled; ``sprung`` are springs, with dampers of their own.
+    placed, sprung : list of Placed
+        What is assembled, and what acts on bodies that do not move by deformation; ``sprung`` are springs, with dampers
+        of their own.
     """
 
     motion: RigidKinematics
@@ -115,6 +116,10 @@ class Model:
         Wall time of the stages of loading.
     given : Scene or None
         The scene as it was loaded, with all entries.
+    placed : tuple of Placed
+        Bodies, lumped masses, loads and springs at their sites, all but the links.
+    sprung : mapping of str to Placed
+        Springs.
     """
 
     scene: Scene
@@ -134,6 +139,8 @@ class Model:
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     given: Scene | None = None
+    placed: tuple[Placed, ...] = ()
+    sprung: Mapping[str, Placed] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Model({self.in_short})"

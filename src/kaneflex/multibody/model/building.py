@@ -12,9 +12,9 @@ import numpy as np
 from kaneflex.fem.assembly import (
     ElasticEquations,
     Placed,
+    Sites,
     assemble,
     load_on_link,
-    place_masses,
     place_rigid,
     place_torques,
 )
@@ -68,12 +68,14 @@ def build_model(
     placed = stage.placed
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
-        placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+        placed = [each._replace(part=with_rayleigh(each.part, alpha, beta)) for each in placed]
     frame, placed = stage.frame, placed + stage.sprung
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
-    equations = assemble(placed, frame.coordinates, options.convective, options.dynamics == "quasistatic")
+    moving = (each for each in placed if each.L.terms)
+    equations = assemble(moving, frame.coordinates, options.convective, options.dynamics == "quasistatic")
     model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
-                  equations, equations, None, reference)  # fmt: skip
+                  equations, equations, None, reference, placed=tuple(each for each in placed if each.at),
+                  sprung={each.part.name: each for each in placed[len(stage.placed) :]})  # fmt: skip
     warnings = (*warnings, *_without_modes(model))
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
@@ -113,14 +115,14 @@ def _planar_stage(
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, frozen)
     frame = build_frame(scene, parts, carried, interfaces)
-    placed = [(part, frame.maps[name]) for name, part in parts.items()]
-    placed += place_rigid(scene, carried, frame)
-    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    sites = Sites(scene, links, parts, frame)
+    placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
+    placed += [*place_rigid(sites, carried), *place_torques(sites)]
     sprung: list[Placed] = []
     if scene.springs:
         from kaneflex.fem.springs import place_springs
 
-        sprung = place_springs(scene, links, parts, frame)
+        sprung += place_springs(sites)
     return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
 
 
@@ -128,8 +130,7 @@ def model_without_equations(
     scene: Scene, options: Options, motion: RigidKinematics, reference: float, links: Mapping[str, Link]
 ) -> Model:
     """Model without linear elastic equations; ``reference``: instant [s] of its pictures."""
-    names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
-    none = ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
+    none = ElasticEquations.zero(())
     parts = {name: link.part for name, link in links.items()}
     return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
 
@@ -161,7 +162,7 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     """
     size = len(frame.coordinates)
     touched = Affine.zero(size, size).pattern()
-    for part, L in placed:
+    for part, L, _ in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
         if not isinstance(touched, np.ndarray):  # few rows may be a dense array, their product is sparse
             within, motion = sparse(within), sparse(motion)
@@ -209,7 +210,7 @@ def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> 
         {name: L @ swap for name, L in frame.maps.items()},
         {name: L @ swap for name, L in frame.bodies.items()},
     )
-    return moved, [(part, L @ swap) for part, L in placed]
+    return moved, [each._replace(L=each.L @ swap) for each in placed]
 
 
 def _half_bandwidth(pattern: Matrix) -> int:

@@ -200,23 +200,27 @@ def elastic_stage(
     times = times[:1] if motion.is_start else times
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
     maps = {name: found.of(name) for name in parts}
-    moving = {name: part for name, part in parts.items() if name in links or maps[name].pattern().any()}
+    moving = {name for name in parts if name in links or maps[name].terms}
     deforming = Deforming(scene, mechanism, links, parts, found)
-    placed = [(part, maps[name]) for name, part in moving.items()]
-    torques, springs = _at_joints(mechanism, found)
-    between = [(part_of(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
-    springs += [(part, L) for part, L in between if L.pattern().any()]
+    whole = Affine.constant(np.eye(6))
+    placed = [Placed(part, maps[name], () if name in links else (((name, None), whole),))
+              for name, part in parts.items()]  # fmt: skip
+    placed += [found.place(sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), load.joint)
+               for name, load in mechanism.loads.items() if load.joint is not None]  # fmt: skip
+    springs = [found.place(torsion_part(name, *spring.numbers[:2]), spring.joint)
+               for name, spring in mechanism.springs.items() if spring.joint is not None]  # fmt: skip
+    springs += [Placed(part_of(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
     frame = Frame(found.coordinates, {name: maps[name] for name in links},
-                  {name: maps[name] for name in moving if name not in links})  # fmt: skip
+                  {name: maps[name] for name in parts if name in moving and name not in links})  # fmt: skip
     lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
     arms = frozenset(name for name in lost if name.rpartition(".")[2] in ARMS)
     _check_pulls(lost - arms, options)
-    stiffened = sorted({name.partition(".")[0] for name in arms} & set(moving))
+    stiffened = sorted({name.partition(".")[0] for name in arms} & moving)
     warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
     module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     kept = {name: parts[name] for name in links}
-    return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed + torques, springs, warnings)
+    return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed, springs, warnings)
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
@@ -264,16 +268,6 @@ def part_of(name: str, spring: SpatialSpring) -> Part:
     """Spring between two points as a part."""
     stiffness, damping, _ = spring.numbers
     return spring_part(name, stiffness, damping, spring.is_directed, "xyz")
-
-
-def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
-    """Torques and torsional springs at joints, on the relative rotation of the second body about the axis."""
-    torques = [(sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), found.rotation(load.joint))
-               for name, load in mechanism.loads.items() if load.joint is not None]  # fmt: skip
-    springs = [(torsion_part(name, *spring.numbers[:2]), found.rotation(spring.joint))
-               for name, spring in mechanism.springs.items() if spring.joint is not None]  # fmt: skip
-    return torques, springs
-
 
 
 def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
