@@ -1,4 +1,4 @@
-"""Runs by scipy's methods: implicit ones with loops in space, progress, and a limit that names what to do."""
+"""Runs by scipy's methods: progress, and a limit that names what to do."""
 
 import numpy as np
 import pytest
@@ -11,20 +11,6 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import UserError
 
-SPACE = """
-schema = 1
-like = "spatial-slider-crank"
-[drives]
-shaft = {free = true, initial_speed = 10, angle = "20 deg"}
-[loads]
-brake = {torque_at = "shaft", law = "0.3 * sin(3 * t) - 0.01 * shaft_speed"}
-[solve]
-preset = "rigid"
-duration = "0.5 s"
-steps = 20
-errors = "none"
-forward = {method = "DOP853", tolerance = 1e-9}
-"""
 PLANE = """
 schema = 1
 [bodies]
@@ -43,17 +29,6 @@ duration = "5 s"
 steps = 20
 errors = "none"
 """
-
-
-@pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize("method", ["Radau", "LSODA"])
-def test_implicit_methods_take_a_loop_in_space(method):
-    """Its dependent coordinates, and works, are no variables on which the rates depend."""
-    scene = scene_of(SPACE)
-    expected = solved(scene)
-    found = solved(scene, f"solve.forward.method={method}", "solve.forward.tolerance=1e-8")
-    for name, series in expected.series.items():
-        assert abs(found.series[name].values - series.values).max() < 1e-5 * abs(series.values).max(), name
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])

@@ -363,13 +363,12 @@ def test_a_loop_that_does_not_close_is_named(tmp_path):
 
 
 def test_the_tolerance_of_coupled_bounds_rigid_bodies_in_space():
-    """It did nothing, without a word; that of solve.forward comes first where both are given."""
-    settings = ("solve.tolerance=1e-5", "solve.forward.tolerance=1e-5", "solve.tolerance=1e-12")
-    scene = read_scene("spatial-slider-crank")
-    models = [integrated(load(with_settings(scene, ("solve.preset=coupled", each)))) for each in settings]
+    """It did nothing, without a word."""
+    scene = with_settings(read_scene("spatial-slider-crank"), ["solve.preset=coupled", "solve.steps=20"])
+    models = [integrated(load(with_settings(scene, [f"solve.tolerance={each}"]))) for each in ("1e-5", "1e-12")]
     evaluations = [model.motion.curve.evaluations for model in models]
-    assert evaluations[0] == evaluations[1] < 0.5 * evaluations[2]
-    loose, tight = (simulate(model).energy.drift for model in models[1:])
+    assert evaluations[0] < 0.5 * evaluations[1]
+    loose, tight = (simulate(model).energy.drift for model in models)
     assert 1e-8 < loose < 1e-3 and tight < 1e-10
 
 

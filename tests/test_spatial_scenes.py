@@ -352,17 +352,6 @@ def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):
         load(read_scene(path))
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("method", ["RK45", "Radau", "LSODA"])
-def test_all_methods_come_to_the_same(tmp_path, method):
-    text = '\nlike = "spatial-slider-crank"\nschema = 1\n[solve]\nduration = 0.2\n[solve.forward]\nmethod = "{}"\n'
-    path, found = tmp_path / "method.toml", []
-    for name in (method, "DOP853"):
-        path.write_text(text.format(name))
-        found.append(solved(read_scene(path))["crank_angle"].values)
-    assert found[0] == pytest.approx(found[1], abs=1e-6)
-
-
 @pytest.mark.parametrize(("free", "cut"), [("", "ball"), ("ball", "cross"), ("ball cross", "guide")])
 def test_every_body_is_in_balance_with_its_joints(tmp_path, free, cut):
     """Newton and Euler for each body, by hand: m a_centre and J e + w x J w are what joints and weight exert on it,

@@ -12,7 +12,6 @@ import numpy as np
 
 from kaneflex.mechanism.closure import courses_of, instants, reach_lines, without_rounding
 from kaneflex.scene.contacts import ClearanceContact, Contact
-from kaneflex.scene.option_check import moves_with_links
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
@@ -113,15 +112,14 @@ def _options(model: Model) -> dict[str, str]:
         "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
-    if model.module.FREE and not moves_with_links(model.scene, dynamics):
+    if model.module.FREE and dynamics != "coupled":
         shown["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":
         error = f"tolerance {options.tolerance:g} of the longest body's length"
         bounded = f", for {' and '.join(options.bounded)} of their largest value" if options.bounded else ""
-        if moves_with_links(model.scene, dynamics):
-            shown["integrator"] = f"{options.integrator}, {error}{bounded}"
+        shown["integrator"] = f"{options.integrator}, {error}{bounded}"
         shown["start"] = _STARTS[options.start]
         bodies = model.scene.bodies
         elements = {name: len(link.nodes) - 1 for name, link in model.links.items()}

@@ -38,11 +38,6 @@ def check_coupled(scene: Scene) -> None:
     )  # fmt: skip
 
 
-def moves_with_links(scene: Scene, dynamics: str) -> bool:
-    """True if the coupled equations move free joints, by ``solve.tolerance``; else scipy does, by ``solve.forward``."""
-    return dynamics == "coupled" and (not scene.is_spatial or any(body.deforms for body in scene.bodies.values()))
-
-
 def _welded(scene: Scene) -> bool:
     """True if welds connect all bodies to the ground, and there are no other joints."""
     held, joints = {"ground"}, list(scene.joints.values())
@@ -77,6 +72,13 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
         refuse_bristles(scene, "solve.start", "periodic")
 
 
+def check_forward(scene: Scene, dynamics: str) -> None:
+    """Raise SceneError for a method of free joints in space, which have one only."""
+    if scene.is_spatial and dynamics != "coupled" and "method" in scene.solve.forward.model_fields_set:
+        method, reason = scene.solve.forward.method, "free joints in space are integrated by radau"
+        raise SceneError("solve.forward.method", method, reason, "Leave it out; solve.forward.tolerance sets the error")
+
+
 def check_laws(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for laws of loads that need preset coupled, or its error control."""
     free = next(iter([*(name for name, drive in scene.drives.items() if drive.free), *scene.floating]), None)
@@ -86,14 +88,13 @@ def check_laws(scene: Scene, dynamics: str) -> None:
             continue
         given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset, located = load_jump(scene, law), scene.solve.preset, moves_with_links(scene, dynamics)
+        jump, preset = load_jump(scene, law), scene.solve.preset
         if strange is not None and dynamics != "coupled" and not scene.is_spatial:
             reason = f"under preset {preset} laws and tables can use joints with a drive only: {strange} has none"
             raise SceneError(key, given, reason, "Use preset coupled, or a joint with a drive")
-        if jump is not None and free is not None and not located:
+        if jump is not None and free is not None and dynamics != "coupled":
             reason = f"{jump} jumps, and preset {preset} would step over the jump as it integrates {free}"
-            elastic = " with an elastic body" * scene.is_spatial
-            raise SceneError(key, load.law, reason, f"Use preset coupled{elastic}, or a smooth law: {_SMOOTH}")
+            raise SceneError(key, load.law, reason, f"Use preset coupled, or a smooth law: {_SMOOTH}")
         if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
             reason = f"{jump} jumps, and scipy's Radau would step over the jump"
             raise SceneError(key, load.law, reason, "Use integrator radau or gauss, which end a step there")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene
-from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
+from kaneflex.scene.option_check import check_contacts, check_coupled, check_forward, check_laws
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError, refuse
 
@@ -67,9 +67,9 @@ class Options:
     bounded : tuple of str
         Further quantities bounded at every step, as a share of their largest value so far: "speeds", "reactions".
     forward_method : str
-        Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
+        Method for free joints that are integrated before anything deforms: of scipy's ``solve_ivp``, in space radau.
     forward_tolerance : float
-        Its relative tolerance.
+        Its relative tolerance; in space as ``tolerance`` of coupled equations.
     errors : str
         Errors of the sensors that are estimated: "quick" (none that takes several times a long run), "all" or "none".
     """
@@ -173,6 +173,7 @@ def resolve_options(scene: Scene) -> Options:
     if not scene.is_spatial:  # free bodies without the coupled equations
         check_contacts(scene, dynamics)
     check_laws(scene, dynamics)
+    check_forward(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -190,7 +191,7 @@ def resolve_options(scene: Scene) -> Options:
         rho_infinity=solve.rho_infinity,
         tolerance=tolerance_of(scene, dynamics),
         bounded=solve.bounded,
-        forward_method=solve.forward.method,
+        forward_method="radau" if scene.is_spatial else solve.forward.method,
         forward_tolerance=solve.forward.tolerance,
         errors=solve.errors,
     )

@@ -396,8 +396,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     if idle:
         found.append(f"solve.terms.{', solve.terms.'.join(idle)} has no effect: the scene has no such terms")
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
-    together = options.dynamics == "coupled" and (deforms or not scene.is_spatial)  # rigid bodies in space: scipy
-    if "forward" in scene.solve.model_fields_set and (not free or together):
+    if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
         why = "preset coupled integrates them with the links" if free else "no joint is free"
         found.append(f"solve.forward has no effect: {why}")
     every = -(-options.steps // MAX_STORED)

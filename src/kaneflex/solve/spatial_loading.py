@@ -28,7 +28,6 @@ from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.option_check import moves_with_links
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
@@ -51,11 +50,6 @@ def load_spatial(
     scene: Scene, options: Options, progress: Progress
 ) -> tuple[Model, tuple[str, ...], float, float]:
     """Model of a mechanism in space, notes on its scene, and the seconds of derivation and compilation."""
-    notes: tuple[str, ...] = ()
-    if options.dynamics == "coupled" and not moves_with_links(scene, options.dynamics):
-        notes = tuple(_idle_settings(scene))
-        if "tolerance" not in scene.solve.forward.model_fields_set:
-            options = replace(options, forward_tolerance=scene.solve.tolerance or options.forward_tolerance)
     generated, derived = find_laws_module(scene, progress)
     coupled = options.dynamics == "coupled"
     if coupled:  # before its shapes are computed
@@ -72,20 +66,7 @@ def load_spatial(
         check_finite(scene, moved, options)
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    return model, (*notes, *(_beyond(system, scene) if coupled else ())), derived, compiled
-
-
-def _idle_settings(scene: Scene) -> Iterator[str]:
-    """Notes on ``solve`` entries of the coupled equations that have no effect on rigid bodies."""
-    solve = scene.solve
-    if solve.tolerance is not None and "tolerance" in solve.forward.model_fields_set:
-        used = f"rigid bodies in space use solve.forward.tolerance = {solve.forward.tolerance:g}"
-        yield f"{used}: solve.tolerance = {solve.tolerance:g} has no effect"
-    if solve.bounded:
-        yield f"solve.bounded = {', '.join(solve.bounded)} has no effect: rigid bodies in space use solve.forward"
-    if solve.integrator is not None:
-        used = f"rigid bodies in space are integrated by solve.forward.method = {solve.forward.method}"
-        yield f"{used}: solve.integrator = {solve.integrator} has no effect"
+    return model, tuple(_beyond(system, scene) if coupled else ()), derived, compiled
 
 
 def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:

@@ -70,7 +70,7 @@ def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
     else:
         found = moving(model, motion, energy)
         check_stage(found)
-    return replace(found, warnings=(*found.warnings, *run.passing.warnings))
+    return found
 
 
 def first_state(system: SpatialSystem, options: Options) -> State:

@@ -11,7 +11,6 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.time_statistics import at_least, between_steps
-from kaneflex.scene.option_check import moves_with_links
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
 from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.run_result import RunResult, nominal_seconds
@@ -121,7 +120,7 @@ def _unbalanced(solution: RunResult) -> Iterator[str]:
     if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
         return
     missing = f"does not close: its error is {energy.drift:.2g} of the exchanged energy"
-    if moves_with_links(solution.model.scene, options.dynamics):
+    if options.dynamics == "coupled":
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
             from kaneflex.multibody.time.lost_branch import cause  # which few runs need
 

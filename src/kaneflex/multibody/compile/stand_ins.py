@@ -7,7 +7,7 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, SWITCHED_SPACE
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, SWITCHED_SPACE
 
 
 def of_contacts(otherwise):
@@ -27,11 +27,6 @@ def of_changes(otherwise):
 def of_holds(otherwise):
     """As :func:`of_contacts`, for mechanisms with holds."""
     return _where(otherwise, (HOLD_MECHANISM,))
-
-
-def of_plane(otherwise):
-    """As :func:`of_contacts`, for mechanisms in the plane."""
-    return _where(otherwise, (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM))
 
 
 def _where(otherwise, mechanisms):

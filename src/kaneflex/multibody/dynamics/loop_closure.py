@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
-from kaneflex.multibody.compile.stand_ins import of_holds, of_plane
+from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BENDS, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, DEMAND, DEPENDENT,
     GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE, NOW, OPTIONS, PASSING, PIVOTS, RATE, REACH, REACTION, REACTIONS,
@@ -123,11 +123,9 @@ def follow_on(m, t, near):
     return _follow_here(m, -1.0 if m.pivots[PASSING] else near)
 
 
-@of_plane(False)
 @njit(**OPTIONS)
 def crosses(m, t):
-    """True if the loops are nearly singular at t [s], as at a change point. In space
-    :mod:`kaneflex.multibody.time.spatial_passing` steps over such positions."""
+    """True if the loops are nearly singular at t [s], as at a change point."""
     w, shared = m.w, m.plan[CROSSING]
     return abs(t - w[shared + WHEN]) < w[shared + REACH]
 
@@ -159,7 +157,6 @@ def _follow_here(m, near):
     return True
 
 
-@of_plane(False)
 @njit(**OPTIONS)
 def _follow_across(m, t):
     """The same close to a change point, where the loops' equations are singular but the motion is smooth.
@@ -225,7 +222,6 @@ def _add_dependent(m, sums, weight):
             w[sums + 3 * count + n * r + i] -= weight * w[plan[SIDE] + r]
 
 
-@of_plane(None)
 @njit(**OPTIONS)
 def reduce_across(m):
     """Reduce the residual to independent coordinates by the dependent ones' derivatives near a change point, without

@@ -129,7 +129,7 @@ def spatial_engine(system: Any) -> SpatialEngine:
     units = np.where(system.turns, "rad", "m").tolist()
     names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
     space, pair = SWITCHED_SPACE if counts.switches else SPACE, np.zeros(size, complex)
-    return SpatialEngine(tables, names, kernels, p, real, pair, space, parts, work, system.coupled)
+    return SpatialEngine(tables, names, kernels, p, real, pair, space, parts, work, system.integrates)
 
 
 def _counts(system: Any) -> Counts:

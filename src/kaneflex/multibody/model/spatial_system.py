@@ -257,6 +257,12 @@ class SpatialSystem:
         """Working arrays of this system."""
         return self.engine.work
 
+    @cached_property
+    def integrates(self) -> bool:
+        """True if a run integrates its motion, which drives do not prescribe."""
+        free = any(drive.kind == "free" for drive in self.scene.drives.values())
+        return self.coupled or free or bool(self.mechanism.floating)
+
     @property
     def has_slopes(self) -> bool:
         """True if springs, or loads by the motion of joints, add to a step's matrix."""

@@ -1,21 +1,17 @@
-"""Forward dynamics in space: Kane's independent speeds with all coordinates.
+"""Runs in space by :mod:`kaneflex.multibody.time.collocation`.
 
-The fastest shapes of deforming bodies are of no interest but would limit the step of an explicit method: with them
-:mod:`kaneflex.multibody.time.spatial_collocation` integrates, else scipy.
-
-The right-hand side closes the loops before the accelerations are evaluated, so that dependent coordinates in the state
-are only first guesses for Newton's method, and nothing drifts. If dependent speeds become large relative to independent
-ones, as near a dead centre, the next step begins with another choice.
+If dependent speeds become large relative to independent ones, as near a dead centre, the next step begins with another
+choice.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
-from kaneflex.integrate.by_scipy import IMPLICIT, SLOW, Pace, jacobian_of
+from kaneflex.integrate.by_scipy import Pace
 from kaneflex.mechanism.energy import Energy, of_bodies
 from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.dynamics.spatial_bushings import overturned
@@ -29,7 +25,6 @@ from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.run import HOLDS, TABLES, first_step, held
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
-from kaneflex.multibody.time.spatial_passing import EXACT, Passing
 from kaneflex.multibody.time.step_curves import Steps
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -37,8 +32,6 @@ from kaneflex.support.errors import SceneError
 Share = Callable[[float], None]
 GROWTH = 8.0
 """Largest dependent speed per independent one, in their measures, before another choice is tried."""
-_ABSOLUTE = 1e-2
-"""Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
 _PIECE, PATIENT = 256, 16
@@ -59,37 +52,40 @@ class Run(Curve):
         self.share, self.turned, self.given = share, turned, given
         self.system, self.options, self.start = system, options, start
         self.until = start.t + options.duration if given is None else float(given[-1])
-        self.pace, self.method = Pace(options.duration), options.forward_method
+        self.pace = Pace(options.duration)
         self.ends: list[float] = []  # of the curves
-        self.curves: list[tuple[Any, State]] = []
+        self.curves: list[tuple[Steps, State]] = []
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
         self.growth = GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros(2)]
         self.changes: list[float] = []  # instants at which discontinuous loads switch
         self.done = np.zeros(system.engine.count(at.WORKS))  # works of dampers, loads and drives
-        self.passing = Passing(system, options.forward_method, options.forward_tolerance)
         self.longest = options.duration / options.steps
-        method = Method("radau", options.tolerance, system.mechanism.size, options.bounded)
-        self.bounds = ErrorBounds(system.engine, method, self.longest)
-        self.reason = ""  # why the rates are not defined
+        self.method = method_in_space(system, options)
+        self.bounds = ErrorBounds(system.engine, self.method, self.longest)
+        self.bounds.begin()
         self.stopped: SceneError | None = None  # error of an incomplete run, raised by the caller
 
     def go(self) -> None:
         """Integrate to the end of the run. Raises SceneError if the motion can't continue."""
-        state = self.start
-        while state.t < self.until:
-            state = self._collocated(state) if len(self.system.modal_speeds) else self._by_scipy(state)
+        state: State | None = self.start
+        try:
+            while state is not None:
+                state = self._integrated(state)
+        finally:  # for readers there are no change points
+            self.system.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN] = -math.inf
 
-    def _collocated(self, state: State) -> State:
-        """State at the end, or where another choice of speeds is better."""
+    def _integrated(self, state: State) -> State | None:
+        """State where another choice of speeds is better; None at the end."""
         system, engine, options, choice = self.system, self.system.engine, self.options, state.choice
+        integrator = self.method.integrator
         times = self.start.t + self.longest * np.arange(1, options.steps + 1) if self.given is None else self.given
         times[-1] = self.until
         here, wanted = self.first_row(state)
-        last, most = system.works_at(here), 1 if options.bounded else _PIECE
+        last, most = system.works_at(here), 1 if self.method.bounded else _PIECE
         here[last:] = self.done
-        sloped = DAMPED if system.has_slopes and options.integrator == "radau" else 0.0
+        sloped = DAMPED if system.has_slopes and integrator == "radau" else 0.0
         control = np.array([self.first or wanted, self.longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 1.0])
         counts, steps, taken = np.zeros(5), np.zeros((_PIECE, len(here))), here[None]
         while here[0] < self.until:
@@ -99,7 +95,7 @@ class Run(Curve):
             control[2:5], control[8] = (min(most, PATIENT) if control[6] else most, 0.0, 0.0), 1.0
             most = min(2 * most, _PIECE)  # the largest values so far grow with every piece
             engine.choose_speeds(choice)
-            table = TABLES["radau" if control[7] == DAMPED else options.integrator]
+            table = TABLES["radau" if control[7] == DAMPED else integrator]
             ends = here[:0] if self.given is None else left
             ended = engine.integrate(table, control, here, ends, aims, rows, counts, steps, wide=len(here))
             taken = steps[: int(control[4])]
@@ -115,7 +111,10 @@ class Run(Curve):
             self.share((float(here[0]) - self.start.t) / options.duration)
             control[6] = float(ended == collocation.TURNED)
             if ended == collocation.TURNED:
-                found, self.first = self._now(here, choice), control[0]
+                try:
+                    found, self.first = self._now(here, choice), control[0]
+                except ArithmeticError as reason:
+                    raise self._stopped(float(here[0]), str(reason)) from None
                 better = self._better(found)
                 if better is not found:
                     return better
@@ -124,13 +123,12 @@ class Run(Curve):
                 raise self._stopped(float(here[0]), self._reason(here, choice), far)
             if self.pace.too_slow(float(here[0]) - self.start.t):
                 raise self._stopped(float(here[0]))
-        return self._now(here, choice)
+        return None
 
     def first_row(self, state: State) -> tuple[np.ndarray, float]:
         """First row of the integration from a state, which the engine's tables then have, and the first step [s]."""
         system, free = self.system, state.choice.independent
         system.project(state.t, state.q, state.u, state.choice)
-        self.bounds.begin()
         step = first_step(state.du[free], self.bounds.scale[free], self.longest)
         return system.engine.row(state.t), step
 
@@ -146,59 +144,6 @@ class Run(Curve):
         except ArithmeticError as reason:
             return str(reason)
         return "the step size tends to zero"
-
-    def _by_scipy(self, state: State) -> State:
-        """As :meth:`_collocated`, for rigid bodies."""
-        import scipy.integrate
-
-        system, tolerance = self.system, self.passing.tolerance
-        y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
-        scale = np.concatenate([
-            np.ones(system.coordinates), system.measure[state.choice.independent], [np.inf, np.inf]
-        ])  # fmt: skip
-        rates, sizes = self._rates_of(state), np.where(np.isfinite(scale), scale, 0.0)
-        jac = {"jac": jacobian_of(rates, sizes)} if self.method in IMPLICIT else {}
-        solver = getattr(scipy.integrate, self.method)(
-            rates, state.t, y, self.until, rtol=tolerance, atol=_ABSOLUTE * tolerance * scale,
-            first_step=self.first, **jac,
-        )  # fmt: skip
-        state = self._steps(solver, sizes, state)
-        left = self.until - state.t
-        wanted = self.passing.step or solver.step_size or solver.h_abs
-        self.first = min(wanted, left) if left > 0.0 else None
-        return state
-
-    def _steps(self, solver, sizes: np.ndarray, state: State) -> State:
-        """Steps with one choice of speeds until another choice or method is better, or the end; returns the state
-        there."""
-        found = state
-        while solver.status == "running":
-            before, self.reason = solver.t, ""
-            if self.pace.stiff(solver, sizes):
-                self.method = "Radau"
-                return found
-            try:
-                with np.errstate(all="ignore"):
-                    message = solver.step()
-            except (ValueError, np.linalg.LinAlgError):  # an implicit method meets a Jacobian that is not finite
-                message, solver.status = "", "failed"
-            if solver.status == "failed" or not np.isfinite(solver.y).all():
-                raise self._stopped(before, self.reason or message or "the rates are not finite there")
-            if self.pace.too_slow(solver.t - self.start.t):
-                raise self._stopped(solver.t)
-            self.share((float(solver.t) - self.start.t) / self.options.duration)
-            self.ends.append(solver.t)
-            self.knots.append(solver.t)
-            curve = solver.dense_output()
-            self.curves.append((curve, state))
-            self.works.append(solver.y[-2:].copy())
-            self.passing.foresee(solver, state.choice, curve)
-            (q,), (u,) = self._unpacked(solver.y[None], state)
-            found = self._at(solver.t, q, u, state)
-            better = self._better(found)
-            if better is not found or self.passing.step:
-                return better
-        return found
 
     def _better(self, found: State) -> State:
         """State with another choice of independent speeds, if the dependent ones have become relatively large."""
@@ -217,41 +162,6 @@ class Run(Curve):
             return found
         self.growth = GROWTH
         return other
-
-    def _rates_of(self, state: State) -> Callable[[float, np.ndarray], np.ndarray]:
-        def rates(t: float, y: np.ndarray) -> np.ndarray:
-            self.pace.evaluations += 1
-            try:
-                (q,), (u,) = self._unpacked(y[None], state)
-                found = self.system.project(t, q, u, state.choice)
-                if far := overturned(self.system.mechanism, self.system.work.bushings):
-                    raise ArithmeticError(far[1])
-            except ArithmeticError as reason:  # a shorter step may still find its way
-                if np.isfinite(y).all():
-                    self.reason = str(reason)
-                return np.full(len(y), np.nan)
-            moved, powers = self.system.rates()
-            return np.concatenate([moved, found.du[found.choice.independent], powers])
-
-        return rates
-
-    def _unpacked(self, y: np.ndarray, like: State) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and speeds of scipy's vectors, (n_times, .) each."""
-        u = np.zeros((len(y), self.system.speeds))
-        u[:, like.choice.independent] = y[:, self.system.coordinates : -2]
-        return y[:, : self.system.coordinates], u
-
-    def _states(self, curve: Callable, like: State, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and speeds of a curve, (n_times, .) each; dependent ones follow from these."""
-        if isinstance(curve, Steps):
-            return curve(times)
-        return self._unpacked(curve(times).T, like)
-
-    def _at(self, t: float, q: np.ndarray, u: np.ndarray, like: State) -> State:
-        try:
-            return self.system.project(t, q, u, like.choice)
-        except ArithmeticError as reason:
-            raise self._stopped(t, str(reason)) from None
 
     def __call__(self, t: float) -> State:
         self.rows(np.array([float(t)]))
@@ -274,9 +184,8 @@ class Run(Curve):
         begins = np.flatnonzero(np.diff(steps, prepend=-1))
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
             curve, like = self.curves[steps[first]]
-            given[first:last, :n], given[first:last, n:] = self._states(curve, like, times[first:last])
-            if isinstance(curve, Steps):
-                system.engine.contacts[:, at.BEGUN_AT] = curve.sides
+            given[first:last, :n], given[first:last, n:] = curve(times[first:last])
+            system.engine.contacts[:, at.BEGUN_AT] = curve.sides
             try:
                 system.near(like.choice, times[first:last], given[first:last], out[first:last], what)
             except ArithmeticError as reason:
@@ -313,12 +222,10 @@ class Run(Curve):
         floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
         cure = "Shorten the duration, or change loads or start so that no loop locks"
-        if singular := self.passing.at(t):
-            message = singular
-            cure = f'Use solve.forward = {{method = "DOP853", tolerance = {EXACT:g}}}, or start so that none is passed'
         reason = f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}"
         if not message:
-            reason, cure = self.pace.message(t), SLOW
+            entry = "tolerance" if self.options.dynamics == "coupled" else "forward.tolerance"
+            reason, cure = self.pace.message(t), f"Shorten the duration, or raise solve.{entry}"
         if len(self.system.modal_speeds):
             cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)
@@ -328,3 +235,11 @@ def _largest(system: SpatialSystem, choice: Choice) -> float:
     """Largest entry of the basis, in the measures of the speeds."""
     found = system.basis(choice) / system.measure
     return float(abs(found * system.measure[choice.independent][:, None]).max(initial=0.0))
+
+
+def method_in_space(system: SpatialSystem, options: Options) -> Method:
+    """Method of integration: under preset coupled that of the scene, else for the motion before anything deforms."""
+    size = system.mechanism.size
+    if options.dynamics == "coupled":
+        return Method(options.integrator, options.tolerance, size, options.bounded)
+    return Method(options.forward_method, options.forward_tolerance, size)

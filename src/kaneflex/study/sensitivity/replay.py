@@ -48,7 +48,7 @@ def solver_of(solution: Solution) -> Solver:
     model = solution.model
     if model.coupled is not None:
         return _PlanarReplay(solution)
-    if model.coupled_in_space is not None and len(model.module.system.modal_speeds):
+    if model.coupled_in_space is not None:
         return _SpatialReplay(solution)
     return solve
 
