@@ -201,7 +201,7 @@ SPUN = "free = {at = [0.3, -0.2, 0.1], angular_velocity = [0, 0, 400]}\nrotation
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("rotation =", SPUN, r"bodies.engine.free: .*bushing mount is rotated by 17\d deg"),
+        ("rotation =", SPUN, r"springs.mount.bushing: .*bushing mount is rotated by 17\d deg"),
         (f"stiffness = {list(STIFF)}", "stiffness = 5", r"stiffness = 5: a bushing has six"),
         ("stiffness = [100000.0,", "stiffness = [-3,", r"must not be negative"),
         ("stiffness = [1", "length = 1\nstiffness = [1", r"springs.mount.length.*does not apply to bushing"),

@@ -328,10 +328,12 @@ steps = 10
     solution = moved(tmp_path, "abs(hub) + step(t - 0.42)", text=text)
     t = solution.times
     assert solution["torque"].values == pytest.approx(-abs(2 * t - 1) - (t > 0.42), abs=1e-12)
-    free = text.replace('law = "2*t - 1"', "free = true").replace("torque = {drive_torque = \"hub\"}", "")
-    for preset in ("rigid", "coupled"):
-        with pytest.raises(SceneError, match=f"jumps, and preset {preset} would step over the jump as it integrates"):
-            moved(tmp_path, "sign(hub_speed)", f"solve.preset={preset}", text=free)
+    angle = 'angle = {position = "hub", component = "angle"}'
+    free = text.replace('law = "2*t - 1"', "free = true").replace('torque = {drive_torque = "hub"}', angle)
+    with pytest.raises(SceneError, match="jumps, and preset rigid would step over the jump as it integrates"):
+        moved(tmp_path, "sign(hub_speed)", "solve.preset=rigid", text=free)
+    found = moved(tmp_path, "3*step(t - 0.42)", "solve.preset=coupled", text=free)["angle"].values
+    assert found == pytest.approx(1.5 / J * np.clip(t - 0.42, 0, None) ** 2, abs=1e-12)
 
 
 def test_in_space_a_cycle_is_judged_with_the_jumps_that_it_passes(tmp_path):

@@ -215,10 +215,9 @@ int {name}_accelerations(
     {name}_state *state, double t, const double y[], const double v[], double rates[], double a[])
 {{
     const mechanism m = {name}_handed(state);
-    double powers[2];
     if ({project}(&m, t, (double *)y, (double *)v) != 0)
         return {NAME}_SINGULAR;
-    {rates_of}(&m, rates, powers);
+    {rates_of}(&m, rates);
     memcpy(a, m.du, {NAME}_SPEEDS * sizeof a[0]);
     return {NAME}_DONE;
 }}

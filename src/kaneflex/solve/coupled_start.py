@@ -121,7 +121,6 @@ def _in_space(model: Model) -> Begun:
     joints, points = _joints(system)
     entries = {
         "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
-        "rates_of": (spatial_entries.rates, spatial_entries.ENTRIES[spatial_entries.rates]),
         **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
     }
     weight = np.ones(system.speeds)

@@ -12,33 +12,33 @@ from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.compile.library import sources
-from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, RIGID_ENTRIES
+from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, PRESCRIBED_ENTRIES
 from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE
 from kaneflex.multibody.model.layout import OUTER, Handed
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*sources(), laws.__file__, shape_laws.__file__)
-_rigid, _deforming, _switched_rigid, _switched = (
-    entered(space, entries) for space in (SPACE, SWITCHED_SPACE) for entries in (RIGID_ENTRIES, ENTRIES)
+_prescribed, _integrated, _switched_prescribed, _switched = (
+    entered(space, entries) for space in (SPACE, SWITCHED_SPACE) for entries in (PRESCRIBED_ENTRIES, ENTRIES)
 )
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def _addresses_of_rigid():
-    return _rigid()
+def _addresses_of_prescribed():
+    return _prescribed()
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def _addresses():
-    return _deforming()
+    return _integrated()
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def _addresses_of_switched_rigid():
-    return _switched_rigid()
+def _addresses_of_switched_prescribed():
+    return _switched_prescribed()
 
 
 @njit(cache=True, **OUTER)
@@ -48,15 +48,15 @@ def _addresses_of_switched():
 
 
 _ENTERED = {
-    (SPACE, False): _addresses_of_rigid, (SPACE, True): _addresses,
-    (SWITCHED_SPACE, False): _addresses_of_switched_rigid, (SWITCHED_SPACE, True): _addresses_of_switched,
+    (SPACE, False): _addresses_of_prescribed, (SPACE, True): _addresses,
+    (SWITCHED_SPACE, False): _addresses_of_switched_prescribed, (SWITCHED_SPACE, True): _addresses_of_switched,
 }  # fmt: skip
 
 
 @cache
-def library(space: Handed, deforming: bool) -> dict[Any, Callable[..., Any]]:
-    """C functions of all entries, by their numba functions; those of rigid bodies are fewer, and compile faster.
+def library(space: Handed, integrates: bool) -> dict[Any, Callable[..., Any]]:
+    """C functions of all entries, by their numba functions; without ``integrates`` they are fewer, and compile faster.
 
     ``space``: the argument type; mechanisms with discontinuous loads have more functions.
     """
-    return called(_ENTERED[space, deforming], ENTRIES if deforming else RIGID_ENTRIES)
+    return called(_ENTERED[space, integrates], ENTRIES if integrates else PRESCRIBED_ENTRIES)

@@ -17,7 +17,6 @@ from kaneflex.multibody.dynamics.dimensions import cut_rows, demand, gradient
 from kaneflex.multibody.dynamics.dimensions import place as place_nodes
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
-from kaneflex.multibody.dynamics.powers import powers
 from kaneflex.multibody.dynamics.rotation_vectors import compose
 from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix, react
 from kaneflex.multibody.dynamics.spatial_forces import pass_on as sum_inwards
@@ -39,12 +38,10 @@ from kaneflex.multibody.model.layout import (
     NOW,
     OPTIONS,
     PASSING,
-    POWER,
     PRESCRIBED,
     RATE,
     REACTIONS,
     SIDE,
-    WORKS,
     N,
     Y,
     apart,
@@ -233,24 +230,6 @@ def basis(m, independent, count, out):
 
 
 @njit(**ENTRY)
-def rates(m, out, works):
-    """Rates of the coordinates, and powers dissipated and supplied, after :func:`project`."""
-    plan, w = m.plan, m.w
-    for n in range(m.counts[OWN]):
-        out[m.own[n, 0]] = m.u[m.own[n, 1]]
-    for n in range(m.counts[BALLS]):  # 1/2 q (0, omega)
-        k, s = m.balls[n, 0], m.balls[n, 1]
-        a, b, c, d = m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3]
-        x, y, z = m.u[s], m.u[s + 1], m.u[s + 2]
-        out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
-        out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
-    powers(m)
-    works[0], works[1] = w[plan[POWER]], 0.0
-    for k in range(1, plan[WORKS]):
-        works[1] += w[plan[POWER] + k]
-
-
-@njit(**ENTRY)
 def advance(m, steps, count, out):
     """Move rows of coordinates by rows of steps of the speeds: a ball turns by the rotation vector in its axes."""
     for i in range(count):
@@ -393,18 +372,18 @@ def lacked(m, independent, free, times, count, given, width, out):
     return count
 
 
-RIGID_ENTRIES = {
+PRESCRIBED_ENTRIES = {
     unfolding.courses_at: unfolding.ENTRIES[unfolding.courses_at],
     unfolding.magnitudes_at: unfolding.ENTRIES[unfolding.magnitudes_at],
     place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
-    basis: void(SPACE, CPointer(int64), int64, N), rates: void(SPACE, N, N), advance: void(SPACE, N, int64, N),
+    basis: void(SPACE, CPointer(int64), int64, N), advance: void(SPACE, N, int64, N),
     mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
     near: int64(SPACE, N, int64, N, int64, N, boolean),
     lacked: int64(SPACE, CPointer(int64), int64, N, int64, N, int64, N),
 }  # fmt: skip
-ENTRIES = RIGID_ENTRIES | {
+ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],
 }  # fmt: skip
-"""Functions called by Python, and their argument types; without ``integrate`` for bodies that do not deform."""
+"""Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""
 NEAR, MOVED, LACKED = range(3)
 """Rows of :func:`near`, whole or not, or of :func:`lacked`."""

@@ -6,12 +6,12 @@ Python computes the same for many instants at once, see :mod:`kaneflex.multibody
 from __future__ import annotations
 
 from numba import njit
-from numba.types import CPointer, boolean, int64
+from numba.types import CPointer, boolean, int64, void
 
 from kaneflex.multibody.compile.values import after, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
 from kaneflex.multibody.dynamics.spatial_entries import basis, project
-from kaneflex.multibody.dynamics.spatial_work import OWN, SPACE
+from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN, SPACE
 from kaneflex.multibody.model.layout import (
     BODIES,
     COORDINATES,
@@ -204,8 +204,22 @@ def _eliminate(A, rows, n, j):
         A[n * j + k] /= unit
 
 
+@njit(**ENTRY)
+def rates_of(m, out):
+    """Rates of the coordinates, after :func:`project`."""
+    for n in range(m.counts[OWN]):
+        out[m.own[n, 0]] = m.u[m.own[n, 1]]
+    for n in range(m.counts[BALLS]):  # 1/2 q (0, omega)
+        k, s = m.balls[n, 0], m.balls[n, 1]
+        a, b, c, d = m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3]
+        x, y, z = m.u[s], m.u[s + 1], m.u[s + 2]
+        out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
+        out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
+
+
 ENTRIES = {
     unfold: int64(SPACE, N, Fixed(5), N, N, N, N, N),
     choose: int64(SPACE, N, CPointer(int64), int64, N, N, boolean, N),
+    rates_of: void(SPACE, N),
 }
 """Signatures of the functions that C calls."""

@@ -62,15 +62,11 @@ def named_speeds(system: SpatialSystem) -> list[int]:
             *system.modal_speeds.tolist()]  # fmt: skip
 
 
-def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray], rank: int | None = None) -> np.ndarray:
+def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> np.ndarray:
     """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
-    the measures of both, without redundant rows.
-
-    rank: number of independent rows if known, as for loops that are not quite closed.
-    """
+    the measures of both, without redundant rows."""
     sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
-    if rank is None:
-        rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
+    rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
     return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 
 

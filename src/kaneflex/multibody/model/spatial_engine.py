@@ -48,15 +48,15 @@ class SpatialEngine(Engine):
         Arrays by their names in :data:`kaneflex.multibody.dynamics.spatial_work.SPACE`.
     work : Work
         Those that compiled functions fill.
-    deforming : bool
-        True if it uses the library of deforming bodies.
+    integrates : bool
+        True if it uses the library that integrates motions.
     chosen : list
         The current choice.
     """
 
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     work: Work = None  # type: ignore[assignment]
-    deforming: bool = False
+    integrates: bool = False
     chosen: list[Choice | None] = field(default_factory=lambda: [None])
 
     def choose_speeds(self, choice: Choice) -> None:
@@ -83,7 +83,7 @@ class SpatialEngine(Engine):
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
-        return spatial_library.library(self.handed, self.deforming)
+        return spatial_library.library(self.handed, self.integrates)
 
     @property
     def workspaces(self) -> Collection[str]:

@@ -178,13 +178,6 @@ class SpatialSystem:
         self.engine.call(spatial_entries.mass, np.zeros(self.speeds))
         return self.work.M
 
-    def rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rates q', and powers [W] dissipated by dampers and supplied by loads and prescribed drives, ``work`` being
-        as left by :meth:`project`."""
-        rates, powers = np.zeros(self.coordinates), np.zeros(2)
-        self.engine.call(spatial_entries.rates, rates, powers)
-        return rates, powers
-
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
         out = np.tile(q, (len(steps), 1))
@@ -259,7 +252,7 @@ class SpatialSystem:
 
     @cached_property
     def integrates(self) -> bool:
-        """True if a run integrates its motion, which drives do not prescribe."""
+        """True if a run integrates its motion: with free joints or bodies, or under preset coupled."""
         free = any(drive.kind == "free" for drive in self.scene.drives.values())
         return self.coupled or free or bool(self.mechanism.floating)
 

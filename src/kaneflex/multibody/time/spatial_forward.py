@@ -58,7 +58,7 @@ class Run(Curve):
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
         self.growth = GROWTH  # beyond which other speeds are tried
-        self.works = [np.zeros(2)]
+        self.works = [np.zeros((1, 2))]
         self.changes: list[float] = []  # instants at which discontinuous loads switch
         self.done = np.zeros(system.engine.count(at.WORKS))  # works of dampers, loads and drives
         self.longest = options.duration / options.steps
@@ -106,7 +106,7 @@ class Run(Curve):
                 self.ends.append(float(here[0]))
                 self.knots += taken[:, 0].tolist()
                 self.done = here[last:].copy()
-                self.works += [np.array([row[0], row[1:].sum()]) for row in taken[:, last:]]
+                self.works.append(np.column_stack([taken[:, last], taken[:, last + 1 :].sum(axis=1)]))
                 self.curves.append((Steps(system, np.vstack([before, taken])), state))
             self.share((float(here[0]) - self.start.t) / options.duration)
             control[6] = float(ended == collocation.TURNED)
@@ -208,7 +208,7 @@ class Run(Curve):
         parts = [(name, body.mass, body.about_centre, body.centre) for name, body in bodies.items()]
         kinetic, weight = of_bodies(found, parts, self.system.mechanism.gravity)
         kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
-        return Energy(kinetic, found["strain energy"], weight, *np.array(self.works).T)
+        return Energy(kinetic, found["strain energy"], weight, *np.vstack(self.works).T)
 
     def _stopped(self, t: float, message: str = "", far: tuple[str, str] | None = None) -> SceneError:
         if name := held(self.system.engine, self.system.module):
