@@ -7,8 +7,9 @@ scalar at 1 and the others at 0 it gives the constant matrix before that scalar'
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import sympy as sm
 
@@ -17,10 +18,12 @@ from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Program, named, prune, share
-from kaneflex.derive.rows import LINK_TABLE, element_table, rows_text
+from kaneflex.derive.rows import element_table, rows_text
 from kaneflex.derive.shapes import x_0
 from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
 
+TermRow = tuple[str, str, str, tuple[str, ...]]
+"""A row of TERMS: name, group, kernel, factors of the scalar."""
 _KERNELS = {
     "M": ("Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].", "M", ("inertia",)),
     "K_s": ("Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].", "K", ("elastic",)),
@@ -40,47 +43,45 @@ _ROTARY = {
 
 
 def element_texts() -> dict[str, str]:
-    """Module -> its text, of all BEAMS; what is the same in two of them is imported from the first."""
+    """Module -> its text, of all BEAMS and of the rows of their tables."""
     texts = {"rows": rows_text()}
-    printed = {LINK_TABLE: "rows"}
     for module, options in BEAMS.items():
-        element = beam_element(**options, with_frame=False)
-        texts[module] = _text(module, element, printed, texts)
+        texts[module] = _text(module, beam_element(**options, with_frame=False), texts)
     return texts
 
 
-def _text(module: str, element: Element, printed: dict[str, str], texts: dict[str, str]) -> str:
-    """Text of one module. ``printed`` says which module has a text, and learns what this one has; ``texts`` are those
-    of the modules before it."""
+def _text(module: str, element: Element, texts: Mapping[str, str]) -> str:
+    """Text of one module; those before it have the tables that it imports."""
     assert {(term.group, monomial(term.scalar)) for term in element.terms} == {
         (group, factors) for _, group, _, factors in ELEMENT_TERMS
     }, f"the terms of {module} are not those of the contract"
     kernels = [element_kernel(name, element) for name in ELEMENT_KERNELS]
     counts = emit.operations(kernels)
     blocks = emit.print_kernels((kernel for kernel, _ in kernels), Names({}))
-    data = {
-        "LINK_SCALARS": LINK_TABLE,
-        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
-        "TERMS": module_text.literal("TERMS", ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"),
-    }
-    offered = data | dict(zip(ELEMENT_KERNELS, blocks, strict=True))
-    own = [text for text in offered.values() if printed.setdefault(text, module) == module]
-    imports = []
-    for other in texts:
-        shared = [name for name, text in offered.items() if printed[text] == other]
-        if shared:
-            imports.append(module_text.import_called(other, shared, texts[other]))
+    data, imports = tables_of_all(ELEMENT_TERMS, next(iter(BEAMS)), texts)
     return module_text.module(
         "Matrices of one element of an elastic link",
         _about(element),
         [
             element_table("PLANAR", ((name, unit, meaning) for name, _, unit, meaning in element.parameters)),
-            *(text for text in own if text in data.values()),
+            *data,
             module_text.operations_table(counts),
         ],
-        [*(text for text in own if text in blocks), every_matrix(ELEMENT_TERMS, 6)],
-        imports,
+        [*blocks, every_matrix(ELEMENT_TERMS, 6)],
+        [module_text.import_called("rows", ["LINK_SCALARS"], texts["rows"]), *imports],
     )
+
+
+def tables_of_all(
+    terms: Iterable[TermRow], first: str, texts: Mapping[str, str], more: Mapping[str, str] = MappingProxyType({})
+) -> tuple[list[str], list[str]]:
+    """KERNELS, TERMS and ``more`` tables of a kind's elements: their texts in the first module, imports in others."""
+    data = {
+        **more,
+        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
+        "TERMS": module_text.literal("TERMS", terms, "name, group, kernel that has it, factors of the scalar"),
+    }
+    return ([], [module_text.import_called(first, data, texts[first])]) if first in texts else ([*data.values()], [])
 
 
 def monomial(scalar: sm.Expr) -> tuple[str, ...]:
@@ -133,7 +134,7 @@ def _independent(program: Program, matrix: sm.Matrix) -> Program:
     return prune(replace(program, outputs=tuple(entry for entry in program.outputs if entry[0] in wanted)))
 
 
-def every_matrix(terms: Iterable[tuple[str, str, str, tuple[str, ...]]], size: int) -> str:
+def every_matrix(terms: Iterable[TermRow], size: int) -> str:
     """The loop over elements of this size that calls every kernel."""
     lines = [
         "@njit(**OPTIONS)",

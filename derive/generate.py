@@ -9,7 +9,7 @@ from typing import Any
 from kaneflex.derive import lookups_numba, module_text, rows
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.bracketed import bracketed
-from kaneflex.derive.elements import element_kernel, in_letters, monomial
+from kaneflex.derive.elements import TermRow, element_kernel, in_letters, monomial
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
 from kaneflex.derive.printers import numba_printer as emit
@@ -24,8 +24,6 @@ from kaneflex.support.contract import (
 )
 
 Progress = Callable[[str], None]
-TermRow = tuple[str, str, str, tuple[str, ...]]
-"""A row of TERMS: name, group, kernel, factors of the scalar."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +36,8 @@ class Equations:
     motion : Motion
     beam : str
         The module of the element, one of ``contract.BEAMS``; empty where nothing is elastic.
+    theory : dict
+        Options of ``beam_element`` that the elastic links require; those of ``beam`` may include more.
     terms : tuple of rows of ``contract.ELEMENT_TERMS``
         What the motion can excite.
     inverse : Inverse or None
@@ -47,15 +47,13 @@ class Equations:
     mechanism: SymbolicMechanism
     motion: Motion
     beam: str
+    theory: Mapping[str, bool]
     terms: tuple[TermRow, ...]
     inverse: Inverse | None
 
-    @property
-    def element(self) -> Element | None:
-        """The element in symbols with the terms of this motion; None where nothing is elastic."""
-        if not self.beam:
-            return None
-        element = beam_element(**BEAMS[self.beam], with_frame=False)
+    def element(self, theory: Mapping[str, bool]) -> Element:
+        """An element in symbols with the terms of this motion."""
+        element = beam_element(**theory, with_frame=False)
         required = {(group, factors) for _, group, _, factors in self.terms}
         terms = (term for term in element.terms if (term.group, monomial(term.scalar)) in required)
         return replace(element, terms=tuple(terms))
@@ -65,16 +63,17 @@ def derive_equations(structure: dict[str, Any]) -> Equations:
     """Kane's equations of the rigid mechanism, and which terms of their element its elastic links require."""
     mechanism = read_structure(structure)
     motion = derive_motion(mechanism)
-    beam = beam_of(structure) if motion.links else ""
-    return Equations(mechanism, motion, beam, required_terms(mechanism, motion), derive_inverse(mechanism))
+    theory = theory_of(structure)
+    beam = beam_module(**theory) if motion.links else ""
+    return Equations(mechanism, motion, beam, theory, required_terms(mechanism, motion), derive_inverse(mechanism))
 
 
-def beam_of(structure: Mapping[str, Any]) -> str:
-    """The leanest element that serves every elastic link; the simpler theories are its limits, by their parameters."""
+def theory_of(structure: Mapping[str, Any]) -> dict[str, bool]:
+    """Theory that serves every elastic link; the simpler ones are its limits, by their parameters."""
     theories = {body.get("theory") for body in structure["bodies"].values()}
     shear = "timoshenko" in theories
     varying = any(body.get("varying") for body in structure["bodies"].values())
-    return beam_module(rotary=shear or "rayleigh" in theories, shear=shear, varying=varying)
+    return {"rotary": shear or "rayleigh" in theories, "shear": shear, "varying": varying}
 
 
 def required_terms(mechanism: SymbolicMechanism, motion: Motion) -> tuple[TermRow, ...]:
@@ -132,7 +131,7 @@ def _halves(equations: Equations, without: Sequence[str]) -> list[emit.Printed]:
     groups = {kernel: {row[1] for row in ELEMENT_TERMS if row[2] == kernel} for kernel in ELEMENT_KERNELS}
     kept = {row[2] for row in equations.terms}
     split = [kernel for kernel in ELEMENT_KERNELS if kernel in kept and groups[kernel] & set(without)]
-    element = equations.element if split else None
+    element = equations.element(BEAMS[equations.beam]) if split else None
     return [element_kernel(kernel, element) for kernel in split]
 
 

@@ -65,8 +65,8 @@ def latex_document(equations: Equations, programs: Sequence[Program], scene: str
         parts.append(_SECTION[program.name])
         parts.append(align(program, names, _targets(equations, program)))
     parts.append(_scalars(equations))
-    if equations.element is not None:
-        parts.append(_element(equations.element))
+    if equations.beam:
+        parts.append(_element(equations.element(equations.theory)))
     return _DOCUMENT.format(scene=escaped(scene), structure=structure, format=FORMAT, body="\n\n".join(parts))
 
 

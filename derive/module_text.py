@@ -97,7 +97,7 @@ def module(
     imports = [*([import_called("packs", packed, packs.TEXT)] if packed else []), *imports]
     if kernels:
         imports.insert(0, "from kaneflex.generated.compiling import njit")
-    if re.search(r"\brows\.\w+\(", tables):
+    if re.search(r"\brows\.\w", tables):
         imports.insert(0, "from kaneflex.generated import rows")
     before = [*["import math"] * ("math." in kernels), *before]
     found, constants = f"format {FORMAT}, SymPy {version()}; made by: {made}", [f"FORMAT = {FORMAT}"]

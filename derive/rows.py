@@ -43,11 +43,6 @@ def element(link, parameters):
     return tuple((f"bodies.{link}.element.{name}", unit) for name, unit, _ in parameters)
 
 
-def named(rows, names):
-    """Rows of these names, in their order."""
-    return tuple(row for name in names.split() for row in rows if row[0] == name)
-
-
 def constants(owner, /, **values):
     """CONSTANTS that have one owner."""
     return {f"{owner}.{name}": value for name, value in values.items()}
@@ -59,8 +54,8 @@ def less(rows, *names):
 
 
 LINK_TABLE = module_text.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
-_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
-_FUNCTIONS = (link, body, force, numbers, element, named, constants, less)
+_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True)}
+_FUNCTIONS = (link, body, force, numbers, element, constants, less)
 
 
 def rows_text() -> str:
@@ -97,8 +92,9 @@ def parameters_table(rows: Sequence[Row], elements: Iterable[str] = (), comment:
 
 def element_table(kind: str, rows: Iterable[Row]) -> str:
     """ELEMENT_PARAMETERS of one of _ELEMENTS' kinds."""
-    names = " ".join(name for name, *_ in rows)
-    return f"# p: name, unit, meaning\nELEMENT_PARAMETERS = rows.named(rows.{kind}_ELEMENT, {names!r})"
+    rows = tuple(rows)
+    assert rows == _ELEMENTS[kind][: len(rows)]
+    return f"ELEMENT_PARAMETERS = rows.{kind}_ELEMENT[:{len(rows)}]  # p: name, unit, meaning"
 
 
 def constants_table(values: Mapping[str, float]) -> str:

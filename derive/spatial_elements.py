@@ -17,7 +17,7 @@ from sympy import Expr, Poly, Rational, S, factor_terms
 
 from kaneflex.derive import module_text
 from kaneflex.derive.beam_slice import X, link_tension, slice_equations
-from kaneflex.derive.elements import every_matrix
+from kaneflex.derive.elements import every_matrix, tables_of_all
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Program, share
@@ -61,7 +61,6 @@ class _Section:
     """An element's numbers along s = x/length: what varies grows linearly about its mean in the middle."""
 
     shear: bool
-    varying: bool
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -69,7 +68,7 @@ class _Section:
         return SPATIAL_NODE if self.shear else SPATIAL_NODE[:4]
 
     def along(self, name: str) -> Expr:
-        return PARAMETERS[name] + (PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2)) if self.varying else 0)
+        return PARAMETERS[name] + PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2))
 
     def here(self, expression: Expr) -> Expr:
         """A slice's number by s."""
@@ -78,8 +77,7 @@ class _Section:
 
     def tension(self) -> Expr:
         """Axial force by s."""
-        before = (PARAMETERS["m_0"], PARAMETERS["S_0"]) if self.varying else (rho_A * x_0, rho_A * x_0**2 / 2)
-        density = self.along("rho_A").subs(s, along / length)
+        before, density = (PARAMETERS["m_0"], PARAMETERS["S_0"]), self.along("rho_A").subs(s, along / length)
         return P_0 + link_tension(before, density).subs(along, length * s)
 
     def bubble(self, functions: str, rows: str) -> str:
@@ -95,14 +93,11 @@ class _Section:
         if not self.shear:
             return [], (f"bend_{plane} = (0.0, 0.0, {turn})",)
         beta = 1 / (1 + PARAMETERS[flexibility])
-        numbers = [(f"beta_{plane}", beta)]
-        alpha = sixth = "0.0"
-        if self.varying:
-            growth = PARAMETERS[f"{stiffness}_rise"] / PARAMETERS[stiffness]
-            numbers += [(f"alpha_{plane}", (1 - beta) * growth / 6), (f"growth_{plane}", growth)]
-            alpha, sixth = f"alpha_{plane}", f"-growth_{plane}/6.0"
-        made = f"bend_{plane} = (beta_{plane} - 1.0, {alpha}, {turn})", f"shear_{plane} = (1.0, {sixth}, {turn})"
-        return numbers, made
+        growth = PARAMETERS[f"{stiffness}_rise"] / PARAMETERS[stiffness]
+        numbers = {"beta": beta, "alpha": (1 - beta) * growth / 6, "growth": growth}
+        bending = f"bend_{plane} = (beta_{plane} - 1.0, alpha_{plane}, {turn})"
+        shear = f"shear_{plane} = (1.0, -growth_{plane}/6.0, {turn})"
+        return [(f"{name}_{plane}", number) for name, number in numbers.items()], (bending, shear)
 
 
 @dataclass
@@ -236,28 +231,20 @@ _KERNELS = {
 def spatial_element_texts() -> dict[str, str]:
     """Module -> its text, of all SPATIAL_BEAMS and of the integrals that they add up."""
     texts = {"shape_integrals": shape_integrals_text()}
-    for module, options in SPATIAL_BEAMS.items():
-        texts[module] = _text(_Section(options["shear"], options["varying"]), texts)
+    for module, shear in SPATIAL_BEAMS.items():
+        texts[module] = _text(_Section(shear), texts)
     return texts
 
 
 def _text(section: _Section, texts: Mapping[str, str]) -> str:
     """Text of one module; those before it have what it imports."""
-    integrals, (first, *_) = texts["shape_integrals"], SPATIAL_BEAMS
-    data = {
-        "LINK_SCALARS": module_text.literal("LINK_SCALARS", SPATIAL_LINK_SCALARS, "s: name, unit, meaning"),
-        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
-        "TERMS": module_text.literal(
-            "TERMS", SPATIAL_ELEMENT_TERMS, "name, group, kernel that has it, factors of the scalar"
-        ),
-    }
+    scalars = {"LINK_SCALARS": module_text.literal("LINK_SCALARS", SPATIAL_LINK_SCALARS, "s: name, unit, meaning")}
+    data, imports = tables_of_all(SPATIAL_ELEMENT_TERMS, next(iter(SPATIAL_BEAMS)), texts, scalars)
+    integrals = texts["shape_integrals"]
     built = [_kernel(name, section) for name in ELEMENT_KERNELS]
     kernels = emit.print_kernels((kernel for kernel, _, _ in built), Names({}))
     words = sorted({word for kernel, _, _ in built for call in kernel.calls for word in re.findall(r"\w+", call)})
     called = [word for word in words if f"\n{word} = " in integrals or f"\ndef {word}(" in integrals]
-    imports = [module_text.import_called("shape_integrals", called, integrals)]
-    if first in texts:
-        imports.append(module_text.import_called(first, data, texts[first]))
     counts = {
         name: tuple(count + loops for count in counts)
         for (name, counts), (_, _, loops) in zip(
@@ -268,12 +255,12 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
         "Matrices of one element of an elastic link in space",
         _about(section),
         [
-            element_table("SPATIAL", _parameters(section)),
-            *(() if first in texts else data.values()),
+            element_table("SPATIAL", spatial_element_parameters(section.shear)),
+            *data,
             module_text.operations_table(counts),
         ],
         [*kernels, every_matrix(SPATIAL_ELEMENT_TERMS, 12)],
-        imports,
+        [module_text.import_called("shape_integrals", called, integrals), *imports],
     )
 
 
@@ -290,7 +277,8 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
         used = [statement for statement in made if f"{statement.partition(' ')[0]}," in text]
         pairs += used
         outputs += [(called, number) for called, number in of_plane if called in " ".join(used)]
-    inputs = emit.places((PARAMETERS[key] for key, *_ in _parameters(section)), "p") + emit.places(SCALARS, "s")
+    parameters = (PARAMETERS[key] for key, *_ in spatial_element_parameters(section.shear))
+    inputs = emit.places(parameters, "p") + emit.places(SCALARS, "s")
     raw = Program(name, tuple(symbol for symbol, _ in inputs), (), (*outputs, *numbers))
     motion = set(SCALARS) & set().union(*(number.free_symbols for _, number in numbers))
     doc = _DOCS[name] + _CORRECTED * (name == "M" and section.shear)
@@ -300,10 +288,6 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
         calls=(*pairs, *total.calls), inline=True,
     )  # fmt: skip
     return kernel, raw, total.operations
-
-
-def _parameters(section: _Section) -> tuple[tuple[str, str, str], ...]:
-    return spatial_element_parameters(section.shear, section.varying)
 
 
 def _demand_terms(name: str, numbers: list[tuple[str, Expr]]) -> None:

@@ -12,14 +12,12 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
-from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
+from kaneflex.generated.rows import LINK_SCALARS  # digest f53b7cb16b9d35dc
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: name, unit, meaning
-ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0')
-
+ELEMENT_PARAMETERS = rows.PLANAR_ELEMENT[:5]  # p: name, unit, meaning
 KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
 
 # name, group, kernel that has it, factors of the scalar

@@ -13,17 +13,18 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
-from kaneflex.generated.rows import LINK_SCALARS  # digest 5ca4032142149a26
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest e2447d8f1b03a9e3
+from kaneflex.generated.rows import LINK_SCALARS  # digest f53b7cb16b9d35dc
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 4e40f497dbb618d4
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: name, unit, meaning
-ELEMENT_PARAMETERS = rows.named(rows.PLANAR_ELEMENT, 'rho_A E_A E_I length x_0 rho_I phi_s')
+ELEMENT_PARAMETERS = rows.PLANAR_ELEMENT[:13]  # p: name, unit, meaning
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {'M': (524, 66), 'K_s': (92, 20), 'K_d': (420, 54), 'K_g': (1120, 111), 'C': (144, 22), 'F': (128, 57)}
+OPERATIONS = {
+    'M': (1690, 206), 'K_s': (188, 35), 'K_d': (1418, 156), 'K_g': (4470, 273), 'C': (500, 60), 'F': (402, 118),
+}
 
 
 @njit(**OPTIONS)
@@ -34,34 +35,89 @@ def M(p, out):
     So is the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, _, rho_I, phi_s = unpacked(p, 7)
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
-    w2 = phi_s + 1.0
-    w3 = 1.0/w2
-    w4 = w0*w3
-    w5 = 1.0/(w2*w2)
-    w6 = rho_I*w5
-    w7 = 0.08333333333333333*phi_s*w4 + 0.004761904761904762*w0*w5 + 0.03333333333333333*w4 + 1.2*w6/length
-    w8 = (length*length)*rho_A
-    w9 = 0.041666666666666664*w8
-    w10 = 0.5*rho_I*w3
-    w11 = phi_s*w3*w9 - w10 + 0.008333333333333333*w3*w8 + 0.002380952380952381*w5*w8 + 0.6*w6
-    w12 = w11 + w9
-    w13 = w11 - w9
-    w14 = length*rho_I
-    w15 = (length*length*length)*rho_A
-    w16 = 0.008333333333333333*w15
-    w17 = phi_s*w15
-    w18 = 0.006944444444444444*w17
-    w19 = -length*w10 + 0.3*length*w6 + 0.0011904761904761906*w15*w5 + 0.020833333333333332*w17*w3
-    v0 = w1 + w7
-    v1 = 0.3333333333333333*w14 + w16 + w18 + w19
+    w2 = 0.08333333333333333*length
+    w3 = rho_A_rise*w2
+    w4 = w1 - w3
+    w5 = phi_s + 1.0
+    w6 = 1.0/w5
+    w7 = rho_A_rise*w6
+    w8 = 0.016666666666666666*length
+    w9 = w7*w8
+    w10 = 1.0/(w5*w5)
+    w11 = rho_I*w10
+    w12 = phi_s*w6
+    w13 = rho_A*w12*w2 + 0.004761904761904762*w0*w10 + 0.03333333333333333*w0*w6 + 1.2*w11/length
+    w14 = length*length
+    w15 = rho_A_rise*w14
+    w16 = w15*w6
+    w17 = 0.005357142857142857*w16
+    w18 = rho_A*w14
+    w19 = 0.041666666666666664*w18
+    w20 = E_I_rise/E_I
+    w21 = 0.0006944444444444445*w20
+    w22 = w15*w21
+    w23 = w16*w21
+    w24 = rho_I*w6
+    w25 = 0.5*w24
+    w26 = w18*w6
+    w27 = w10*w18
+    w28 = 0.6*w11 + w12*w19 - w25 + 0.008333333333333333*w26 + 0.002380952380952381*w27
+    w29 = w19 - w22 + w23 + w28
+    w30 = 0.004166666666666667*w15
+    w31 = rho_I_rise*w6
+    w32 = 0.05*w31
+    w33 = 0.1*w20
+    w34 = w11*w33
+    w35 = w24*w33
+    w36 = 0.001388888888888889*w18*w20
+    w37 = w20*w26
+    w38 = 0.000992063492063492*w37
+    w39 = 0.0003968253968253968*w20
+    w40 = w27*w39
+    w41 = 0.006944444444444444*phi_s*w37
+    w42 = -w30 + w32 - w34 + w35 + w36 - w38 - w40 - w41
+    w43 = 0.002976190476190476*w16
+    w44 = -w19 + w22 - w23 + w28
+    w45 = w30 - w32 + w34 - w35 - w36 + w38 + w40 + w41
+    w46 = rho_I_rise*w2
+    w47 = length*length*length
+    w48 = w47*w7
+    w49 = 0.0011904761904761906*w48
+    w50 = length*w32
+    w51 = rho_I*w2*w20
+    w52 = length*w11
+    w53 = w33*w52
+    w54 = rho_A*w47
+    w55 = w10*w54
+    w56 = w39*w55
+    w57 = w39*w54*w6
+    w58 = length*w20
+    w59 = 0.18333333333333332*w24*w58
+    w60 = phi_s*w54
+    w61 = 0.006944444444444444*w60
+    w62 = w20*w6*w61
+    w63 = length*rho_I
+    w64 = length*w25
+    w65 = w6*w60
+    w66 = 0.0001984126984126984*w20
+    w67 = 0.008333333333333333*w58
+    w68 = (E_I_rise*E_I_rise)/(E_I*E_I)
+    w69 = 0.008333333333333333*w68
+    w70 = w54*w68
+    w71 = 0.0005787037037037037*w68
+    w72 = -rho_A_rise*w47*w66 + rho_I_rise*w67 - w24*w68*w8 - w31*w67 + w48*w66 + w52*w69 + 0.008333333333333333*w54 + 3.306878306878307e-05*w55*w68 - 6.613756613756614e-05*w6*w70 - w60*w71 + w61 + w63*w69 + w65*w71 + 3.306878306878307e-05*w70
+    w73 = 0.3*w52 + 0.0011904761904761906*w55 + 0.3333333333333333*w63 - w64 + 0.020833333333333332*w65 + w72
+    w74 = w1 + w3
     fill(out, (
-        (w1, 0.16666666666666666*w0, w1),
+        (w4, 0.16666666666666666*w0, w74),
         (
-            v0, w12, 0.16666666666666666*length*rho_A - w7, w13, v1, -w13, 0.16666666666666666*w14 - w16 - w18 + w19,
-            v0, -w12, v1,
+            w13 + w4 - w9, -w17 + w29 + w42, 0.16666666666666666*length*rho_A - w13, -w43 + w44 + w45,
+            -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73, -w42 - w43 - w44,
+            0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72,
+            w13 + w74 + w9, -w17 - w29 - w45, w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73,
         ),
     ))
 
@@ -71,16 +127,24 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    _, E_A, E_I, length, _, _, phi_s = unpacked(p, 7)
+    _, E_A, E_I, length, _, _, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     w0 = 1.0/length
     w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
     w4 = 12.0*w3/(length*length*length)
-    w5 = 6.0*w3/(length*length)
-    w6 = E_I*w0
-    v0 = 3.0*w2*w6 + w6
-    fill(out, ((w1, -w1, w1), (w4, w5, -w4, w5, v0, -w5, 3.0*E_I*w0*w2 - w6, w4, -w5, v0)))
+    w5 = 1.0/(length*length)
+    w6 = 6.0*w3*w5
+    w7 = E_I_rise*w2
+    w8 = w5*w7
+    w9 = w6 - w8
+    w10 = w6 + w8
+    w11 = w0*w7
+    w12 = E_I*w0
+    w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
+    w14 = w12 + w13*w2 - w13
+    w15 = 3.0*w12*w2 + w14
+    fill(out, ((w1, -w1, w1), (w4, w9, -w4, w10, -w11 + w15, -w9, 3.0*E_I*w0*w2 - w14, w4, -w10, w11 + w15)))
 
 
 @njit(**OPTIONS)
@@ -88,40 +152,89 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, _, _, phi_s = unpacked(p, 7)
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     omega, epsilon = unpacked(s, 2)
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
-    w3 = phi_s + 1.0
-    w4 = 1.0/w3
-    w5 = w1*w4
-    w6 = 0.016666666666666666*w5
-    w7 = w2 + w6
-    w8 = (length*length)*rho_A
-    w9 = 0.041666666666666664*w8
-    w10 = 0.008333333333333333*w4*w8
-    w11 = w10 + w9
-    w12 = 0.16666666666666666*w1
-    w13 = w12 - w6
-    w14 = -w10 + w9
-    w15 = 1.0/(w3*w3)
-    w16 = 0.004761904761904762*w1*w15 + 0.03333333333333333*w5
-    w17 = 0.002380952380952381*w15*w8
-    w18 = w11 + w17
-    w19 = w10 + w17 - w9
-    w20 = (length*length*length)*rho_A
-    w21 = 0.008333333333333333*w20
-    w22 = 0.0011904761904761906*w15*w20
-    v0 = -w0*w2
-    v1 = -epsilon*w7
-    v2 = -epsilon*w13
-    v3 = w0*(-w16 - w2)
-    v4 = w0*(-w21 - w22)
+    w3 = length*rho_A_rise
+    w4 = 0.08333333333333333*w3
+    w5 = w2 - w4
+    w6 = phi_s + 1.0
+    w7 = 1.0/w6
+    w8 = w1*w7
+    w9 = 0.016666666666666666*w8
+    w10 = 0.008333333333333333*w7
+    w11 = w10*w3
+    w12 = -w11 + w5 + w9
+    w13 = length*length
+    w14 = rho_A*w13
+    w15 = w10*w14
+    w16 = rho_A_rise*w13
+    w17 = 0.004166666666666667*w16
+    w18 = w17*w7
+    w19 = 0.041666666666666664*w14
+    w20 = E_I_rise/E_I
+    w21 = 0.0006944444444444445*w20
+    w22 = w16*w21
+    w23 = w16*w7
+    w24 = w21*w23
+    w25 = w19 - w22 + w24
+    w26 = -w18 + w25
+    w27 = w14*w20
+    w28 = 0.001388888888888889*w27
+    w29 = w28*w7
+    w30 = -w17 + w28 - w29
+    w31 = w15 + w26 + w30
+    w32 = 0.16666666666666666*w1
+    w33 = w11 + w32 - w9
+    w34 = w18 + w25
+    w35 = -w15 + w30 + w34
+    w36 = 0.016666666666666666*w3*w7
+    w37 = 1.0/(w6*w6)
+    w38 = 0.004761904761904762*w1*w37 + 0.03333333333333333*w8
+    w39 = 0.000992063492063492*w27*w7
+    w40 = w14*w37
+    w41 = 0.0003968253968253968*w20
+    w42 = w40*w41
+    w43 = 0.002380952380952381*w40
+    w44 = w15 + w43
+    w45 = w25 + w44
+    w46 = w11 + w9
+    w47 = -w32 + w46
+    w48 = w17 - w28
+    w49 = w39 + w42 + w48
+    w50 = -0.002976190476190476*rho_A_rise*w13*w7 + w49
+    w51 = length*length*length
+    w52 = rho_A_rise*w51
+    w53 = w52*w7
+    w54 = 0.0011904761904761906*w53
+    w55 = rho_A*w51
+    w56 = w37*w55
+    w57 = w41*w56
+    w58 = w55*w7
+    w59 = w41*w58
+    w60 = 0.0011904761904761906*w56
+    w61 = 0.0001984126984126984*w20
+    w62 = E_I_rise*E_I_rise
+    w63 = 1.0/(E_I*E_I)
+    w64 = 3.306878306878307e-05*w62*w63
+    w65 = -w52*w61 + w53*w61 + w55*w64 + 0.008333333333333333*w55 + w56*w64 - 6.613756613756614e-05*w58*w62*w63
+    w66 = w60 + w65
+    w67 = w29 + w48
+    w68 = -w15 + w26 + w67
+    w69 = w2 + w4
+    w70 = w46 + w69
+    w71 = w15 + w34 + w67
     fill(out, (
-        (v0, -w0*w12, v0),
-        (v3, -w0*w18, w0*(-w12 + w16), -w0*w19, v4, w0*w19, w0*(w21 - w22), v3, w0*w18, v4),
-        (v1, -epsilon*w11, v2, epsilon*w14, v2, -epsilon*w14, v1, epsilon*w11),
+        (-w0*w5, -w0*w32, -w0*w69),
+        (
+            w0*(w36 - w38 - w5), w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45),
+            w0*(-w32 + w38), w0*(w19 - w22 + w24 - w44 - w50), w0*(w54 + w57 - w59 - w66), w0*(w15 - w25 + w43 - w50),
+            w0*(-w60 + w65), w0*(-w36 - w38 - w69), w0*(0.005357142857142857*w23 + w45 + w49),
+            w0*(-w54 - w57 + w59 - w66),
+        ),
+        (-epsilon*w12, -epsilon*w31, -epsilon*w33, epsilon*w35, epsilon*w47, -epsilon*w68, -epsilon*w70, epsilon*w71),
     ))
 
 
@@ -130,45 +243,94 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, x_0, _, phi_s = unpacked(p, 7)
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, m_0, S_0, _, _, phi_s = unpacked(p, 13)
     omega, _, a_x, _, P_0 = unpacked(s, 5)
-    w0 = a_x*rho_A
-    w1 = omega*omega
-    w2 = rho_A*w1*x_0
-    w3 = 1.0/length
-    w4 = phi_s + 1.0
-    w5 = 1.0/(w4*w4)
-    w6 = w3*w5
-    w7 = w3 + 0.2*w6
-    w8 = 0.5*w3 + 0.1*w6
-    w9 = 1.0/w4
-    w10 = -0.06666666666666667*w3*w9 + 0.3333333333333333*w3 + 0.0761904761904762*w6
-    P_1 = P_0 + x_0*(w0 - 0.5*w2)
-    w11 = 0.1*P_1*w5
-    w12 = 0.05*w5
-    w13 = 0.03333333333333333*w9
-    w14 = w12 - w13 + 0.08333333333333333
-    w15 = 0.0380952380952381*w5
-    w16 = w15 - 0.05*w9 + 0.08333333333333333
-    w17 = w12 + w13 - 0.08333333333333333
-    w18 = w15 + 0.016666666666666666*w9 - 0.08333333333333333
-    w19 = 0.08333333333333333*length
-    w20 = P_1*(length*w12 + w19)
-    w21 = length*w13
-    w22 = 0.041666666666666664*length
-    w23 = length*w5
-    w24 = w22 + 0.025*w23
-    w25 = 0.03333333333333333*length
-    w26 = 0.01904761904761905*w23 + w25
-    P_2 = length*w0 - length*w2
-    P_3 = -0.5*(length*length)*rho_A*w1
-    v0 = P_1*w7 + P_2*w8 + P_3*w10
+    w0 = omega*omega
+    w1 = length*rho_A
+    w2 = length*rho_A_rise
+    w3 = 0.5*a_x*w2
+    w4 = 0.5*w0
+    w5 = length*length
+    w6 = rho_A_rise*w0*w5
+    w7 = 1.0/length
+    w8 = phi_s + 1.0
+    w9 = 1.0/(w8*w8)
+    w10 = w7*w9
+    w11 = 0.2*w10 + w7
+    w12 = 0.1*w9
+    w13 = w12*w7 + 0.5*w7
+    w14 = 1.0/w8
+    w15 = w14*w7
+    w16 = 0.0761904761904762*w10 - 0.06666666666666667*w15 + 0.3333333333333333*w7
+    w17 = 0.06428571428571428*w10 - 0.1*w15 + 0.25*w7
+    w18 = E_I_rise/E_I
+    w19 = w18*w9
+    w20 = 0.016666666666666666*w19
+    w21 = 0.016666666666666666*w14
+    w22 = w18*w21
+    w23 = w12 - w20 + w22
+    w24 = 0.05*w9
+    w25 = 0.03333333333333333*w14
+    w26 = 0.008333333333333333*w19
+    w27 = w14*w18
+    w28 = 0.008333333333333333*w27
+    w29 = w24 - w25 - w26 + w28 + 0.08333333333333333
+    w30 = 0.002777777777777778*w18
+    w31 = 0.0380952380952381*w9
+    w32 = 0.006349206349206349*w19
+    w33 = 0.009126984126984128*w27
+    w34 = -0.05*w14 - w30 + w31 - w32 + w33 + 0.08333333333333333
+    w35 = 0.004166666666666667*w18
+    w36 = 0.03214285714285714*w9
+    w37 = 0.005357142857142857*w19
+    w38 = 0.009523809523809525*w27
+    w39 = -0.05714285714285714*w14 - w35 + w36 - w37 + w38 + 0.075
+    w40 = w12 + w20 - w22
+    w41 = w24 + w25 + w26 - w28 - 0.08333333333333333
+    w42 = w21 + w30 + w31 + w32 - w33 - 0.08333333333333333
+    w43 = 0.007142857142857143*w14 + w35 + w36 + w37 - w38 - 0.075
+    w44 = length*w9
+    w45 = w18*w44
+    w46 = 0.016666666666666666*w45
+    w47 = length*w22
+    w48 = (E_I_rise*E_I_rise)/(E_I*E_I)
+    w49 = length*w48
+    w50 = length*w14
+    w51 = w48*w50
+    w52 = w44*w48
+    w53 = 0.08333333333333333*length + 0.001388888888888889*w49 - 0.002777777777777778*w51 + 0.001388888888888889*w52
+    w54 = length*w24 + w53
+    w55 = 0.008333333333333333*w45
+    w56 = w18*w50
+    w57 = length*w18
+    w58 = -0.005555555555555556*w57
+    w59 = length*w25
+    w60 = w58 - w59
+    w61 = 0.041666666666666664*length + 0.0006944444444444445*w49 - 0.001388888888888889*w51 + 0.0006944444444444445*w52
+    w62 = 0.025*w44 + w61
+    w63 = 0.006349206349206349*w45
+    w64 = 0.03333333333333333*length + 0.0005291005291005291*w49 - 0.0010582010582010583*w51 + 0.0005291005291005291*w52
+    w65 = 0.01904761904761905*w44 + w64
+    w66 = 0.03214285714285714*w50
+    w67 = 0.005357142857142857*w45
+    w68 = 0.029166666666666667*length + 0.0004464285714285714*w49 - 0.0008928571428571428*w51 + 0.0004464285714285714*w52 - 0.005357142857142857*w57
+    w69 = 0.01607142857142857*w44 + w68
+    w70 = 0.005555555555555556*w56 + w58
+    w71 = w58 + w59
+    P_1 = P_0 - S_0*w0 + a_x*m_0
+    P_2 = a_x*w1 - w3 + x_0*(0.5*length*rho_A_rise*w0 - w0*w1)
+    P_3 = -rho_A*w4*w5 - w2*w4*x_0 + w3 + 0.25*w6
+    P_4 = -0.3333333333333333*w6
+    v0 = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
     fill(out, (
         (
-            v0, P_2*w14 + P_3*w16 + w11, -P_1*w7 - P_2*w8 - P_3*w10, P_2*w17 + P_3*w18 + w11,
-            P_2*(-w21 + w24) + P_3*(-w21 + w26) + w20, -P_2*w14 - P_3*w16 - w11,
-            P_1*(0.05*length*w5 - w19) + P_2*(0.025*length*w5 - w22) + P_3*(0.01904761904761905*length*w5 - w25), v0,
-            -P_2*w17 - P_3*w18 - w11, P_2*(w21 + w24) + P_3*(w21 + w26) + w20,
+            v0, P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39, -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17,
+            P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43,
+            P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69),
+            -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39,
+            P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68),
+            v0, -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43,
+            P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69),
         ),
     ))
 
@@ -178,21 +340,43 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, _, _, phi_s = unpacked(p, 7)
+    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
     omega = s[0]
     w0 = length*rho_A
-    w1 = 1.0/(phi_s + 1.0)
-    w2 = 0.03333333333333333*w0*w1
-    w3 = 0.6666666666666666*w0 + w2
-    w4 = (length*length)*rho_A
-    w5 = 0.08333333333333333*w4
-    w6 = 0.016666666666666666*w1*w4
-    w7 = w5 + w6
-    w8 = 0.3333333333333333*w0 - w2
-    w9 = w5 - w6
-    v0 = -omega*w3
-    v1 = -omega*w8
-    fill(out, ((v0, -omega*w7, v1, omega*w9, v1, -omega*w9, v0, omega*w7),))
+    w1 = 0.6666666666666666*w0
+    w2 = length*rho_A_rise
+    w3 = 0.16666666666666666*w2
+    w4 = 1.0/(phi_s + 1.0)
+    w5 = 0.03333333333333333*w0*w4
+    w6 = 0.016666666666666666*w4
+    w7 = w2*w6
+    w8 = w1 - w3 + w5 - w7
+    w9 = length*length
+    w10 = rho_A*w9
+    w11 = w10*w6
+    w12 = 0.08333333333333333*w10
+    w13 = rho_A_rise*w9
+    w14 = 0.008333333333333333*w13
+    w15 = w14*w4
+    w16 = E_I_rise/E_I
+    w17 = 0.001388888888888889*w13*w16
+    w18 = w17*w4
+    w19 = w12 - w15 - w17 + w18
+    w20 = 0.002777777777777778*w10*w16
+    w21 = w20*w4
+    w22 = -w14 + w20 - w21
+    w23 = w11 + w19 + w22
+    w24 = 0.3333333333333333*w0
+    w25 = w24 - w5 + w7
+    w26 = w12 + w15 - w17 + w18
+    w27 = -w11 + w22 + w26
+    w28 = w5 + w7
+    w29 = -w24 + w28
+    w30 = w14 - w20 + w21
+    w31 = -w11 + w19 + w30
+    w32 = w1 + w28 + w3
+    w33 = w11 + w26 + w30
+    fill(out, ((-omega*w8, -omega*w23, -omega*w25, omega*w27, omega*w29, -omega*w31, -omega*w32, omega*w33),))
 
 
 @njit(**OPTIONS)
@@ -202,29 +386,60 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, x_0, rho_I, phi_s = unpacked(p, 7)
+    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
     omega, epsilon, a_x, a_y = unpacked(s, 4)
     w0 = 0.5*length
     w1 = rho_A*w0
-    w2 = a_x*w1
-    w3 = omega*omega
-    w4 = w1*x_0
-    w5 = (length*length)*rho_A
-    w6 = w4 + 0.16666666666666666*w5
-    w7 = a_y*w1
-    w8 = 1.0/(phi_s + 1.0)
-    w9 = rho_I*w8
-    w10 = 0.016666666666666666*w5*w8
-    w11 = 0.08333333333333333*w5
-    w12 = a_y*w11
-    w13 = rho_I*w0
-    w14 = length*length*length
-    w15 = rho_A*w14
-    w16 = w11*x_0 + 0.041666666666666664*w15
-    w17 = w4 + 0.3333333333333333*w5
-    pack(out, 0, (-w2 + w3*w6, epsilon*(w10 - w6 + w9) - w7))
-    pack(out, 2, (epsilon*(0.5*length*rho_I*w8 + 0.008333333333333333*rho_A*w14*w8 - w13 - w16) - w12, w17*w3 - w2))
-    pack(out, 4, (epsilon*(-w10 - w17 - w9) - w7, epsilon*(w0*w9 - w13 + 0.008333333333333333*w15*w8 + w16) + w12))
+    w2 = 0.08333333333333333*length
+    w3 = rho_A_rise*w2
+    w4 = omega*omega
+    w5 = w1*x_0
+    w6 = w3*x_0
+    w7 = length*length
+    w8 = rho_A*w7
+    w9 = 0.16666666666666666*w8
+    w10 = 1.0/(phi_s + 1.0)
+    w11 = 0.016666666666666666*w10
+    w12 = length*rho_A_rise*w11
+    w13 = rho_A_rise*w7
+    w14 = 0.008333333333333333*w10
+    w15 = w13*w14
+    w16 = rho_I*w10
+    w17 = w11*w8 + w12*x_0 + w15 + w16
+    w18 = 0.08333333333333333*w8
+    w19 = E_I_rise/E_I
+    w20 = 0.001388888888888889*w19
+    w21 = w13*w20
+    w22 = w10*w21
+    w23 = w18 - w21 + w22
+    w24 = length*length*length
+    w25 = rho_A*w24
+    w26 = 0.041666666666666664*w25
+    w27 = rho_A_rise*w24
+    w28 = 0.004166666666666667*w27
+    w29 = rho_I_rise*w2
+    w30 = w18*x_0
+    w31 = w19*w2
+    w32 = rho_I*w31
+    w33 = w20*w25
+    w34 = 0.0006944444444444445*w19*w27
+    w35 = w16*w31
+    w36 = w10*w33
+    w37 = w10*w34
+    w38 = w21*x_0
+    w39 = w22*x_0
+    w40 = -rho_I*w0 + w0*w16 + w10*w28 + w14*w25 + w15*x_0
+    w41 = w1 + w3
+    w42 = 0.08333333333333333*w13 + w5 + w6 + 0.3333333333333333*w8
+    pack(out, 0, (a_x*(-w1 + w3) + w4*(w5 - w6 + w9), a_y*(-w1 + w12 + w3) + epsilon*(w17 - w5 + w6 - w9)))
+    pack(out, 2, (
+        a_y*(w15 - w23) + epsilon*(-w26 - w28 + w29 - w30 + w32 + w33 + w34 - w35 - w36 - w37 + w38 - w39 + w40),
+        -a_x*w41 + w4*w42,
+    ))
+    pack(out, 4, (
+        a_y*(-w12 - w41) + epsilon*(-w17 - w42),
+        a_y*(w15 + w23) + epsilon*(w26 + w28 - w29 + w30 - w32 - w33 - w34 + w35 + w36 + w37 - w38 + w39 + w40),
+    ))
 
 
 @njit(**OPTIONS)

@@ -94,11 +94,6 @@ def element(link, parameters):
     return tuple((f"bodies.{link}.element.{name}", unit) for name, unit, _ in parameters)
 
 
-def named(rows, names):
-    """Rows of these names, in their order."""
-    return tuple(row for name in names.split() for row in rows if row[0] == name)
-
-
 def constants(owner, /, **values):
     """CONSTANTS that have one owner."""
     return {f"{owner}.{name}": value for name, value in values.items()}

@@ -19,17 +19,17 @@ from kaneflex.generated.shape_integrals import (
     LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load,
     fill_square,
 )  # digest 029c4814df5589ab
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 771d1a5b1ef0f145
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest e57d7ef3a204b174
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# p: name, unit, meaning
-ELEMENT_PARAMETERS = rows.named(rows.SPATIAL_ELEMENT, 'rho_A rho_I_y rho_I_z E_I_y E_I_z E_A G_J I_p_A length x_0 phi_y phi_z')
+ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:19]  # p: name, unit, meaning
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1937, 1930), 'K_s': (1040, 1034), 'K_d': (2272, 2237), 'K_g': (1577, 1540), 'C': (881, 877), 'F': (268, 257),
+    'M': (3438, 3415), 'K_s': (1512, 1497), 'K_d': (4731, 4546), 'K_g': (2172, 2081), 'C': (1793, 1767),
+    'F': (587, 538),
 }
 
 
@@ -40,36 +40,53 @@ def M(p, out):
     It holds the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, _, phi_y, phi_z = unpacked(p, 12)
-    w0 = f_0 = length*rho_A
-    w1 = 1.0/length
-    w2 = 0.006944444444444444*w0
-    w3 = phi_y*phi_y
-    w4 = 0.020833333333333332*w0
-    w5 = phi_z*phi_z
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_1 = length*(rho_I_y + rho_I_z)
-    f_2 = rho_I_y*w1
-    f_3 = rho_I_z*w1
-    f_4 = phi_y*w2
-    f_5 = w3*w4/(2.0*phi_y + w3 + 1.0)
-    f_6 = phi_z*w2
-    f_7 = w4*w5/(2.0*phi_z + w5 + 1.0)
-    bend_v = (beta_v - 1.0, 0.0, length)
-    shear_v = (1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    shear_w = (1.0, 0.0, -length)
-    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
-    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0,))
-    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0,))
-    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_1,))
-    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_2,))
-    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_3,))
-    fill_square(out, False, CURVATURE_CURVATURE, V, bend_v, (f_4,))
-    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_5,))
-    fill_square(out, False, CURVATURE_CURVATURE, W, bend_w, (f_6,))
-    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_7,))
+    (
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
+    ) = unpacked(p, 19)
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = growth_v = E_I_z_rise/E_I_z
+    w2 = beta_w = 1.0/(phi_z + 1.0)
+    w3 = growth_w = E_I_y_rise/E_I_y
+    w4 = rho_I_y - 0.5*rho_I_y_rise
+    w5 = rho_I_z - 0.5*rho_I_z_rise
+    w6 = 1.0/length
+    w7 = length*rho_A
+    w8 = 0.003472222222222222*w7
+    w9 = 0.006944444444444444*w7
+    w10 = phi_y*phi_y
+    w11 = 0.020833333333333332*w7
+    w12 = phi_z*phi_z
+    alpha_v = 0.16666666666666666*w1*(1.0 - w0)
+    alpha_w = 0.16666666666666666*w3*(1.0 - w2)
+    f_0 = length*(rho_A - 0.5*rho_A_rise)
+    f_1 = length*rho_A_rise
+    f_2 = length*(w4 + w5)
+    f_3 = length*(rho_I_y_rise + rho_I_z_rise)
+    f_4 = w4*w6
+    f_5 = rho_I_y_rise*w6
+    f_6 = w5*w6
+    f_7 = rho_I_z_rise*w6
+    f_8 = phi_y*w8*(2.0 - w1)
+    f_9 = phi_y*w1*w9
+    f_10 = w10*w11/(2.0*phi_y + w10 + 1.0)
+    f_11 = phi_z*w8*(2.0 - w3)
+    f_12 = phi_z*w3*w9
+    f_13 = w11*w12/(2.0*phi_z + w12 + 1.0)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    shear_v = (1.0, -growth_v/6.0, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    shear_w = (1.0, -growth_w/6.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0, f_1))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_2, f_3))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_4, f_5))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_6, f_7))
+    fill_square(out, False, CURVATURE_CURVATURE, V, bend_v, (f_8, f_9))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_10,))
+    fill_square(out, False, CURVATURE_CURVATURE, W, bend_w, (f_11, f_12))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_13,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -77,27 +94,34 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, phi_y, phi_z = unpacked(p, 12)
-    w0 = 1.0/length
-    w1 = 1.0/(length*length*length)
-    w2 = f_2 = E_I_z*w1
-    w3 = f_4 = E_I_y*w1
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_0 = E_A*w0
-    f_1 = G_J*w0
-    f_3 = 3.0*phi_y*w2/((phi_y*phi_y) + 2.0*phi_y + 1.0)
-    f_5 = 3.0*phi_z*w3/((phi_z*phi_z) + 2.0*phi_z + 1.0)
-    bend_v = (beta_v - 1.0, 0.0, length)
-    shear_v = (1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    shear_w = (1.0, 0.0, -length)
+    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, _, _, _, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z = unpacked(p, 19)
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = growth_v = E_I_z_rise/E_I_z
+    w2 = beta_w = 1.0/(phi_z + 1.0)
+    w3 = growth_w = E_I_y_rise/E_I_y
+    w4 = 1.0/length
+    w5 = 1.0/(length*length*length)
+    w6 = 3.0*w5
+    alpha_v = 0.16666666666666666*w1*(1.0 - w0)
+    alpha_w = 0.16666666666666666*w3*(1.0 - w2)
+    f_0 = E_A*w4
+    f_1 = G_J*w4
+    f_2 = w5*(E_I_z - 0.5*E_I_z_rise)
+    f_3 = E_I_z_rise*w5
+    f_4 = E_I_z*phi_y*w6/((phi_y*phi_y) + 2.0*phi_y + 1.0)
+    f_5 = w5*(E_I_y - 0.5*E_I_y_rise)
+    f_6 = E_I_y_rise*w5
+    f_7 = E_I_y*phi_z*w6/((phi_z*phi_z) + 2.0*phi_z + 1.0)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    shear_v = (1.0, -growth_v/6.0, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    shear_w = (1.0, -growth_w/6.0, -length)
     fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
     fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
-    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2,))
-    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_3,))
-    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_4,))
-    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_5,))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2, f_3))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_4,))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_5, f_6))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_7,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -105,53 +129,107 @@ def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, _, phi_y, phi_z = unpacked(p, 12)
+    (
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
+    ) = unpacked(p, 19)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
-    w0 = omega_y*omega_y
-    w1 = omega_z*omega_z
-    w2 = length*rho_A
-    w3 = omega_x*omega_y
-    w4 = omega_x*omega_z
-    w5 = omega_x*omega_x
-    w6 = omega_y*omega_z
-    w7 = epsilon_z*rho_I_y
-    w8 = rho_I_z*w3
-    w9 = epsilon_y*rho_I_z
-    w10 = epsilon_y*rho_I_y + rho_I_y*w4 - rho_I_z*w4
-    w11 = 1.0/length
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_0 = -w2*(w0 + w1)
-    f_1 = w2*(-epsilon_z + omega_x*omega_y)
-    f_2 = w2*(epsilon_z + w3)
-    f_3 = w2*(epsilon_y + w4)
-    f_4 = w2*(-epsilon_y + omega_x*omega_z)
-    f_5 = -w2*(w1 + w5)
-    f_6 = w2*(-epsilon_x + omega_y*omega_z)
-    f_7 = w2*(epsilon_x + w6)
-    f_8 = -w2*(w0 + w5)
-    f_9 = length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
-    f_10 = epsilon_z*rho_I_z + rho_I_y*w3 + w7 - w8
-    f_11 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y - w7 - w8
-    f_12 = w10 + w9
-    f_13 = w10 - w9
-    f_14 = rho_I_y*w11*(-w1 + w5)
-    f_15 = 0.5*w11*(epsilon_x*rho_I_y - epsilon_x*rho_I_z - rho_I_y*w6 - rho_I_z*w6)
-    f_16 = rho_I_z*w11*(-w0 + w5)
-    bend_v = (beta_v - 1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
-    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
-    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
-    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
-    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
-    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
-    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
-    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_10,), (f_11,))
-    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12,), (f_13,))
-    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_14,))
-    fill_both(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_15,), (f_15,))
-    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_16,))
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = beta_w = 1.0/(phi_z + 1.0)
+    w2 = omega_z*omega_z
+    w3 = rho_A*w2 - 0.5*rho_A_rise*w2
+    w4 = omega_y*omega_y
+    w5 = rho_A*w4 - 0.5*rho_A_rise*w4
+    w6 = length*rho_A_rise
+    w7 = omega_x*omega_y
+    w8 = 0.5*rho_A_rise
+    w9 = w7*w8
+    w10 = epsilon_z*rho_A - epsilon_z*w8
+    w11 = omega_x*omega_z
+    w12 = w11*w8
+    w13 = epsilon_y*rho_A - epsilon_y*w8
+    w14 = omega_x*omega_x
+    w15 = rho_A*w14 - 0.5*rho_A_rise*w14
+    w16 = omega_y*omega_z
+    w17 = w16*w8
+    w18 = epsilon_x*rho_A - epsilon_x*w8
+    w19 = rho_I_y_rise*w4
+    w20 = rho_I_z_rise*w2
+    w21 = rho_I_y_rise*w2
+    w22 = -rho_I_y*w2 + 0.5*w21
+    w23 = rho_I_z_rise*w4
+    w24 = -rho_I_z*w4 + 0.5*w23
+    w25 = epsilon_z*rho_I_z_rise
+    w26 = 0.5*w25
+    w27 = rho_I_z_rise*w7
+    w28 = rho_I_z*w7
+    w29 = rho_I_y_rise*w7
+    w30 = 0.5*w29
+    w31 = epsilon_z*rho_I_y_rise
+    w32 = epsilon_z*rho_I_y - 0.5*w31
+    w33 = epsilon_y*rho_I_z
+    w34 = epsilon_y*rho_I_z_rise
+    w35 = 0.5*w34
+    w36 = epsilon_y*rho_I_y_rise
+    w37 = rho_I_z_rise*w11
+    w38 = rho_I_y_rise*w11
+    w39 = epsilon_y*rho_I_y + rho_I_y*w11 - rho_I_z*w11 - 0.5*w36 + 0.5*w37 - 0.5*w38
+    w40 = w36 - w37 + w38
+    w41 = 1.0/length
+    w42 = 0.5*w14
+    w43 = 2.0*epsilon_x
+    w44 = 2.0*w16
+    w45 = -epsilon_x*rho_I_y_rise + epsilon_x*rho_I_z_rise + rho_I_y_rise*w16 + rho_I_z_rise*w16
+    alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
+    alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
+    f_0 = length*(-w3 - w5)
+    f_1 = -w6*(w2 + w4)
+    f_2 = length*(omega_x*omega_y*rho_A - w10 - w9)
+    f_3 = w6*(-epsilon_z + omega_x*omega_y)
+    f_4 = length*(rho_A*w7 + w10 - w9)
+    f_5 = w6*(epsilon_z + w7)
+    f_6 = length*(rho_A*w11 - w12 + w13)
+    f_7 = w6*(epsilon_y + w11)
+    f_8 = length*(omega_x*omega_z*rho_A - w12 - w13)
+    f_9 = w6*(-epsilon_y + omega_x*omega_z)
+    f_10 = length*(-w15 - w3)
+    f_11 = -w6*(w14 + w2)
+    f_12 = length*(omega_y*omega_z*rho_A - w17 - w18)
+    f_13 = w6*(-epsilon_x + omega_y*omega_z)
+    f_14 = length*(rho_A*w16 - w17 + w18)
+    f_15 = w6*(epsilon_x + w16)
+    f_16 = length*(-w15 - w5)
+    f_17 = -w6*(w14 + w4)
+    f_18 = length*(rho_I_y*w4 + rho_I_z*w2 - 0.5*w19 - 0.5*w20 + w22 + w24)
+    f_19 = length*(w19 + w20 - w21 - w23)
+    f_20 = epsilon_z*rho_I_z + rho_I_y*w7 - w26 + 0.5*w27 - w28 - w30 + w32
+    f_21 = w25 - w27 + w29 + w31
+    f_22 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32
+    f_23 = epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w27 - w31
+    f_24 = w33 - w35 + w39
+    f_25 = w34 + w40
+    f_26 = -w33 + w35 + w39
+    f_27 = -w34 + w40
+    f_28 = w41*(rho_I_y*w14 - rho_I_y_rise*w42 + w22)
+    f_29 = rho_I_y_rise*w41*(w14 - w2)
+    f_30 = 0.25*w41*(rho_I_y*w43 - rho_I_y*w44 - rho_I_z*w43 - rho_I_z*w44 + w45)
+    f_31 = -0.5*w41*w45
+    f_32 = w41*(rho_I_z*w14 - rho_I_z_rise*w42 + w24)
+    f_33 = rho_I_z_rise*w41*(w14 - w4)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_20, f_21), (f_22, f_23))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_24, f_25), (f_26, f_27))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_28, f_29))
+    fill_both(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_30, f_31), (f_30, f_31))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_32, f_33))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -159,26 +237,37 @@ def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, _, _, _, _, _, _, I_p_A, length, x_0, phi_y, phi_z = unpacked(p, 12)
+    (
+        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise, m_0, S_0, phi_y,
+        phi_z,
+    ) = unpacked(p, 19)
     _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
-    w0 = omega_y*omega_y
-    w1 = 0.5*rho_A
-    w2 = w1*(x_0*x_0)
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = beta_w = 1.0/(phi_z + 1.0)
+    w2 = omega_y*omega_y
     w3 = omega_z*omega_z
-    w4 = f_0 = (P_0 + a_x*rho_A*x_0 - w0*w2 - w2*w3)/length
-    w5 = f_1 = rho_A*(a_x - w0*x_0 - w3*x_0)
-    w6 = length*w1*(w0 + w3)
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_2 = -w6
-    f_3 = I_p_A*w4
-    f_4 = I_p_A*w5
-    f_5 = -I_p_A*w6
-    bend_v = (beta_v - 1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2))
-    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2))
-    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_3, f_4, f_5))
+    w4 = f_0 = (P_0 - S_0*w2 - S_0*w3 + a_x*m_0)/length
+    w5 = rho_A*x_0
+    w6 = rho_A_rise*x_0
+    w7 = 0.5*w6
+    w8 = f_1 = a_x*rho_A - 0.5*a_x*rho_A_rise - w2*w5 + w2*w7 - w3*w5 + w3*w7
+    w9 = 2.0*length*rho_A
+    w10 = 2.0*w6
+    w11 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w2 + length*rho_A_rise*w3 - w10*w2 - w10*w3 - w2*w9 - w3*w9
+    w12 = 0.3333333333333333*length*rho_A_rise*(w2 + w3)
+    alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
+    alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
+    f_2 = 0.25*w11
+    f_3 = -w12
+    f_4 = I_p_A*w4
+    f_5 = I_p_A*w8
+    f_6 = 0.25*I_p_A*w11
+    f_7 = -I_p_A*w12
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_4, f_5, f_6, f_7))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -186,25 +275,44 @@ def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, _, phi_y, phi_z = unpacked(p, 12)
+    (
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
+    ) = unpacked(p, 19)
     omega_x, omega_y, omega_z = unpacked(s, 3)
-    w0 = 2.0*omega_z
-    w1 = length*rho_A
-    w2 = 2.0*omega_y
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_0 = -w0*w1
-    f_1 = w1*w2
-    f_2 = -2.0*omega_x*w1
-    f_3 = rho_I_y*w0
-    f_4 = rho_I_z*w2
-    bend_v = (beta_v - 1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
-    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
-    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
-    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_3,), (-f_3,))
-    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_4,), (-f_4,))
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = beta_w = 1.0/(phi_z + 1.0)
+    w2 = 2.0*rho_A - rho_A_rise
+    w3 = length*omega_z
+    w4 = 2.0*rho_A_rise
+    w5 = length*omega_y
+    w6 = length*omega_x
+    w7 = 2.0*rho_I_y - rho_I_y_rise
+    w8 = 2.0*rho_I_z - rho_I_z_rise
+    alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
+    alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
+    f_0 = -w2*w3
+    f_1 = -w3*w4
+    f_2 = w2*w3
+    f_3 = w2*w5
+    f_4 = w4*w5
+    f_5 = -w2*w5
+    f_6 = -w2*w6
+    f_7 = -w4*w6
+    f_8 = w2*w6
+    f_9 = omega_z*w7
+    f_10 = 2.0*omega_z*rho_I_y_rise
+    f_11 = -omega_z*w7
+    f_12 = omega_y*w8
+    f_13 = 2.0*omega_y*rho_I_z_rise
+    f_14 = -omega_y*w8
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill_both(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_9, f_10), (f_11, -f_10))
+    fill_both(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12, f_13), (f_14, -f_13))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -212,33 +320,52 @@ def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, x_0, phi_y, phi_z = unpacked(p, 12)
+    (
+        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
+        E_I_z_rise, _, _, phi_y, phi_z,
+    ) = unpacked(p, 19)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
-    w0 = omega_y*omega_y
-    w1 = omega_z*omega_z
-    w2 = length*rho_A
-    w3 = (length*length)*rho_A
-    w4 = omega_x*omega_y
-    w5 = omega_x*omega_z
-    beta_v = 1.0/(phi_y + 1.0)
-    beta_w = 1.0/(phi_z + 1.0)
-    f_0 = w2*(-a_x + w0*x_0 + w1*x_0)
-    f_1 = w3*(w0 + w1)
-    f_2 = -w2*(a_y + epsilon_z*x_0 + w4*x_0)
-    f_3 = -w3*(epsilon_z + w4)
-    f_4 = w2*(-a_z + epsilon_y*x_0 - w5*x_0)
-    f_5 = w3*(epsilon_y - w5)
-    f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
-    f_7 = rho_I_y*(epsilon_y + w5)
-    f_8 = rho_I_z*(-epsilon_z + omega_x*omega_y)
-    bend_v = (beta_v - 1.0, 0.0, length)
-    bend_w = (beta_w - 1.0, 0.0, -length)
-    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill_load(out, True, DEFLECTION, V, bend_v, (f_2, f_3))
-    fill_load(out, True, DEFLECTION, W, bend_w, (f_4, f_5))
-    fill_load(out, True, LINEAR, T, STRAIGHT, (f_6,))
-    fill_load(out, False, ROTATION, W, bend_w, (f_7,))
-    fill_load(out, False, ROTATION, V, bend_v, (f_8,))
+    w0 = beta_v = 1.0/(phi_y + 1.0)
+    w1 = beta_w = 1.0/(phi_z + 1.0)
+    w2 = omega_y*omega_y
+    w3 = rho_A_rise*x_0
+    w4 = w2*w3
+    w5 = omega_z*omega_z
+    w6 = w3*w5
+    w7 = length*rho_A
+    w8 = length*rho_A_rise
+    w9 = 0.5*w8
+    w10 = (length*length)*rho_A_rise
+    w11 = rho_A*x_0
+    w12 = omega_x*omega_y
+    w13 = omega_x*omega_z
+    w14 = 0.5*epsilon_y
+    w15 = omega_y*omega_z
+    alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
+    alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
+    f_0 = length*(-a_x*rho_A + 0.5*a_x*rho_A_rise + rho_A*w2*x_0 + rho_A*w5*x_0 - 0.5*w4 - 0.5*w6)
+    f_1 = length*(-a_x*rho_A_rise + w2*w7 - w2*w9 + w4 + w5*w7 - w5*w9 + w6)
+    f_2 = w10*(w2 + w5)
+    f_3 = length*(-a_y*rho_A + 0.5*a_y*rho_A_rise + 0.5*epsilon_z*rho_A_rise*x_0 - epsilon_z*w11 + 0.5*omega_x*omega_y*rho_A_rise*x_0 - w11*w12)
+    f_4 = length*(-a_y*rho_A_rise + 0.5*epsilon_z*length*rho_A_rise - epsilon_z*w3 - epsilon_z*w7 + 0.5*length*omega_x*omega_y*rho_A_rise - w12*w3 - w12*w7)
+    f_5 = -w10*(epsilon_z + w12)
+    f_6 = length*(-a_z*rho_A + 0.5*a_z*rho_A_rise + epsilon_y*rho_A*x_0 - 0.5*epsilon_y*w3 + 0.5*omega_x*omega_z*rho_A_rise*x_0 - w11*w13)
+    f_7 = length*(-a_z*rho_A_rise + epsilon_y*length*rho_A + epsilon_y*rho_A_rise*x_0 + 0.5*length*omega_x*omega_z*rho_A_rise - w13*w3 - w13*w7 - w14*w8)
+    f_8 = w10*(epsilon_y - w13)
+    f_9 = length*(-epsilon_x*rho_I_y + 0.5*epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z + 0.5*epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y + 0.5*omega_y*omega_z*rho_I_z_rise - 0.5*rho_I_y_rise*w15 - rho_I_z*w15)
+    f_10 = length*(-epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y_rise - rho_I_z_rise*w15)
+    f_11 = epsilon_y*rho_I_y + rho_I_y*w13 - 0.5*rho_I_y_rise*w13 - rho_I_y_rise*w14
+    f_12 = rho_I_y_rise*(epsilon_y + w13)
+    f_13 = -epsilon_z*rho_I_z + 0.5*epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_z - 0.5*rho_I_z_rise*w12
+    f_14 = rho_I_z_rise*(-epsilon_z + omega_x*omega_y)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1, f_2))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_3, f_4, f_5))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_6, f_7, f_8))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_9, f_10))
+    fill_load(out, False, ROTATION, W, bend_w, (f_11, f_12))
+    fill_load(out, False, ROTATION, V, bend_v, (f_13, f_14))
 
 
 @njit(**OPTIONS)

@@ -86,7 +86,7 @@ def test_every_assignment_and_output_stands_there_in_the_modules_order(name):
             expected += [rf"\mathtt{{{escaped(scalar)}}}" for scalar, *_ in model(name).module.SCALARS]
         else:
             expected += [rf"T_{{\mathrm{{{drive}}}}}" for drive in model(name).module.FREE]
-    if equations.element is not None:
+    if equations.beam:
         expected += [rf"\mathbf{{{letter}}}" for letter in "MCKF"]
     assert lefts == expected
     told = equations.mechanism.names.told
@@ -224,7 +224,8 @@ def test_printed_motion_has_the_values_of_the_compiled_one(name):
 def test_printed_matrices_have_the_values_of_the_compiled_kernels():
     module = model("engine").module
     text = derived("engine")[2]
-    element = derived("engine")[0].element
+    equations = derived("engine")[0]
+    element = equations.element(equations.theory)
     p = np.array([1.3, 0.7, 2.9, 0.41, 0.23])
     values = dict(zip([r"(\rho A)", "(EA)", "(EI)", r"\ell", "x_{0}"], p, strict=True))
     reader = Reader(values, {})

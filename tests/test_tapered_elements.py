@@ -4,18 +4,16 @@ import closed_forms_spatial as by_hand
 import numpy as np
 import pytest
 import quadrature
-from test_spatial_element import PLANAR, components, computed, numbers
+from test_spatial_element import PLANAR, TURNING, components, computed, numbers, uniform
 
-from kaneflex.support.contract import BEAMS
+from kaneflex.support.contract import beam_module
 from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
 
 def parameters_of(seed, shear, varying):
     """Numbers of an element, of a section that grows only if `varying`, flexible in shear only if `shear`."""
     p, s = numbers(seed)
-    if not varying:
-        p |= {key: 0.0 for key in p if key.endswith("_rise")}
-        p |= {"m_0": p["rho_A"] * p["x_0"], "S_0": p["rho_A"] * p["x_0"] ** 2 / 2}
+    p = p if varying else uniform(p)
     if not shear:
         p |= {"phi_y": 0.0, "phi_z": 0.0}
     return p, s
@@ -30,34 +28,35 @@ def assert_same(found, expected):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("name", SPATIAL_BEAMS)
-def test_spatial_elements_by_quadrature(name, seed):
+@pytest.mark.parametrize("varying", [False, True])
+@pytest.mark.parametrize(("name", "shear"), SPATIAL_BEAMS.items())
+def test_spatial_elements_by_quadrature(name, shear, varying, seed):
     """Every entry of M, K_s, K_d, K_g, C and F under a motion about all axes."""
-    options = SPATIAL_BEAMS[name]
-    p, s = parameters_of(seed, **options)
+    p, s = parameters_of(seed, shear, varying)
     motion = (*(components(s, letter) for letter in ("omega", "epsilon", "a")), s["P_0"])
-    expected = quadrature.element(p, *motion, turning=(True, options["shear"], options["shear"]))
+    expected = quadrature.element(p, *motion, turning=(True, shear, shear))
     assert_same(computed(name, p, s), expected)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("name", BEAMS)
-def test_planar_elements_by_quadrature(name, seed):
+@pytest.mark.parametrize("varying", [False, True])
+@pytest.mark.parametrize(("rotary", "shear"), [(False, False), (True, False), (True, True)])
+def test_planar_elements_by_quadrature(rotary, shear, varying, seed):
     """The rows u, v, theta_z of the same integrals under a motion in the plane."""
-    options = BEAMS[name]
-    p, s = parameters_of(seed, options["shear"], options["varying"])
+    p, s = parameters_of(seed, shear, varying)
     s |= dict.fromkeys(("omega_x", "omega_y", "epsilon_x", "epsilon_y", "a_z"), 0.0)
     motion = (*(components(s, letter) for letter in ("omega", "epsilon", "a")), s["P_0"])
-    whole, rows = quadrature.element(p, *motion, turning=(False, False, options["rotary"])), by_hand.Y_PLANE.T
+    whole, rows = quadrature.element(p, *motion, turning=(False, False, rotary)), by_hand.Y_PLANE.T
     expected = {kernel: rows @ of if kernel == "F" else rows @ of @ rows.T for kernel, of in whole.items()}
-    of_plane = {name: p[of] for name, of in PLANAR.items()} | {"E_A_rise": p["E_A"] / 3}
+    of_plane = {name: p[of] for name, of in PLANAR.items() if rotary or name not in TURNING}
+    of_plane |= {"E_A_rise": p["E_A"] / 3 * varying}
     scalars = {"omega": s["omega_z"], "epsilon": s["epsilon_z"], "a_x": s["a_x"], "a_y": s["a_y"], "P_0": s["P_0"]}
-    assert_same(computed(name, of_plane, scalars), expected)
+    assert_same(computed(beam_module(rotary, shear, varying), of_plane, scalars), expected)
 
 
 @pytest.mark.parametrize("wrong", ["E_I_z_rise", "rho_A_rise", "rho_I_y_rise", "m_0", "S_0", "phi_z", "I_p_A"])
 def test_a_number_off_by_a_millionth_is_seen(wrong):
-    name = "spatial_beam_timoshenko_varying"
+    name = "spatial_beam_timoshenko"
     p, s = parameters_of(0, shear=True, varying=True)
     motion = (*(components(s, letter) for letter in ("omega", "epsilon", "a")), s["P_0"])
     expected = quadrature.element(p | {wrong: p[wrong] * (1 + 1e-6)}, *motion, turning=(True, True, True))

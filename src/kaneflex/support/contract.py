@@ -88,19 +88,16 @@ constant matrix. A structure's module names those that it requires. The damping 
 own: it is the M of translation in K_d, with mu for rho A."""
 
 BEAMS = {
-    f"beam_{theory}{'_varying' * varying}": {"rotary": rotary, "shear": shear, "varying": varying}
-    for varying in (False, True)
-    for theory, rotary, shear in (
-        ("euler_bernoulli", False, False), ("rayleigh", True, False), ("timoshenko", True, True),
-    )
-}  # fmt: skip
-"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from."""
+    "beam_euler_bernoulli": {"rotary": False, "shear": False, "varying": False},
+    "beam_timoshenko": {"rotary": True, "shear": True, "varying": True},
+}
+"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from. The general one also serves
+Rayleigh beams, with phi_s = 0, and tapered Euler-Bernoulli beams, with rho_I = 0 besides."""
 
 
 def beam_module(rotary: bool, shear: bool, varying: bool) -> str:
     """Smallest of BEAMS that has all of this."""
-    theory = "timoshenko" if shear else "rayleigh" if rotary else "euler_bernoulli"
-    return f"beam_{theory}{'_varying' * varying}"
+    return "beam_timoshenko" if rotary or shear or varying else "beam_euler_bernoulli"
 
 
 REQUIRED_ATTRIBUTES = (
