@@ -1,4 +1,5 @@
-"""``python -m kaneflex.derive [-o FOLDER]``: every shipped scene's module, by default into ``generated/``."""
+"""``python -m kaneflex.derive [-o FOLDER]``: all that scenes share, and modules of shipped scenes, by default into
+``generated/``."""
 
 from __future__ import annotations
 
@@ -23,6 +24,10 @@ from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import laws_hash, structure_hash
 
+MOTIONS = (
+    "engine", "engine-3", "four-bar", "mathieu", "pulsating-strut", "rotating-cantilever", "slider-crank-150",
+)  # fmt: skip
+"""Scenes that the README and the documentation run: modules of other rigid motions are derived at their first use."""
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 
 # Structure hash -> module. Scenes of one structure share a module.
@@ -44,6 +49,8 @@ def modules() -> dict[str, str]:
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
         laws = scene.is_spatial or scene.solve.preset == "coupled"
+        if not laws and name not in MOTIONS:
+            continue
         structure = (laws_hash if laws else structure_hash)(scene)
         if structure not in structures:
             structures[structure] = name.replace("-", "_") + "_laws" * laws

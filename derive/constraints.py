@@ -13,17 +13,12 @@ from kaneflex.mechanism.planar import Pose
 
 @dataclass(frozen=True)
 class Constraint:
-    """A scalar equation residual(q, t) = 0 of a joint or a drive; its multiplier is a reaction with unit and meaning.
-
-    ``rate`` and ``acceleration`` are the residual's partial derivatives in time, where q does not hold the time.
-    """
+    """Scalar equation residual(q, t) = 0 of a joint or a drive; its multiplier is a reaction with unit and meaning."""
 
     name: str
     unit: str
     meaning: str
     residual: sm.Expr
-    rate: sm.Expr = sm.S.Zero
-    acceleration: sm.Expr = sm.S.Zero
 
     @property
     def multiplier(self) -> sm.Symbol:
@@ -41,9 +36,6 @@ def joint_constraints(joint: Joint, first: Pose, second: Pose) -> list[Constrain
     return [Constraint(*reaction, residual) for reaction, residual in named]
 
 
-def drive_constraint(
-    joint: Joint, first: Pose, second: Pose, angle: sm.Expr, speed: sm.Expr = sm.S.Zero, acceleration=sm.S.Zero
-) -> Constraint:
-    """Constraint of a drive on its joint's coordinate, prescribed as ``angle`` with these rates."""
-    residual = coordinate(joint, first, second) - angle
-    return Constraint(*drive_reaction(joint), residual, -speed, -acceleration)
+def drive_constraint(joint: Joint, first: Pose, second: Pose, angle: sm.Expr) -> Constraint:
+    """Constraint of a drive on its joint's coordinate, prescribed as ``angle``."""
+    return Constraint(*drive_reaction(joint), coordinate(joint, first, second) - angle)

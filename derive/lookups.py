@@ -31,24 +31,5 @@ chosen = _function(
 around = _function(
     "around", None, lambda side, y, x: x / (x**2 + y**2 + _TINY), lambda side, y, x: -y / (x**2 + y**2 + _TINY)
 )
-
-
-def _lookup(name: str, derivative: str | None) -> UndefinedFunction:
-    """A cubic table, NAME(x, start of its block in the parameters), whose derivative to x has a name of its own."""
-
-    def fdiff(self, argindex: int = 1):
-        if argindex != 1 or derivative is None:
-            raise ArgumentIndexError(self, argindex)
-        return _LOOKUPS[derivative](*self.args)
-
-    return UndefinedFunction(name, (AppliedUndef,), {"fdiff": fdiff})
-
-
-_LOOKUPS = {
-    name: _lookup(name, derivative)
-    for name, derivative in (
-        ("table", "table_rate"), ("table_rate", "table_curvature"), ("table_curvature", "table_jerk"),
-        ("table_jerk", None),
-    )
-}  # fmt: skip
-table, table_rate, table_curvature, _ = _LOOKUPS.values()
+table, table_rate, table_curvature = (_function(name) for name in ("table", "table_rate", "table_curvature"))
+"""Lookups in a cubic table, NAME(x, start of its block in the parameters), and its derivatives."""

@@ -30,7 +30,6 @@ TABLES = {
     "table": ("Piecewise cubic table", "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))"),
     "table_rate": ("First derivative of a cubic table", "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])"),
     "table_curvature": ("Second derivative of a cubic table", "2.0 * p[k + 2] + d * 6.0 * p[k + 3]"),
-    "table_jerk": ("Third derivative of a cubic table", "6.0 * p[k + 3]"),
 }
 """Name of a lookup -> what it is, and its value at the distance d from the breakpoint where the cubic at k begins."""
 _PLACE = '''@njit(forceinline=True, **OPTIONS)
@@ -56,12 +55,11 @@ def place_in_table(x, p, start):
 _TABLE = '''@njit(**OPTIONS)
 def {name}(x, p, start):
     """{doc}, whose block begins at p[start]."""
-    {d}, k = place_in_table(x, p, start)
+    d, k = place_in_table(x, p, start)
     return {value}
 '''
 TABLE_LOOKUPS = {
-    name: _TABLE.format(name=name, doc=doc, d="d" if "d *" in value else "_", value=value)
-    for name, (doc, value) in TABLES.items()
+    name: _TABLE.format(name=name, doc=doc, value=value) for name, (doc, value) in TABLES.items()
 }
 """Name of a lookup -> its text."""
 

@@ -1,28 +1,16 @@
 """The rigid stage: Kane's equations of the mechanism with every drive coordinate free.
 
-Each body is attached to the ground by SymPy's ``PlanarJoint`` (three absolute coordinates: x, y of its start,
-angle phi), each joint of the scene is a holonomic constraint of the ``System``. Absolute coordinates keep every
-expression as short as its own body, whatever the length of the chain; the multipliers of the constraints are
-the joint reactions, and the multiplier of a drive is its torque (inverse dynamics).
+Each body has three absolute coordinates: x, y of its start, angle phi; each joint of the scene is a holonomic
+constraint. Absolute coordinates keep every expression as short as its own body, whatever the length of the chain; the
+multipliers of the constraints are the joint reactions, and the multiplier of a drive is its torque (inverse dynamics).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import sympy as sm
-from sympy.physics.mechanics import (
-    Force,
-    KanesMethod,
-    PlanarJoint,
-    Point,
-    ReferenceFrame,
-    RigidBody,
-    System,
-    Torque,
-    dynamicsymbols,
-    inertia,
-)
+from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
 from kaneflex.derive.constraints import Constraint, drive_constraint, joint_constraints
 from kaneflex.derive.linear import solve_blocks
@@ -64,40 +52,46 @@ class RigidEquations:
 
 
 def rigid_equations(mechanism: Mechanism) -> RigidEquations:
-    """Hand the topology to SymPy's ``System`` and form Kane's equations (Kane & Levinson 1985, ch. 6)."""
-    ground = RigidBody(GROUND)
-    system = System.from_newtonian(ground)
-    coordinates = {GROUND: pose_at(sm.S.Zero, sm.S.Zero, sm.S.Zero, sm.cos, sm.sin)}
-    speeds, points = {}, {}
+    """Kane's equations of free bodies (Kane & Levinson 1985, ch. 6), beside constraints of joints and drives."""
+    ground, origin = ReferenceFrame(GROUND), Point("origin")
+    origin.set_vel(ground, 0)
+    free = _Free(ground)
+    coordinates, speeds = {GROUND: pose_at(sm.S.Zero, sm.S.Zero, sm.S.Zero, sm.cos, sm.sin)}, {}
+    kinematics: list[sm.Expr] = []
     for name, body in mechanism.bodies.items():
+        places = dynamicsymbols(f"x_{name} y_{name} phi_{name}")
+        rates = dynamicsymbols(f"v_x_{name} v_y_{name} omega_{name}")
+        kinematics += [rate - place.diff(TIME) for place, rate in zip(places, rates, strict=True)]
+        coordinates[name], speeds[name] = pose_at(*places, sm.cos, sm.sin), tuple(rates)
         frame, start = ReferenceFrame(name), Point(f"{name}_start")
-        centre = start.locatenew(f"{name}_centre", body.centre[0] * frame.x + body.centre[1] * frame.y)
-        rigid = RigidBody(name, centre, frame, body.mass, (inertia(frame, 0, 0, body.inertia), centre))
-        coordinates[name], speeds[name], joint = _free_body(name, ground, rigid, start)
-        system.add_joints(joint)
-        points[name] = (frame, start)
+        frame.orient_axis(ground, ground.z, places[2])
+        frame.set_ang_vel(ground, rates[2] * ground.z)
+        start.set_pos(origin, places[0] * ground.x + places[1] * ground.y)
+        start.set_vel(ground, rates[0] * ground.x + rates[1] * ground.y)
+        free.points[name] = frame, start
+        free.add(name, BodyPoint(name, "centre", body.centre), body.mass, body.inertia)
     for mass in mechanism.masses.values():
-        frame, point = _fixed(mass.point, f"{mass.name}_point", system, points)
-        system.add_bodies(RigidBody(mass.name, point, frame, mass.mass, (inertia(frame, 0, 0, mass.inertia), point)))
+        free.add(mass.name, mass.point, mass.mass, mass.inertia)
     constraints, drive_coordinate = _constraints(mechanism, coordinates)
-    system.add_holonomic_constraints(*(constraint.residual for constraint in constraints))
-    system.apply_uniform_gravity(mechanism.gravity[0] * system.x + mechanism.gravity[1] * system.y)
+    g_x, g_y = mechanism.gravity
+    free.loads += [(body.masscenter, body.mass * (g_x * ground.x + g_y * ground.y)) for body in free.bodies]
     magnitude = {}
     for name, load in mechanism.loads.items():
         magnitude[name] = sm.Symbol(name)
         if load.joint is not None:
-            _add_torque(system, mechanism.joints[load.joint], magnitude[name], points)
+            free.turn(mechanism.joints[load.joint], magnitude[name])
             continue
         for at, share in load.pushes():
-            frame, point = _fixed(at, f"{name}_{at.name}", system, points)
-            axes = system.frame if load.axes == "global" else frame
+            frame, point = free.point(at, f"{name}_{at.name}")
+            axes = ground if load.axes == "global" else frame
             along = load.direction[0] * axes.x + load.direction[1] * axes.y
-            system.add_loads(Force(point, magnitude[name] * share * along))
+            free.loads.append((point, magnitude[name] * share * along))
     for spring in mechanism.springs.values():
-        magnitude |= _add_spring(system, mechanism, spring, points)
+        magnitude |= _add_spring(free, mechanism, spring)
     # Every coordinate free: the constraints enter by their multipliers, not by dependent speeds.
-    kane = KanesMethod(system.frame, q_ind=list(system.q), u_ind=list(system.u), kd_eqs=list(system.kdes))
-    fr, fr_star = kane.kanes_equations(list(system.bodies), list(system.loads))
+    places = [place for name in speeds for place in (coordinates[name].x, coordinates[name].y, coordinates[name].phi)]
+    kane = KanesMethod(ground, q_ind=places, u_ind=[u for of in speeds.values() for u in of], kd_eqs=kinematics)
+    fr, fr_star = kane.kanes_equations(free.bodies, free.loads)
     total = {speed: fr[k] + fr_star[k] for k, speed in enumerate(kane.u)}
     balance = tuple(
         (f"{name}.{row}", total[speed])
@@ -107,59 +101,46 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
 
 
-def _fixed(at: BodyPoint, name: str, system: System, points) -> tuple[ReferenceFrame, Point]:
-    """A point of a body with its velocity, and the body's axes."""
-    frame, start = points[at.body]
-    point = start.locatenew(name, at.at[0] * frame.x + at.at[1] * frame.y)
-    point.v2pt_theory(start, system.frame, frame)
-    return frame, point
+@dataclass
+class _Free:
+    """Bodies and loads of Kane's equations; ``points``: axes and start of each body."""
+
+    ground: ReferenceFrame
+    points: dict[str, tuple[ReferenceFrame, Point]] = field(default_factory=dict)
+    bodies: list[RigidBody] = field(default_factory=list)
+    loads: list[tuple[Point | ReferenceFrame, object]] = field(default_factory=list)
+
+    def point(self, at: BodyPoint, name: str) -> tuple[ReferenceFrame, Point]:
+        """A point of a body with its velocity, and the body's axes."""
+        frame, start = self.points[at.body]
+        point = start.locatenew(name, at.at[0] * frame.x + at.at[1] * frame.y)
+        point.v2pt_theory(start, self.ground, frame)
+        return frame, point
+
+    def add(self, name: str, at: BodyPoint, mass: sm.Expr, moment: sm.Expr) -> None:
+        """A mass whose centre is a point of a body, with its moment of inertia about it."""
+        frame, point = self.point(at, f"{name}_point")
+        self.bodies.append(RigidBody(name, point, frame, mass, (inertia(frame, 0, 0, moment), point)))
+
+    def turn(self, joint: Joint, torque: sm.Expr) -> None:
+        """A torque on the second body of a joint, and its opposite on the first."""
+        for side, sign in zip(joint.sides, (-1, 1), strict=True):
+            if side.body != GROUND:
+                self.loads.append((self.points[side.body][0], sign * torque * self.ground.z))
 
 
-def _add_torque(system: System, joint: Joint, torque: sm.Expr, points) -> None:
-    """A torque on the second body of a joint, and its opposite on the first."""
-    for side, sign in zip(joint.sides, (-1, 1), strict=True):
-        if side.body != GROUND:
-            system.add_loads(Torque(points[side.body][0], sign * torque * system.frame.z))
-
-
-def _add_spring(system: System, mechanism: Mechanism, spring: Spring, points) -> dict[str, sm.Symbol]:
+def _add_spring(free: _Free, mechanism: Mechanism, spring: Spring) -> dict[str, sm.Symbol]:
     """A spring's force on its second point and the opposite on the first, or its torque, by their symbols."""
     if spring.joint is not None:
         torque = sm.Symbol(f"{spring.name}.torque")
-        _add_torque(system, mechanism.joints[spring.joint], -torque, points)  # a positive torque turns back
+        free.turn(mechanism.joints[spring.joint], -torque)  # a positive torque turns back
         return {torque.name: torque}
     force = [sm.Symbol(f"{spring.name}.force_{axis}") for axis in "xy"]
     for side, sign in zip(spring.sides, (-1, 1), strict=True):
         if side.body != GROUND:
-            _, point = _fixed(side, f"{spring.name}_{side.body}", system, points)
-            system.add_loads(Force(point, sign * (force[0] * system.x + force[1] * system.y)))
+            _, point = free.point(side, f"{spring.name}_{side.body}")
+            free.loads.append((point, sign * (force[0] * free.ground.x + force[1] * free.ground.y)))
     return {symbol.name: symbol for symbol in force}
-
-
-def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):
-    """Attach a body to the ground by its three absolute coordinates."""
-    x, y, phi = dynamicsymbols(f"x_{name} y_{name} phi_{name}")
-    v_x, v_y, omega = dynamicsymbols(f"v_x_{name} v_y_{name} omega_{name}")
-    # PlanarJoint turns about the interframe's x and slides along its y and z: a cyclic exchange of axes.
-    exchange = sm.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    interframes = []
-    for side in (ground, body):
-        interframe = ReferenceFrame(f"{side.name}_{name}_axes")
-        interframe.orient_explicit(side.frame, exchange.T)
-        interframes.append(interframe)
-    joint = PlanarJoint(
-        f"free_{name}",
-        ground,
-        body,
-        rotation_coordinate=phi,
-        planar_coordinates=[x, y],
-        rotation_speed=omega,
-        planar_speeds=[v_x, v_y],
-        child_point=start,
-        parent_interframe=interframes[0],
-        child_interframe=interframes[1],
-    )
-    return pose_at(x, y, phi, sm.cos, sm.sin), (v_x, v_y, omega), joint
 
 
 def _constraints(

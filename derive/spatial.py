@@ -7,28 +7,19 @@ with their body, global, too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 
 import sympy as sm
-from sympy.physics.mechanics import (
-    KanesMethod,
-    Point,
-    ReferenceFrame,
-    RigidBody,
-    dynamicsymbols,
-    inertia,
-)  # fmt: skip
 
 from kaneflex.derive import module_text
 from kaneflex.derive.joints import EITHER, pull
 from kaneflex.derive.printers import numba_printer as emit
+from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, MASS, MOTION, PLACE, particle_equations, summed
 
 _XYZ = "xyz"
 SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "a", "omega", "epsilon") for axis in _XYZ)
 BODY = ("mass", *(f"centre_{axis}" for axis in _XYZ), "J_x", "J_y", "J_z", "J_xy", "J_yz", "J_zx")
 _MASS, _CENTRE, _J = sm.Symbol(BODY[0]), sm.symbols(BODY[1:4]), sm.symbols(BODY[4:])
-_OMEGA, _ACCEL, _EPSILON = (sm.symbols(f"{letter}_x {letter}_y {letter}_z") for letter in ("omega", "a", "epsilon"))
 
 _ABOUT = """
 A body: mass [kg], its centre [m] and its moments and products of inertia about it [kg m^2], J_xy = -int x y dm, in
@@ -62,32 +53,15 @@ def spatial_text() -> str:
 def body_equations() -> sm.Matrix:
     """-fr* of a free rigid body (6 x 1) in its own axes: three forces at its origin, three moments about it.
 
-    SymPy's KanesMethod with the components of the origin's velocity and of the angular velocity in the body's axes for
-    speeds (Kane & Levinson 1985, sec. 4.11); they are no rates of coordinates, which the equations don't have either.
-    ``a`` is the acceleration of the origin in the body's axes; less gravity, its weight is in them.
+    The sum of Kane's equations of its particles (:func:`particle_equations`), by J about the centre of mass.
     """
-    space, body, origin = ReferenceFrame("space"), ReferenceFrame("body"), Point("origin")
-    q, v, w = (dynamicsymbols(f"{letter}_:{count}") for letter, count in (("q", 6), ("v", 3), ("w", 3)))
-    body.set_ang_vel(space, _vector(body, w))
-    origin.set_vel(space, _vector(body, v))
-    centre = origin.locatenew("centre", _vector(body, _CENTRE))
-    centre.v2pt_theory(origin, space, body)
-    rigid = RigidBody("body", centre, body, _MASS, (inertia(body, *_J), centre))
-    kinematics = [speed - place.diff() for speed, place in zip([*v, *w], q, strict=True)]
-    kane = KanesMethod(space, q_ind=q, u_ind=[*v, *w], kd_eqs=kinematics)
-    _, inertial = kane.kanes_equations([rigid], [])
-    spinning = sm.Matrix(w).cross(sm.Matrix(v))
-    rates = {speed.diff(): value - turned for speed, value, turned in zip(v, _ACCEL, spinning, strict=True)}
-    rates |= {speed.diff(): value for speed, value in zip(w, _EPSILON, strict=True)}
-    found = (-inertial).xreplace(rates).xreplace(dict(zip(w, _OMEGA, strict=True))).expand()
-    left = found.free_symbols - {_MASS, *_CENTRE, *_J, *_OMEGA, *_ACCEL, *_EPSILON}
-    if left or found.has(sm.Derivative):
-        raise ValueError(f"Kane's equations of a body depend on {sorted(map(str, left))}")
-    return found
-
-
-def _vector(frame: ReferenceFrame, components: Sequence[sm.Expr]):
-    return sum((c * axis for c, axis in zip(components, (frame.x, frame.y, frame.z), strict=True)), 0 * frame.x)
+    J_x, J_y, J_z, J_xy, J_yz, J_zx = _J
+    second = {"xx": (J_y + J_z - J_x) / 2, "yy": (J_z + J_x - J_y) / 2, "zz": (J_x + J_y - J_z) / 2, "xy": -J_xy,
+              "yz": -J_yz, "xz": -J_zx}  # fmt: skip
+    place, centre = (dict(zip(_XYZ, of, strict=True)) for of in (PLACE, _CENTRE))
+    sums = {(MASS,): _MASS} | {(MASS, place[a]): _MASS * centre[a] for a in _XYZ}
+    sums |= {(MASS, place[a], place[b]): J + _MASS * centre[a] * centre[b] for (a, b), J in second.items()}
+    return sm.Matrix([summed(row, sums) for row in particle_equations(0)]).expand()
 
 
 _OF_BODY = emit.places((_MASS, *_CENTRE, *_J), "p", "o")
@@ -95,7 +69,7 @@ _OF_BODY = emit.places((_MASS, *_CENTRE, *_J), "p", "o")
 
 def _demand() -> emit.Printed:
     """Kernel of a body's inertia force and moment."""
-    reads = (*_OF_BODY, *emit.places((*_OMEGA, *_ACCEL, *_EPSILON), "w", "k"))
+    reads = (*_OF_BODY, *emit.places(MOTION, "w", "k"))
     doc = (
         "Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.\n\n"
         "w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."
@@ -105,7 +79,7 @@ def _demand() -> emit.Printed:
 
 def _inertia() -> emit.Printed:
     """Mass matrix."""
-    matrix = body_equations().jacobian([*_ACCEL, *_EPSILON])
+    matrix = body_equations().jacobian([*ACCEL, *EPSILON])
     doc = "Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."
     return emit.kernel("inertia", ("p", "o", "out", "n"), _OF_BODY, matrix, doc, out="n")
 

@@ -14,7 +14,7 @@ has an integral.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, reduce
 
 import sympy as sm
@@ -31,8 +31,8 @@ PAIR = (
 )  # fmt: skip
 """Moments of a pair j, k: of N_ja N_kb, G_jka, r_a G_jkb."""
 _ORDER = sm.Symbol("order")
-_MASS = sm.Symbol("mass")
-_PLACE = sm.symbols("r_x r_y r_z")
+MASS = sm.Symbol("dm")
+PLACE = sm.symbols("r_x r_y r_z")
 
 
 def coordinates(j: int) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
@@ -59,11 +59,12 @@ def shaped_equations(count: int, planar: bool = False) -> sm.Matrix:
 
     ``planar``: of particles at z = 0 that stay there.
     """
-    still = [_PLACE[2], *OMEGA[:2], *EPSILON[:2], ACCEL[2]]
+    still = [PLACE[2], *OMEGA[:2], *EPSILON[:2], ACCEL[2]]
     still += [_N("z", j) for j in range(count)] + [_G("z", j, k) for j in range(count) for k in range(j, count)]
-    particle = _of_particle(count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
+    particle = particle_equations(count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
     rows = [_orders(row) for row in particle]
-    return sm.Matrix([_summed(first + second, count) for _, first, second in rows])
+    products = dict(_products(count))
+    return sm.Matrix([summed(first + second, products) for _, first, second in rows])
 
 
 def _orders(expression: sm.Expr) -> tuple[sm.Expr, ...]:
@@ -84,8 +85,13 @@ def _times(left: tuple[sm.Expr, ...], right: tuple[sm.Expr, ...]) -> tuple[sm.Ex
     return a * d, a * e + b * d, a * f + b * e + c * d
 
 
-def _of_particle(count: int) -> sm.Matrix:
-    """-fr* of one particle; every shape stands with the symbol _ORDER to the power that it counts for."""
+def particle_equations(count: int) -> sm.Matrix:
+    """-fr* of one particle; every shape stands with the symbol _ORDER to the power that it counts for.
+
+    SymPy's KanesMethod with the components of the origin's velocity and of the angular velocity in the body's axes for
+    speeds (Kane & Levinson 1985, sec. 4.11); they are no rates of coordinates, which the equations don't have either.
+    ACCEL is the acceleration of the origin in the body's axes; less gravity, its weight is in them.
+    """
     q, rates = ([dynamicsymbols(f"{name}_{j}") for j in range(count)] for name in "qv")
     v, w = dynamicsymbols("v_x v_y v_z"), dynamicsymbols("w_x w_y w_z")
     inertial, body = ReferenceFrame("inertial"), ReferenceFrame("body")
@@ -98,7 +104,7 @@ def _of_particle(count: int) -> sm.Matrix:
     place = [
         at + _ORDER * sum((_N(a, j) * q[j] for j in range(count)), sm.S.Zero)
         + _ORDER**2 / 2 * sum((_G(a, j, k) * q[j] * q[k] for j in range(count) for k in range(count)), sm.S.Zero)
-        for a, at in zip(XYZ, _PLACE, strict=True)
+        for a, at in zip(XYZ, PLACE, strict=True)
     ]  # fmt: skip
     body.set_ang_vel(inertial, in_body(w))
     origin.set_vel(inertial, in_body(v))
@@ -109,7 +115,7 @@ def _of_particle(count: int) -> sm.Matrix:
     places = dynamicsymbols("p_:6")  # coordinates of the body, which the equations don't have
     kinematics += [p.diff(time) - u for p, u in zip(places, (*v, *w), strict=True)]
     kane = KanesMethod(inertial, q_ind=[*q, *places], u_ind=[*v, *w, *rates], kd_eqs=kinematics)
-    _, inertial_forces = kane.kanes_equations([Particle("particle", point, _MASS)], [])
+    _, inertial_forces = kane.kanes_equations([Particle("particle", point, MASS)], [])
     plain = {c.diff(time): value for c, value in zip(w, EPSILON, strict=True)}
     turned = sm.Matrix(OMEGA).cross(sm.Matrix(v))
     plain |= {c.diff(time): a - t for c, a, t in zip(v, ACCEL, turned, strict=True)}
@@ -129,17 +135,16 @@ def _G(a: str, j: int, k: int) -> sm.Symbol:
     return sm.Symbol("G{}{}_{}".format(*sorted((j, k)), a))
 
 
-def _summed(expression: sm.Expr, count: int) -> sm.Expr:
-    """The sum over the particles of an expression: products of fields become moments."""
-    products = dict(_products(count))
+def summed(expression: sm.Expr, products: Mapping[tuple[sm.Symbol, ...], sm.Expr]) -> sm.Expr:
+    """The sum over the particles of an expression: products of fields, in the order of their names, become moments."""
     fields = sorted({f for product in products for f in product}, key=str)
     total = sm.S.Zero
     for powers, coefficient in sm.Poly(expression.expand(), *fields).terms():
         product = tuple(f for f, power in zip(fields, powers, strict=True) for _ in range(power))
         total += products[product] * coefficient if coefficient else 0
-    left = total.free_symbols & {_MASS, *_PLACE, *fields}
+    left = total.free_symbols & {MASS, *PLACE, *fields}
     if left or total.has(sm.Derivative):
-        raise ValueError(f"Kane's equations of a body that deforms depend on {sorted(map(str, left))}")
+        raise ValueError(f"Kane's equations of a body depend on {sorted(map(str, left))}")
     return total
 
 
@@ -147,16 +152,16 @@ def _products(count: int) -> Iterator[tuple[tuple[sm.Symbol, ...], sm.Symbol]]:
     """Products under the sum, factors in the order of their names, with the moments that they are."""
 
     def key(*factors: sm.Symbol) -> tuple[sm.Symbol, ...]:
-        return tuple(sorted((_MASS, *factors), key=str))
+        return tuple(sorted((MASS, *factors), key=str))
 
     for j in range(count):
         for b in XYZ:
             yield key(_N(b, j)), single(f"N_{b}", j)
-            for a, at in zip(XYZ, _PLACE, strict=True):
+            for a, at in zip(XYZ, PLACE, strict=True):
                 yield key(at, _N(b, j)), single(f"{a}_N_{b}", j)
         for k in range(j, count):
             for b in XYZ:
                 yield key(_G(b, j, k)), pair(f"G_{b}", j, k)
-                for a, at in zip(XYZ, _PLACE, strict=True):
+                for a, at in zip(XYZ, PLACE, strict=True):
                     yield key(_N(a, j), _N(b, k)), pair(f"N_{a}_N_{b}", j, k)
                     yield key(at, _G(b, j, k)), pair(f"{a}_G_{b}", j, k)
