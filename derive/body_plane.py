@@ -11,14 +11,13 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import product
-from textwrap import indent
 
 import sympy as sm
 
 from kaneflex.derive import module_text
 from kaneflex.derive.body_equations import AT, RIGID, by_name
 from kaneflex.derive.body_kinds import PLANE, POINT, Kinds, numbers
-from kaneflex.derive.body_loops import INDENT, Shape, added, code, grow, loops, zeroed
+from kaneflex.derive.body_loops import Shape, added, code, grow, lines_of, loops, zeroed
 from kaneflex.derive.body_proof import prove
 from kaneflex.derive.body_space import VELOCITY, demanded, energies, first_and_second, grown, rigid_energy, spin, wrench
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA
@@ -96,7 +95,7 @@ def _moving(shape: Shape) -> dict[str, sm.Expr]:
 def _deform() -> str:
     zeros = ["turn", *(f"{place}{order}" for order in (1, 2) for place in _PLACE.values())]
     body = loops(lambda shape: grow(_moved(shape) | _moving(shape)), kinds=POINT)
-    return _DEFORM.format(begun=_BEGUN_POINT, zeros=_lines(zeroed(zeros)), loops=_lines(body))
+    return _DEFORM.format(begun=_BEGUN_POINT, zeros=lines_of(zeroed(zeros)), loops=lines_of(body))
 
 
 def _push() -> str:
@@ -106,14 +105,14 @@ def _push() -> str:
         row = sum(shape.grown(name) * x for name, x in zip(_PLACE, force, strict=True))
         return grow({_ROW: row} | _place(shape))
 
-    return _PUSH.format(begun=_BEGUN_POINT, loops=_lines(loops(of_shape, kinds=POINT)))
+    return _PUSH.format(begun=_BEGUN_POINT, loops=lines_of(loops(of_shape, kinds=POINT)))
 
 
 def _twists() -> str:
     def of_shape(shape: Shape) -> list[str]:
         return _stored("k", {name: shape.grown(name) for name in _PLACE}, _PLACE)
 
-    return _TWISTS.format(counts=_COUNTS, loops=_lines(loops(of_shape, kinds=POINT)))
+    return _TWISTS.format(counts=_COUNTS, loops=lines_of(loops(of_shape, kinds=POINT)))
 
 
 def _stored(first: str, of: Mapping[str, sm.Expr], names: Iterable[str]) -> list[str]:
@@ -132,12 +131,13 @@ def _inverse() -> str:
         lines, total = demanded(shape, _ROW)
         return [*lines, *grow({name: value for name, value in total.items() if name in needed})]
 
-    body = _lines(loops(of_shape, kinds=PLANE))
+    body = lines_of(loops(of_shape, kinds=PLANE))
     factors = [line for line in spin() if line.startswith("s_zz")]
     zeros = [name for name in ("V_x", "V_y", "D_zz", "f_x", "f_y", "m_z") if name in needed]
     return _INVERSE.format(
-        factors=_lines(factors), begun=_BEGUN, zeros=_lines(zeroed(zeros)), loops=body, f_x=f_x, f_y=f_y, moment=moment
-    )
+        factors=lines_of(factors), begun=_BEGUN, zeros=lines_of(zeroed(zeros)), loops=body, f_x=f_x, f_y=f_y,
+        moment=moment,
+    )  # fmt: skip
 
 
 def _inertia() -> str:
@@ -150,7 +150,7 @@ def _inertia() -> str:
         mass = mass.xreplace({symbol: sm.Symbol(f"{symbol}_l") for symbol in mass.free_symbols})
         return [f"out[modal + to_v * j + l] = {code(mass)}"]
 
-    return _INERTIA.format(begun=_BEGUN, loops=_lines(loops(of_shape, of_pair, PLANE)))
+    return _INERTIA.format(begun=_BEGUN, loops=lines_of(loops(of_shape, of_pair, PLANE)))
 
 
 def _energy() -> str:
@@ -159,12 +159,8 @@ def _energy() -> str:
         return [*lines, *grow(total)]
 
     kinetic = rigid_energy() + MASS * sum(x**2 for x in VELOCITY) / 2
-    body = _lines(loops(of_shape, kinds=PLANE))
-    return _ENERGY.format(begun=_BEGUN, loops=body, kinetic=_lines(added("out[0]", kinetic.xreplace(_STILL))))
-
-
-def _lines(lines: Iterable[str]) -> str:
-    return indent("\n".join(lines), INDENT).lstrip()
+    body = lines_of(loops(of_shape, kinds=PLANE))
+    return _ENERGY.format(begun=_BEGUN, loops=body, kinetic=lines_of(added("out[0]", kinetic.xreplace(_STILL))))
 
 
 _ABOUT = """

@@ -18,18 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from textwrap import indent
 
 import sympy as sm
 
 from kaneflex.derive import module_text
 from kaneflex.derive.body_kinds import CUBIC, KINDS, MOMENTS, XYZ, numbers, section_motion, tables
-from kaneflex.derive.body_loops import INDENT, Shape, bounds, code, grow, loops, named, zeroed
+from kaneflex.derive.body_loops import INDENT, Shape, bounds, code, grow, lines_of, loops, named, zeroed
 from kaneflex.derive.body_shortening import increments, kept, of_demand, of_energy, of_inertia
 from kaneflex.derive.body_space_proof import prove
 from kaneflex.derive.names import Names
 from kaneflex.derive.printers import numba_printer as emit
-from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA
+from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, MOTION, OMEGA
 
 
 def _components(letter: str, axes: Iterable[str] = XYZ) -> tuple[str, ...]:
@@ -147,8 +146,8 @@ def _demand() -> str:
 
     adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(wrench(assigned))})
     return _DEMAND.format(
-        reads=_reads("k", (*OMEGA, *ACCEL, *EPSILON)), factors=_lines(spin()), zeros=_lines(zeroed(sums)), ends=_ENDS,
-        loops=_lines(body), cubic=_lines(_cubic("h[r + {}]")), whole=_lines(whole + adds),
+        reads=_reads("k", MOTION), factors=lines_of(spin()), zeros=lines_of(zeroed(sums)), ends=_ENDS,
+        loops=lines_of(body), cubic=lines_of(_cubic("h[r + {}]")), whole=lines_of(whole + adds),
     )  # fmt: skip
 
 
@@ -182,8 +181,8 @@ def _inertia() -> str:
     whole = sm.BlockMatrix([[sm.zeros(3, 3), -arm], [arm, _matrix("I")]]).as_explicit()
     adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(whole)})
     return _INERTIA.format(
-        zeros=_lines(zeroed([*_components("S"), *_components("I", MOMENTS), "T_y", "T_z", "scale"])), ends=_ENDS,
-        loops=_lines(loops(of_shape, of_pair) + of_inertia()), whole=_lines(adds),
+        zeros=lines_of(zeroed([*_components("S"), *_components("I", MOMENTS), "T_y", "T_z", "scale"])), ends=_ENDS,
+        loops=lines_of(loops(of_shape, of_pair) + of_inertia()), whole=lines_of(adds),
     )  # fmt: skip
 
 
@@ -215,8 +214,8 @@ def _energy() -> str:
     zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS), "scale", "scale_1"]
     zeros += ["T_y", "T_z", "W_y", "W_z"]
     return _ENERGY.format(
-        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=_lines(zeroed(zeros)), ends=_ENDS,
-        loops=_lines(loops(of_shape) + of_energy()), cubic=_lines(_cubic("")), whole=_lines(whole),
+        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=lines_of(zeroed(zeros)), ends=_ENDS,
+        loops=lines_of(loops(of_shape) + of_energy()), cubic=lines_of(_cubic("")), whole=lines_of(whole),
     )  # fmt: skip
 
 
@@ -242,14 +241,10 @@ def _cubic(row: str) -> list[str]:
 def _reads(k: str, symbols: Iterable[sm.Symbol]) -> str:
     """Statements that read symbols from w, three at a time."""
     symbols = list(symbols)
-    return _lines([
+    return lines_of([
         ", ".join(map(str, symbols[n : n + 3])) + " = " + ", ".join(f"w[{emit.offset(k, n + i)}]" for i in range(3))
         for n in range(0, len(symbols), 3)
     ])  # fmt: skip
-
-
-def _lines(lines: Iterable[str], depth: int = 1) -> str:
-    return indent("\n".join(lines), INDENT * depth).lstrip()
 
 
 def _section() -> emit.Printed:
@@ -265,7 +260,7 @@ def _section() -> emit.Printed:
     return emit.kernel("section", ("w", "k", "out", "n"), reads, values, doc, out="n")
 
 
-_ENDS = _lines([
+_ENDS = lines_of([
     *(f"to_{kind} = {f'to_{KINDS[k - 1]} + ' if k else ''}int(p[o{f' + {k}' if k else ''}])"
       for k, kind in enumerate(KINDS[:-1])),
     f"to_{KINDS[-1]} = count", f"o += {len(KINDS) - 1}",

@@ -5,12 +5,12 @@ What touches and what pushes is said in :mod:`kaneflex.mechanism.contacts`; here
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import sympy as sm
 
 from kaneflex.derive import module_text
-from kaneflex.derive.joints import SECTION
+from kaneflex.derive.joints import change, of_side, sections_at
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.program import Assignment
 from kaneflex.mechanism import contacts
@@ -18,8 +18,6 @@ from kaneflex.mechanism.planar import Vector, dot, minus, quarter_turn
 
 NUMBERS = ("direction_x", "direction_y", "reach", "K", "n", "chi", "e", "radius")
 """Numbers of a contact in the order in which the kernels read them."""
-_SIDES = {1: "a", 2: "b"}
-"""Index of a side -> the argument that says where its section begins."""
 _D, _D_RATE, _NORMAL = sm.symbols("d_x d_y"), sm.symbols("d_x_rate d_y_rate"), sm.symbols("n_x n_y")
 _LENGTH, _DEPTH, _RATE = sm.Symbol("length"), sm.Symbol("depth", positive=True), sm.Symbol("depth_rate")
 _g, _g_rate, _v_0, _size = sm.symbols("g rate v_0 size")
@@ -135,20 +133,12 @@ def contact_text() -> str:
     return emit.kernels_module(title, _ABOUT, tables, kernels, _DISPATCH)
 
 
-def _symbol(letter: str, side: int) -> sm.Symbol:
-    return sm.Symbol(f"{letter}_{side}")
-
-
 _OWN = emit.places(_number.values(), "p", "c")
-_READS = (
-    *(place for side, begin in _SIDES.items()
-      for place in emit.places((_symbol(letter, side) for letter in SECTION), "w", begin)),
-    *_OWN,
-)  # fmt: skip
+_READS = (*sections_at("w", "a", "b"), *_OWN)
 
 
 def _place(side: int, letters: tuple[str, str]) -> Vector:
-    return tuple(_symbol(letter, side) for letter in letters)
+    return tuple(of_side(letter, side) for letter in letters)
 
 
 def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Expr]:
@@ -157,16 +147,16 @@ def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Exp
         *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
         *zip(_D_RATE, minus(_place(2, ("v_x", "v_y")), _place(1, ("v_x", "v_y"))), strict=True),
     ]
-    a, epsilons = minus(_place(2, ("a_x", "a_y")), _place(1, ("a_x", "a_y"))), (_symbol("epsilon", k) for k in _SIDES)
+    a, epsilons = minus(_place(2, ("a_x", "a_y")), _place(1, ("a_x", "a_y"))), (of_side("epsilon", k) for k in (1, 2))
     rates: dict[sm.Expr, sm.Expr] = dict(zip((*_D, *_D_RATE, *_OMEGAS), (*_D_RATE, *a, *epsilons), strict=True))
     direction = _number["direction_x"], _number["direction_y"]
     if kind == "circles":
         steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + _TINY)))
         rates[_LENGTH] = dot(_D, _D_RATE) / _LENGTH
         gap, normal = contacts.apart(kind, _D, _LENGTH, direction, _number["reach"])
-        rates |= {part: _changes(value, rates) for part, value in zip(_NORMAL, normal, strict=True)}
+        rates |= {part: change(value, rates) for part, value in zip(_NORMAL, normal, strict=True)}
     else:
-        c, s = sm.cos(_symbol("theta", 1)), sm.sin(_symbol("theta", 1))
+        c, s = sm.cos(of_side("theta", 1)), sm.sin(of_side("theta", 1))
         normal = (c * direction[0] - s * direction[1], s * direction[0] + c * direction[1])
         rates |= {part: _OMEGAS[0] * turned for part, turned in zip(_NORMAL, quarter_turn(_NORMAL), strict=True)}
         gap, _ = contacts.apart(kind, _D, _LENGTH, _NORMAL, _number["reach"])
@@ -182,13 +172,13 @@ def _sliding_kernel(kind: str) -> emit.Printed:
     steps, rates, _ = _moving(kind)
     speed, place = _sliding(contacts.touched(_NORMAL, _number["radius"])), sm.S.Zero
     if kind == "point-line":
-        turned = _symbol("theta", 2) - _symbol("theta", 1)
+        turned = of_side("theta", 2) - of_side("theta", 1)
         place = dot(quarter_turn(_NORMAL), _D) - _number["radius"] * turned
     twists = [
         part for omega, sign in zip(_OMEGAS, (-1, 1), strict=True)
         for part in (*(sign * speed.diff(rate) for rate in _D_RATE), speed.diff(omega))
     ]  # fmt: skip
-    return _stored(f"{kind}_along", steps, (place, speed, _changes(speed, rates), *twists), _SLIDING)
+    return _stored(f"{kind}_along", steps, (place, speed, change(speed, rates), *twists), _SLIDING)
 
 
 def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
@@ -199,22 +189,22 @@ def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
     if kind == "angle":
         return _flank_kernel(kind, acceleration)
     steps, rates, gap = _moving(kind)
-    rate = _changes(gap, rates)
+    rate = change(gap, rates)
     if acceleration:
-        return _acceleration(kind, steps, _changes(rate, rates))
+        return _acceleration(kind, steps, change(rate, rates))
     arm = contacts.touched(_NORMAL, _number["radius"])
-    touched = (_symbol("x", 2) + arm[0], _symbol("y", 2) + arm[1])
+    touched = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1])
     return _stored(kind, steps, (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), _GAP.format(_GAPS[kind]))
 
 
 def _flank_kernel(kind: str, acceleration: bool) -> emit.Printed:
     """The angle of the second section against the first, which turns."""
-    phi, omega, epsilon = (_symbol(letter, 2) - _symbol(letter, 1) for letter in ("theta", "omega", "epsilon"))
+    phi, omega, epsilon = (of_side(letter, 2) - of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
     turn = _number["direction_x"]
     if acceleration:
         return _acceleration(kind, (), turn * epsilon)
     gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
-    values = (gap, turn * omega, 0, 0, _symbol("x", 2), _symbol("y", 2), 0, turn)
+    values = (gap, turn * omega, 0, 0, of_side("x", 2), of_side("y", 2), 0, turn)
     return _stored(kind, [], values, _GAP.format(_GAPS[kind]))
 
 
@@ -227,11 +217,6 @@ def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> emi
 def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str) -> emit.Printed:
     arguments = ("w", "a", "b", "p", "c", "out", "k")
     return emit.kernel(name.replace("-", "_"), arguments, _READS, values, doc, steps, out="k")
-
-
-def _changes(value: sm.Expr, rates: Mapping[sm.Expr, sm.Expr]) -> sm.Expr:
-    """The rate of a value by those of its symbols."""
-    return sum((sm.sympify(value).diff(symbol) * change for symbol, change in rates.items()), sm.S.Zero)
 
 
 def _odd(force: sm.Expr) -> sm.Expr:

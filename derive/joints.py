@@ -7,7 +7,7 @@ all global. What a joint demands (:mod:`kaneflex.mechanism.joints`) and what a s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sm
 
@@ -20,8 +20,6 @@ from kaneflex.mechanism.parts import ROWS, Joint, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
-_SIDES = {"i": 1, "j": 2}
-"""Section of each index of a kernel: the joint's first or second."""
 _RELATIVE = tuple(f"{name}{rate}" for rate in ("", "_rate", "_second_rate") for name in ("gap_x", "gap_y", "phi"))
 """The second section's numbers less those of the first."""
 _D, _ANGLE = sm.symbols("d_x d_y"), sm.Symbol("angle")
@@ -81,17 +79,26 @@ def _count(kind: str) -> int:
     return len(ROWS.get(kind, (kind,)))
 
 
-def _symbol(letter: str, side: int) -> sm.Symbol:
+def of_side(letter: str, side: int) -> sm.Symbol:
+    """Number of a section."""
     return sm.Symbol(f"{letter}_{side}")
 
 
-_READS = tuple(
-    place
-    for index, side in _SIDES.items()
-    for place in emit.places((_symbol(letter, side) for letter in SECTION), "sec", f"9 * {index}")
-)
+def sections_at(array: str, first: str, second: str, numbers: Iterable[str] = SECTION) -> emit.Reads:
+    """Numbers of two sections, which begin at these places of an array."""
+    numbers, begins = tuple(numbers), {1: first, 2: second}
+    return tuple(place for side, begin in begins.items()
+                 for place in emit.places((of_side(letter, side) for letter in numbers), array, begin))  # fmt: skip
+
+
+def change(value: sm.Expr, rates: Mapping[sm.Expr, sm.Expr]) -> sm.Expr:
+    """Rate of a value by those of its symbols."""
+    return sum((sm.sympify(value).diff(symbol) * rate for symbol, rate in rates.items()), sm.S.Zero)
+
+
+_READS = sections_at("sec", "9 * i", "9 * j")
 _DIFFERENCES = {
-    sm.Symbol(name): _symbol(letter, 2) - _symbol(letter, 1) for name, letter in zip(_RELATIVE, SECTION, strict=True)
+    sm.Symbol(name): of_side(letter, 2) - of_side(letter, 1) for name, letter in zip(_RELATIVE, SECTION, strict=True)
 }
 
 
@@ -99,17 +106,11 @@ def _rates() -> dict[sm.Symbol, sm.Expr]:
     """Symbol -> its rate: of what the second section is less the first, and t' = omega_1 S t."""
     relative = list(_DIFFERENCES)
     found = dict(zip(relative[:-3], relative[3:], strict=True))
-    omega, epsilon = _symbol("omega", 1), _symbol("epsilon", 1)
+    omega, epsilon = of_side("omega", 1), of_side("epsilon", 1)
     return found | {omega: epsilon} | dict(zip(_GUIDE, (omega * part for part in quarter_turn(_GUIDE)), strict=True))
 
 
 _RATE = _rates()
-
-
-def _rate(expression: sm.Expr) -> sm.Expr:
-    """d/dt."""
-    used = sorted(expression.free_symbols & set(_RATE), key=str)
-    return sum((expression.diff(symbol) * _RATE[symbol] for symbol in used), sm.S.Zero)
 
 
 def _sections() -> tuple[Pose, Pose]:
@@ -120,7 +121,7 @@ def _sections() -> tuple[Pose, Pose]:
 
 def _steps() -> list[Assignment]:
     """Common assignments of the rows: the differences, and t = R(theta_1) d."""
-    theta = _symbol("theta", 1)
+    theta = of_side("theta", 1)
     guide = Pose(0, 0, sm.cos(theta), sm.sin(theta)).turn(_D)
     return [*_DIFFERENCES.items(), *zip(_GUIDE, guide, strict=True)]
 
@@ -133,13 +134,13 @@ def _joint_kernel(kind: str) -> emit.Printed:
     else:
         joint = Joint("", "prismatic" if kind == "slide" else "revolute", first, second, (1, 0))
         demands = (coordinate(joint, *_sections()),)
-    twists = [_symbol(letter, side) for side in _SIDES.values() for letter in SECTION[3:6]]
+    twists = [of_side(letter, side) for side in (1, 2) for letter in SECTION[3:6]]
     own = {difference: symbol for symbol, difference in _DIFFERENCES.items()}
     entries: list[sm.Expr] = []
     for residual in demands:
-        rate = _rate(residual)
+        rate = change(residual, _RATE)
         jacobian = [rate.xreplace(_DIFFERENCES).diff(twist) for twist in twists]
-        entries += [residual, rate, _rate(rate), *(entry.xreplace(own) for entry in jacobian)]
+        entries += [residual, rate, change(rate, _RATE), *(entry.xreplace(own) for entry in jacobian)]
     doc = _ROW.format(_DOCS[kind], _count(kind), "s" * (_count(kind) > 1))
     arguments = ("sec", "i", "j", "d_x", "d_y", "angle", "out", "k")
     return emit.kernel(kind, arguments, _READS, entries, doc, _steps(), out="k")

@@ -8,8 +8,7 @@ import sympy as sm
 
 from kaneflex.derive.constraints import multiplier
 from kaneflex.derive.rigid import Rates, Solved
-from kaneflex.derive.scalars import Scalar
-from kaneflex.derive.steps import Steps
+from kaneflex.derive.steps import Scalar, Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import Vector
 from kaneflex.support.contract import LINK_SCALARS

@@ -25,9 +25,8 @@ from kaneflex.derive.names import Names
 from kaneflex.derive.newton import Loop
 from kaneflex.derive.program import Program
 from kaneflex.derive.rigid import Drive, Rates, RigidEquations, Solved, rigid_equations
-from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
-from kaneflex.derive.steps import Steps
+from kaneflex.derive.steps import Scalar, Steps
 from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, Pose
 from kaneflex.support.contract import BODY_SCALARS, COURSES

@@ -15,8 +15,7 @@ from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBod
 from kaneflex.derive.constraints import Constraint, drive_constraint, joint_constraints
 from kaneflex.derive.linear import solve_blocks
 from kaneflex.derive.newton import Loop
-from kaneflex.derive.scalars import Scalar
-from kaneflex.derive.steps import Steps
+from kaneflex.derive.steps import Scalar, Steps
 from kaneflex.mechanism.parts import Joint, Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus, pose_at
 

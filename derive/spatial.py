@@ -12,7 +12,7 @@ from functools import cache
 import sympy as sm
 
 from kaneflex.derive import module_text
-from kaneflex.derive.joints import EITHER, pull
+from kaneflex.derive.joints import EITHER, change, pull, sections_at
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, MASS, MOTION, PLACE, particle_equations, summed
 
@@ -88,11 +88,7 @@ def _symbols(letter: str, side: int) -> tuple[sm.Symbol, ...]:
     return sm.symbols(" ".join(f"{letter}_{axis}_{side}" for axis in _XYZ))
 
 
-_READS = tuple(
-    place
-    for side, index in ((1, "i"), (2, "j"))
-    for place in emit.places((sm.Symbol(f"{name}_{side}") for name in SECTION), "sec", f"15 * {index}")
-)
+_READS = sections_at("sec", "15 * i", "15 * j", SECTION)
 _AXES = (*emit.places(_symbols("n", 1), "axes", "3 * k"), *emit.places(_symbols("n", 2), "axes", "3 * l"))
 
 
@@ -112,11 +108,6 @@ def _rates() -> dict[sm.Symbol, sm.Expr]:
 _RATE = _rates()
 
 
-def _rate(expression: sm.Expr) -> sm.Expr:
-    """d/dt."""
-    return sum((expression.diff(symbol) * rate for symbol, rate in _RATE.items()), sm.S.Zero)
-
-
 def _residuals(kind: str) -> list[sm.Expr]:
     """Residuals of an elementary constraint."""
     gap = sm.Matrix(_symbols("r", 2)) - sm.Matrix(_symbols("r", 1))
@@ -129,7 +120,7 @@ def _row(kind: str) -> emit.Printed:
     twists = [symbol for side in (1, 2) for letter in ("v", "omega") for symbol in _symbols(letter, side)]
     entries: list[sm.Expr] = []
     for residual in _residuals(kind):
-        rate = _rate(residual)
-        entries += [residual, rate, _rate(rate), *(rate.diff(twist) for twist in twists)]
+        rate = change(residual, _RATE)
+        entries += [residual, rate, change(rate, _RATE), *(rate.diff(twist) for twist in twists)]
     axes = {"coincide": (), "perpendicular": ("axes", "k", "l"), "on_plane": ("axes", "k")}[kind]
     return emit.kernel(kind, ("sec", "i", "j", *axes, "out", "n"), (*_READS, *_AXES), entries, _ROWS[kind], out="n")

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import sympy as sm
 
-from kaneflex.derive.scalars import Scalar
-from kaneflex.derive.steps import Steps
+from kaneflex.derive.steps import Scalar, Steps
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.parts import Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_velocity, minus

@@ -1,10 +1,22 @@
-"""An ordered record of assignments, from which a Program is made."""
+"""An ordered record of assignments, from which a Program is made, and scalars of the motion that they lead to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import sympy as sm
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Scalar of the motion for the elastic stage and sensors: name, unit, meaning, and its expression (a number where
+    the scene fixes it)."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: sm.Expr
 
 
 class Steps:
