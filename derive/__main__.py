@@ -24,9 +24,7 @@ from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import laws_hash, structure_hash
 
-MOTIONS = (
-    "engine", "engine-3", "four-bar", "mathieu", "pulsating-strut", "rotating-cantilever", "slider-crank-150",
-)  # fmt: skip
+MOTIONS = ("engine", "four-bar", "mathieu", "pulsating-strut", "rotating-cantilever", "slider-crank-150")
 """Scenes that the README and the documentation run: modules of other rigid motions are derived at their first use."""
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 

@@ -7,7 +7,6 @@ STRUCTURES = {
     "dbe8843e1e9c70d6": "crankshaft_torsion_laws",
     "c2394beeb6ed1e04": "elastic_double_pendulum_laws",
     "3302ebbbfc4bb91f": "engine",
-    "7b3754efdcffd37f": "engine_3",
     "fe5482ec0dfc0725": "engine_block_laws",
     "976e5c9aa53b37ba": "engine_rig_clearance_laws",
     "d7ad824fc09dfc5f": "engine_torque_elastic_laws",
