@@ -15,7 +15,7 @@ from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
-from kaneflex.generated.tables import table  # digest d205704e4572c3bd
+from kaneflex.generated.tables import table  # digest 13eb6ef7084dfc2f
 
 FORMAT = 3
 STRUCTURE = "3302ebbbfc4bb91f"

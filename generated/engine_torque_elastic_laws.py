@@ -10,7 +10,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.laws import no_courses as courses
-from kaneflex.generated.tables import table  # digest d205704e4572c3bd
+from kaneflex.generated.tables import table  # digest 13eb6ef7084dfc2f
 
 FORMAT = 3
 STRUCTURE = "d7ad824fc09dfc5f"

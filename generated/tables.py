@@ -51,10 +51,3 @@ def table_curvature(x, p, start):
     """Second derivative of a cubic table, whose block begins at p[start]."""
     d, k = place_in_table(x, p, start)
     return 2.0 * p[k + 2] + d * 6.0 * p[k + 3]
-
-
-@njit(**OPTIONS)
-def table_jerk(x, p, start):
-    """Third derivative of a cubic table, whose block begins at p[start]."""
-    _, k = place_in_table(x, p, start)
-    return 6.0 * p[k + 3]
