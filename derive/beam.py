@@ -17,9 +17,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, prod, symbols, zeros
+from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, symbols
 
-from kaneflex.derive.beam_slice import X, link_tension, slice_equations
+from kaneflex.derive.beam_slice import X, by_monomials, link_tension, slice_equations
 from kaneflex.derive.mass_correction import mass_correction
 from kaneflex.derive.shapes import (
     PARAMETERS,
@@ -145,26 +145,17 @@ def slope_moments(shape: ShapeFunctions, tension: Expr) -> list[ImmutableMatrix]
     return [((x / length) ** k * square).applyfunc(integral).expand() for k in range(degree + 1)]
 
 
-def geometric_terms(tension: Expr, moments: Sequence[ImmutableMatrix]) -> tuple[Term, ...]:
+def geometric_terms(powers: Sequence[Expr], moments: Sequence[ImmutableMatrix]) -> tuple[Term, ...]:
     """K_g = int P H'^T H' dx by the scalars of P: the term that paper (46) leaves out.
 
     The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
-    its generalised active force is -P H'^T H' q per length; ``moments`` are those of :func:`slope_moments`.
+    its generalised active force is -P H'^T H' q per length; ``powers`` are P's coefficients of (x/l)^k, ``moments``
+    those of :func:`slope_moments`.
     """
-
-    def weighted(part: Expr) -> ImmutableMatrix:
-        zero = ImmutableMatrix.zeros(*moments[0].shape)
-        return sum((c * length**k * moments[k] for (k,), c in Poly(part, x).terms()), zero).expand()
-
-    parts = {
-        P_0 ** powers[0] * prod(s**p for s, p in zip(MOTION, powers[1:], strict=True)): coefficient
-        for powers, coefficient in Poly(tension, P_0, *MOTION).terms()
-    }
-    assert set(parts) == set(TENSION_TERMS), f"the tension's terms are not the named ones: {list(parts)}"
-    return tuple(
-        Term(name, "geometric", "K", scalar, weighted(parts[scalar]))
-        for scalar, name in TENSION_TERMS.items()
-    )
+    whole = sum((c * of for c, of in zip(powers, moments, strict=True)), ImmutableMatrix.zeros(*moments[0].shape))
+    found = by_monomials(whole.expand(), (P_0, *MOTION))
+    assert found.keys() == TENSION_TERMS.keys(), f"the tension's terms are not the named ones: {list(found)}"
+    return tuple(Term(name, "geometric", "K", scalar, found[scalar].expand()) for scalar, name in TENSION_TERMS.items())
 
 
 def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, Symbol]) -> tuple[Quantity, ...]:
@@ -193,12 +184,8 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
     tension = P_0 + link_tension(section.before, section.density, _NODE).xreplace(_IN_PLANE)
     moments = slope_moments(shape, tension)
-    geometric = geometric_terms(tension, moments)
-    stiffness = elastic_terms(shape) + geometric
     powers = [(c * length**k).expand() for (k,), c in reversed(Poly(tension, x).terms())]
-    by_tension = sum((c * of for c, of in zip(powers, moments, strict=True)), zeros(*moments[0].shape))
-    by_motion = sum((term.scalar * term.matrix for term in geometric), zeros(*moments[0].shape))
-    assert (by_tension - by_motion).expand().is_zero_matrix, "K_g by the tension is not K_g by the motion"
+    stiffness = elastic_terms(shape) + geometric_terms(powers, moments)
     if shear:
         of_element += (Term("mass_correction", "inertia", "M", S.One, mass_correction(shape)),)
     return Element(

@@ -12,7 +12,7 @@ matters: here bending turns the axis's tangent the shortest way, then the sectio
 prefers neither of the two planes of bending (Hodges and Dowell 1974, NASA TN D-7818, discuss the choice).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
@@ -45,21 +45,21 @@ def slice_equations(kept: tuple[str, ...] = SPATIAL_NODE, frame: bool = False) -
     affine = {
         (target, monomial): matrix
         for target in "MCKF"
-        for monomial, matrix in _by_monomials(ImmutableMatrix(found[target]).expand()).items()
+        for monomial, matrix in by_monomials(ImmutableMatrix(found[target]).expand()).items()
     }
     left = set().union(*(matrix.free_symbols for matrix in affine.values())) - {rho_A, rho_I_y, rho_I_z, X}
     assert not left, f"the equations depend on {sorted(map(str, left))} beside the acceleration a - g"
     return affine
 
 
-def _by_monomials(matrix: ImmutableMatrix) -> dict[Expr, ImmutableMatrix]:
+def by_monomials(matrix: ImmutableMatrix, motion: Sequence[Symbol] = MOTION) -> dict[Expr, ImmutableMatrix]:
     """Monomial of the motion -> the constant matrix before it."""
     found: dict[Expr, Matrix] = {}
     for i in range(matrix.rows):
         for j in range(matrix.cols):
-            for powers, coefficient in Poly(matrix[i, j], *MOTION).terms():
+            for powers, coefficient in Poly(matrix[i, j], *motion).terms():
                 monomial = S.One
-                for symbol, power in zip(MOTION, powers, strict=True):
+                for symbol, power in zip(motion, powers, strict=True):
                     monomial *= symbol**power
                 if coefficient != 0:
                     found.setdefault(monomial, Matrix.zeros(*matrix.shape))[i, j] = coefficient
