@@ -54,7 +54,7 @@ def less(rows, *names):
 
 
 LINK_TABLE = module_text.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
-_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True)}
+_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
 _FUNCTIONS = (link, body, force, numbers, element, constants, less)
 
 

@@ -61,6 +61,11 @@ class _Section:
     """An element's numbers along s = x/length: what varies grows linearly about its mean in the middle."""
 
     shear: bool
+    varying: bool
+
+    @property
+    def parameters(self) -> tuple[tuple[str, str, str], ...]:
+        return spatial_element_parameters(self.shear, self.varying)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -68,7 +73,7 @@ class _Section:
         return SPATIAL_NODE if self.shear else SPATIAL_NODE[:4]
 
     def along(self, name: str) -> Expr:
-        return PARAMETERS[name] + PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2))
+        return PARAMETERS[name] + (PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2)) if self.varying else 0)
 
     def here(self, expression: Expr) -> Expr:
         """A slice's number by s."""
@@ -77,7 +82,8 @@ class _Section:
 
     def tension(self) -> Expr:
         """Axial force by s."""
-        before, density = (PARAMETERS["m_0"], PARAMETERS["S_0"]), self.along("rho_A").subs(s, along / length)
+        before = (PARAMETERS["m_0"], PARAMETERS["S_0"]) if self.varying else (rho_A * x_0, rho_A * x_0**2 / 2)
+        density = self.along("rho_A").subs(s, along / length)
         return P_0 + link_tension(before, density).subs(along, length * s)
 
     def bubble(self, functions: str, rows: str) -> str:
@@ -231,8 +237,8 @@ _KERNELS = {
 def spatial_element_texts() -> dict[str, str]:
     """Module -> its text, of all SPATIAL_BEAMS and of the integrals that they add up."""
     texts = {"shape_integrals": shape_integrals_text()}
-    for module, shear in SPATIAL_BEAMS.items():
-        texts[module] = _text(_Section(shear), texts)
+    for module, options in SPATIAL_BEAMS.items():
+        texts[module] = _text(_Section(**options), texts)
     return texts
 
 
@@ -255,7 +261,7 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
         "Matrices of one element of an elastic link in space",
         _about(section),
         [
-            element_table("SPATIAL", spatial_element_parameters(section.shear)),
+            element_table("SPATIAL", section.parameters),
             *data,
             module_text.operations_table(counts),
         ],
@@ -277,8 +283,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
         used = [statement for statement in made if f"{statement.partition(' ')[0]}," in text]
         pairs += used
         outputs += [(called, number) for called, number in of_plane if called in " ".join(used)]
-    parameters = (PARAMETERS[key] for key, *_ in spatial_element_parameters(section.shear))
-    inputs = emit.places(parameters, "p") + emit.places(SCALARS, "s")
+    inputs = emit.places((PARAMETERS[key] for key, *_ in section.parameters), "p") + emit.places(SCALARS, "s")
     raw = Program(name, tuple(symbol for symbol, _ in inputs), (), (*outputs, *numbers))
     motion = set(SCALARS) & set().union(*(number.free_symbols for _, number in numbers))
     doc = _DOCS[name] + _CORRECTED * (name == "M" and section.shear)

@@ -10,7 +10,7 @@ MOTION = tuple(SCALARS[:9])
 
 PARAMETERS = {
     name: Symbol(name, real=True) if name.endswith("_rise") or name in ("m_0", "S_0") else Symbol(name, positive=True)
-    for name, *_ in spatial_element_parameters(shear=True)
+    for name, *_ in spatial_element_parameters(shear=True, varying=True)
 }
 """Every element parameter's symbol."""
 

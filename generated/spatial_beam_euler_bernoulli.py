@@ -22,7 +22,7 @@ from kaneflex.generated.shape_integrals import (
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:17]  # p: name, unit, meaning
+ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:10]  # p: name, unit, meaning
 
 # s: name, unit, meaning
 LINK_SCALARS = (
@@ -76,8 +76,7 @@ TERMS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1132, 1132), 'K_s': (1026, 1022), 'K_d': (2465, 2382), 'K_g': (2156, 2069), 'C': (1185, 1167),
-    'F': (431, 390),
+    'M': (563, 563), 'K_s': (568, 568), 'K_d': (1187, 1172), 'K_g': (1573, 1536), 'C': (585, 581), 'F': (202, 192),
 }
 
 
@@ -86,17 +85,15 @@ def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise = unpacked(p, 13)
-    f_0 = length*(rho_A - 0.5*rho_A_rise)
-    f_1 = length*rho_A_rise
-    f_2 = length*(rho_I_y - 0.5*rho_I_y_rise + rho_I_z - 0.5*rho_I_z_rise)
-    f_3 = length*(rho_I_y_rise + rho_I_z_rise)
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
+    f_0 = length*rho_A
+    f_1 = length*(rho_I_y + rho_I_z)
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0, f_1))
-    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0, f_1))
-    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_2, f_3))
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_1,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -104,21 +101,19 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, _, _, _, E_I_y_rise, E_I_z_rise = unpacked(p, 15)
+    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length = unpacked(p, 9)
     w0 = 1.0/length
     w1 = 1.0/(length*length*length)
     f_0 = E_A*w0
     f_1 = G_J*w0
-    f_2 = w1*(E_I_z - 0.5*E_I_z_rise)
-    f_3 = E_I_z_rise*w1
-    f_4 = w1*(E_I_y - 0.5*E_I_y_rise)
-    f_5 = E_I_y_rise*w1
+    f_2 = E_I_z*w1
+    f_3 = E_I_y*w1
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
     fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
     fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
-    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2, f_3))
-    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_4, f_5))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2,))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_3,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -126,58 +121,31 @@ def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise = unpacked(p, 13)
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
-    w0 = omega_z*omega_z
-    w1 = rho_A*w0 - 0.5*rho_A_rise*w0
-    w2 = omega_y*omega_y
-    w3 = rho_A*w2 - 0.5*rho_A_rise*w2
-    w4 = length*rho_A_rise
-    w5 = omega_x*omega_y
-    w6 = 0.5*rho_A_rise
-    w7 = w5*w6
-    w8 = epsilon_z*rho_A - epsilon_z*w6
-    w9 = omega_x*omega_z
-    w10 = w6*w9
-    w11 = epsilon_y*rho_A - epsilon_y*w6
-    w12 = omega_x*omega_x
-    w13 = rho_A*w12 - 0.5*rho_A_rise*w12
-    w14 = omega_y*omega_z
-    w15 = w14*w6
-    w16 = epsilon_x*rho_A - epsilon_x*w6
-    w17 = rho_I_y_rise*w2
-    w18 = rho_I_z_rise*w2
-    w19 = rho_I_y_rise*w0
-    w20 = rho_I_z_rise*w0
-    f_0 = length*(-w1 - w3)
-    f_1 = -w4*(w0 + w2)
-    f_2 = length*(omega_x*omega_y*rho_A - w7 - w8)
-    f_3 = w4*(-epsilon_z + omega_x*omega_y)
-    f_4 = length*(rho_A*w5 - w7 + w8)
-    f_5 = w4*(epsilon_z + w5)
-    f_6 = length*(rho_A*w9 - w10 + w11)
-    f_7 = w4*(epsilon_y + w9)
-    f_8 = length*(omega_x*omega_z*rho_A - w10 - w11)
-    f_9 = w4*(-epsilon_y + omega_x*omega_z)
-    f_10 = length*(-w1 - w13)
-    f_11 = -w4*(w0 + w12)
-    f_12 = length*(omega_y*omega_z*rho_A - w15 - w16)
-    f_13 = w4*(-epsilon_x + omega_y*omega_z)
-    f_14 = length*(rho_A*w14 - w15 + w16)
-    f_15 = w4*(epsilon_x + w14)
-    f_16 = length*(-w13 - w3)
-    f_17 = -w4*(w12 + w2)
-    f_18 = length*(-rho_I_y*w0 + rho_I_y*w2 + rho_I_z*w0 - rho_I_z*w2 - 0.5*w17 + 0.5*w18 + 0.5*w19 - 0.5*w20)
-    f_19 = length*(w17 - w18 - w19 + w20)
+    w0 = omega_y*omega_y
+    w1 = omega_z*omega_z
+    w2 = length*rho_A
+    w3 = omega_x*omega_x
+    f_0 = -w2*(w0 + w1)
+    f_1 = w2*(-epsilon_z + omega_x*omega_y)
+    f_2 = w2*(epsilon_z + omega_x*omega_y)
+    f_3 = w2*(epsilon_y + omega_x*omega_z)
+    f_4 = w2*(-epsilon_y + omega_x*omega_z)
+    f_5 = -w2*(w1 + w3)
+    f_6 = w2*(-epsilon_x + omega_y*omega_z)
+    f_7 = w2*(epsilon_x + omega_y*omega_z)
+    f_8 = -w2*(w0 + w3)
+    f_9 = length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
-    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
-    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
-    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
-    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
-    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
-    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -185,30 +153,24 @@ def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, _, _, _, _, _, _, I_p_A, length, x_0, rho_A_rise, _, _, _, _, m_0, S_0 = unpacked(p, 17)
+    rho_A, _, _, _, _, _, _, I_p_A, length, x_0 = unpacked(p, 10)
     _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
     w0 = omega_y*omega_y
-    w1 = omega_z*omega_z
-    w2 = f_0 = (P_0 - S_0*w0 - S_0*w1 + a_x*m_0)/length
-    w3 = rho_A*x_0
-    w4 = rho_A_rise*x_0
-    w5 = 0.5*w4
-    w6 = f_1 = a_x*rho_A - 0.5*a_x*rho_A_rise - w0*w3 + w0*w5 - w1*w3 + w1*w5
-    w7 = 2.0*length*rho_A
-    w8 = 2.0*w4
-    w9 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w0 + length*rho_A_rise*w1 - w0*w7 - w0*w8 - w1*w7 - w1*w8
-    w10 = 0.3333333333333333*length*rho_A_rise*(w0 + w1)
-    f_2 = 0.25*w9
-    f_3 = -w10
-    f_4 = I_p_A*w2
-    f_5 = I_p_A*w6
-    f_6 = 0.25*I_p_A*w9
-    f_7 = -I_p_A*w10
+    w1 = 0.5*rho_A
+    w2 = w1*(x_0*x_0)
+    w3 = omega_z*omega_z
+    w4 = f_0 = (P_0 + a_x*rho_A*x_0 - w0*w2 - w2*w3)/length
+    w5 = f_1 = rho_A*(a_x - w0*x_0 - w3*x_0)
+    w6 = length*w1*(w0 + w3)
+    f_2 = -w6
+    f_3 = I_p_A*w4
+    f_4 = I_p_A*w5
+    f_5 = -I_p_A*w6
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2, f_3))
-    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2, f_3))
-    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_4, f_5, f_6, f_7))
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_3, f_4, f_5))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -216,27 +178,17 @@ def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, _, _, _, _, _, _, _, length, _, rho_A_rise = unpacked(p, 11)
+    rho_A, _, _, _, _, _, _, _, length = unpacked(p, 9)
     omega_x, omega_y, omega_z = unpacked(s, 3)
-    w0 = 2.0*rho_A - rho_A_rise
-    w1 = length*omega_z
-    w2 = 2.0*rho_A_rise
-    w3 = length*omega_y
-    w4 = length*omega_x
-    f_0 = -w0*w1
-    f_1 = -w1*w2
-    f_2 = w0*w1
-    f_3 = w0*w3
-    f_4 = w2*w3
-    f_5 = -w0*w3
-    f_6 = -w0*w4
-    f_7 = -w2*w4
-    f_8 = w0*w4
+    w0 = 2.0*length*rho_A
+    f_0 = -omega_z*w0
+    f_1 = omega_y*w0
+    f_2 = -omega_x*w0
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
-    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
-    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
+    fill_both(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
+    fill_both(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -244,37 +196,27 @@ def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise = unpacked(p, 13)
+    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, x_0 = unpacked(p, 10)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
     w0 = omega_y*omega_y
-    w1 = rho_A_rise*x_0
-    w2 = w0*w1
-    w3 = omega_z*omega_z
-    w4 = w1*w3
-    w5 = length*rho_A
-    w6 = 0.5*length*rho_A_rise
-    w7 = (length*length)*rho_A_rise
-    w8 = rho_A*x_0
-    w9 = omega_x*omega_y
-    w10 = omega_x*omega_z
-    w11 = omega_y*omega_z
-    f_0 = length*(-a_x*rho_A + 0.5*a_x*rho_A_rise + rho_A*w0*x_0 + rho_A*w3*x_0 - 0.5*w2 - 0.5*w4)
-    f_1 = length*(-a_x*rho_A_rise + w0*w5 - w0*w6 + w2 + w3*w5 - w3*w6 + w4)
-    f_2 = w7*(w0 + w3)
-    f_3 = length*(-a_y*rho_A + 0.5*a_y*rho_A_rise + 0.5*epsilon_z*rho_A_rise*x_0 - epsilon_z*w8 + 0.5*omega_x*omega_y*rho_A_rise*x_0 - w8*w9)
-    f_4 = length*(-a_y*rho_A_rise + 0.5*epsilon_z*length*rho_A_rise - epsilon_z*w1 - epsilon_z*w5 + 0.5*length*omega_x*omega_y*rho_A_rise - w1*w9 - w5*w9)
-    f_5 = -w7*(epsilon_z + w9)
-    f_6 = length*(-a_z*rho_A + 0.5*a_z*rho_A_rise + epsilon_y*rho_A*x_0 - 0.5*epsilon_y*w1 + 0.5*omega_x*omega_z*rho_A_rise*x_0 - w10*w8)
-    f_7 = length*(-a_z*rho_A_rise + epsilon_y*length*rho_A + epsilon_y*rho_A_rise*x_0 - epsilon_y*w6 + 0.5*length*omega_x*omega_z*rho_A_rise - w1*w10 - w10*w5)
-    f_8 = w7*(epsilon_y - w10)
-    f_9 = length*(-epsilon_x*rho_I_y + 0.5*epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z + 0.5*epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y + 0.5*omega_y*omega_z*rho_I_z_rise - 0.5*rho_I_y_rise*w11 - rho_I_z*w11)
-    f_10 = length*(-epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y_rise - rho_I_z_rise*w11)
+    w1 = omega_z*omega_z
+    w2 = length*rho_A
+    w3 = (length*length)*rho_A
+    w4 = omega_x*omega_y
+    w5 = omega_x*omega_z
+    f_0 = w2*(-a_x + w0*x_0 + w1*x_0)
+    f_1 = w3*(w0 + w1)
+    f_2 = -w2*(a_y + epsilon_z*x_0 + w4*x_0)
+    f_3 = -w3*(epsilon_z + w4)
+    f_4 = w2*(-a_z + epsilon_y*x_0 - w5*x_0)
+    f_5 = w3*(epsilon_y - w5)
+    f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
     bend_v = (0.0, 0.0, length)
     bend_w = (0.0, 0.0, -length)
-    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1, f_2))
-    fill_load(out, True, DEFLECTION, V, bend_v, (f_3, f_4, f_5))
-    fill_load(out, True, DEFLECTION, W, bend_w, (f_6, f_7, f_8))
-    fill_load(out, True, LINEAR, T, STRAIGHT, (f_9, f_10))
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_2, f_3))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_4, f_5))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_6,))
 
 
 @njit(**OPTIONS)

@@ -91,7 +91,6 @@ def test_section_rotation_is_a_rotation_to_second_order_and_turns_at_its_angular
 @pytest.mark.parametrize("seed", SEEDS)
 def test_kernels_are_the_closed_forms(seed):
     p, s = numbers(seed)
-    p = uniform(p)
     rhoA, rhoIy, rhoIz, L, x0 = (p[name] for name in ("rho_A", "rho_I_y", "rho_I_z", "length", "x_0"))
     w, e, a = (components(s, letter) for letter in ("omega", "epsilon", "a"))
     found = computed("spatial_beam_euler_bernoulli", p, s)
@@ -119,9 +118,10 @@ def test_the_planar_element_is_contained(name):
     """In a motion about z the rows u, v, theta_z are the planar module's, and nothing couples to the others."""
     p, s = numbers(1)
     s |= dict.fromkeys(("omega_x", "omega_y", "epsilon_x", "epsilon_y", "a_z"), 0.0)
-    shear = SPATIAL_BEAMS[name]
+    options = SPATIAL_BEAMS[name]
+    shear = options["shear"]
     planar = computed(
-        beam_module(rotary=shear, shear=shear, varying=True),
+        beam_module(rotary=shear, **options),
         {of_plane: p[name] for of_plane, name in PLANAR.items() if shear or of_plane not in TURNING},
         {"omega": s["omega_z"], "epsilon": s["epsilon_z"], "a_x": s["a_x"], "a_y": s["a_y"], "P_0": s["P_0"]},
     )
@@ -179,8 +179,7 @@ def test_propeller_moment_turns_a_blade_flat_into_its_plane_of_rotation():
 
 def test_checked_kernels_want_twelve_coordinates():
     found = module("spatial_beam_euler_bernoulli")
-    p = np.array([float(not name.endswith("_rise")) for name, *_ in found.ELEMENT_PARAMETERS])
-    out = np.zeros((12, 12))
+    p, out = np.ones(len(found.ELEMENT_PARAMETERS)), np.zeros((12, 12))
     safe = kaneflex.checked(found)
     safe.M(p, out)
     assert_equal(out, by_hand.mass(1.0, 2.0, 1.0))

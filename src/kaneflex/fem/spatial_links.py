@@ -48,7 +48,7 @@ def link_of_scene(scene: Scene, name: str, elements: int) -> Link:
     Beyond a node where joints or loads act the axial force is higher by ``name.link.jump_NODE``.
     """
     profile, nodes = scene.bodies[name].profile, mesh(scene, name, elements)
-    beam = spatial_beam_module(profile.rotary, profile.shear)
+    beam = spatial_beam_module(profile.rotary, profile.shear, profile.varying)
     parameters, module = profile.elements(nodes), import_module(f"kaneflex.generated.{beam}")
     beyond = {str(node): nodes[node] for node in jumps(scene, name, nodes)}
     terms = terms_of_link(scene, name, parameters, module, SpatialLink)

@@ -46,12 +46,12 @@ _VARYING = (
 )
 
 
-def spatial_element_parameters(shear: bool) -> tuple[tuple[str, str, str], ...]:
+def spatial_element_parameters(shear: bool, varying: bool) -> tuple[tuple[str, str, str], ...]:
     """Name, unit and meaning of an element's parameters, in the order in which its kernels read them.
 
-    Parameters with a growth are means over the element.
+    For a varying section, parameters with a growth are means over the element.
     """
-    return _DENSITIES + _RIGIDITIES + _UNIFORM + _VARYING + _SHEAR * shear
+    return _DENSITIES + _RIGIDITIES + _UNIFORM + _VARYING * varying + _SHEAR * shear
 
 
 _PAIRS = tuple(combinations_with_replacement(AXES, 2))
@@ -77,11 +77,15 @@ SPATIAL_ELEMENT_TERMS = (
 )
 """Affine form of every spatial element: name, group, kernel, factors of the scalar, as ``ELEMENT_TERMS``."""
 
-SPATIAL_BEAMS = {"spatial_beam_euler_bernoulli": False, "spatial_beam_timoshenko": True}
-"""Module of an element in ``kaneflex.generated`` -> True with shear. A Rayleigh beam uses the element with shear, with
-phi_y and phi_z = 0."""
+SPATIAL_BEAMS = {
+    "spatial_beam_euler_bernoulli": {"shear": False, "varying": False},
+    "spatial_beam_euler_bernoulli_varying": {"shear": False, "varying": True},
+    "spatial_beam_timoshenko": {"shear": True, "varying": True},
+}
+"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from. A Rayleigh beam uses the
+element with shear, with phi_y and phi_z = 0."""
 
 
-def spatial_beam_module(rotary: bool, shear: bool) -> str:
+def spatial_beam_module(rotary: bool, shear: bool, varying: bool) -> str:
     """Smallest of SPATIAL_BEAMS that has all of this."""
-    return f"spatial_beam_{'timoshenko' if rotary or shear else 'euler_bernoulli'}"
+    return "spatial_beam_timoshenko" if rotary or shear else f"spatial_beam_euler_bernoulli{'_varying' * varying}"
