@@ -90,9 +90,9 @@ def c_model(
         progress("initial state")
         numbers, sizes, start = _linear(model, name)
         readings = sensor_readings(model)
-        more, said = _readings(readings, model, name)
+        more, fields = _readings(readings, model, name)
         data += numbers + more
-        declared = _DECLARED.format(name=name, NAME=name.upper(), sizes=sizes, **said)
+        declared = _DECLARED.format(name=name, NAME=name.upper(), sizes=sizes, **fields)
         sources += [_SHARED[1]]
         texts |= shared_texts(_SHARED)
         texts[f"{name}_run.c"] = _RUN.format(name=name, NAME=name.upper(), steps=model.options.steps)
@@ -152,11 +152,11 @@ def _motion(found: Harmonics, by_loads: Mapping[int, Harmonics], model: Model, n
         texts += _series(each, f"{name}_load_{place}")
         value = _number(model.motion.parameters[place])
         added.append(f"    kaneflex_add(&{name}_load_{place}, p[{place}] - {value}, t, s);\n")
-    said = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
+    fields = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
     tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
-    head = _MOTION_H.format(tables=tables, **said)
+    head = _MOTION_H.format(tables=tables, **fields)
     unread = "" if added else "    (void)p;\n"
-    source = _MOTION_C.format(series="\n".join(texts), added="".join(added), unread=unread, **said)
+    source = _MOTION_C.format(series="\n".join(texts), added="".join(added), unread=unread, **fields)
     return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
 
 
@@ -244,8 +244,8 @@ def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], d
     numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
     missing = ", ".join(unread(readings, model))
     sizes = {"sensors": count, "values": readings.count, "memory": max(memory, 1)}
-    said = {"left": missing and c_inline(f" Not {missing}."), **sizes}
-    return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], said
+    fields = {"left": missing and c_inline(f" Not {missing}."), **sizes}
+    return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], fields
 
 
 def array_in_c(kind: str, name: str, values: Iterable[Any], scope: str = "static ") -> str:

@@ -111,9 +111,9 @@ def _sizes(start: Begun, numbers: np.ndarray) -> dict[str, int]:
     }  # fmt: skip
 
 
-def _enumerated(sizes: dict[str, int], said: dict[str, str], NAME: str) -> str:
-    shown = [f"    {NAME}_{key} = {sizes[key]}, /* {text} */" for key, text in said.items()]
-    return "\n".join([*shown, *(f"    {NAME}_{key} = {size}," for key, size in sizes.items() if key not in said)])
+def _enumerated(sizes: dict[str, int], comments: dict[str, str], NAME: str) -> str:
+    shown = [f"    {NAME}_{key} = {sizes[key]}, /* {text} */" for key, text in comments.items()]
+    return "\n".join([*shown, *(f"    {NAME}_{key} = {size}," for key, size in sizes.items() if key not in comments)])
 
 
 def _arrays(engine: Engine, name: str, printer: Any) -> tuple[list[str], np.ndarray]:

@@ -240,8 +240,8 @@ def _root(made: CModel, more: Mapping[str, str]) -> ElementTree.Element:
 
     scene = made.model.scene
     given = {"modelName": scene.name, "generationTool": f"kaneflex {__version__}", "variableNamingConvention": "flat"}
-    said = {"description": scene.description} if scene.description else {}
-    return ElementTree.Element("fmiModelDescription", {**more, **given, **said})
+    description = {"description": scene.description} if scene.description else {}
+    return ElementTree.Element("fmiModelDescription", {**more, **given, **description})
 
 
 def _kinds(root: ElementTree.Element, name: str, state: str) -> list[ElementTree.Element]:

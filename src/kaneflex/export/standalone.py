@@ -57,20 +57,20 @@ def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: Non
 
     geometric = model.options.geometric
     progress("element matrices")
-    said = Texts(model)
-    sensing = sensor_text(said)
+    scene_texts = Texts(model)
+    sensing = sensor_text(scene_texts)
     texts = [
         filled(parts.HEAD, title=_title(scene), parameters=parameters(model), data=data(model),
                plus=" + K_g" * geometric, tension=parts.TENSION * geometric),
         *tables(model),
         *functions(model),
         f"\n\n{element_text(geometric)}",
-        filled(parts.KINEMATICS, maps=_maps(said), less=said.less_gravity),
-        parts.NODE_MAP * ("node_map" in said.lumps() + sensing),
-        filled(parts.EQUATIONS, lumps=said.lumps(), H_=", H" * geometric, K_g=parts.K_G * geometric,
+        filled(parts.KINEMATICS, maps=_maps(scene_texts), less=scene_texts.less_gravity),
+        parts.NODE_MAP * ("node_map" in scene_texts.lumps() + sensing),
+        filled(parts.EQUATIONS, lumps=scene_texts.lumps(), H_=", H" * geometric, K_g=parts.K_G * geometric,
                unpacked=parts.UNPACKED if geometric else "M, G, K_s, f = ELEMENTS[link]"),
         *_integration(model, begun),
-        _foreshortening(said) if model.options.foreshortening else "",
+        _foreshortening(scene_texts) if model.options.foreshortening else "",
         sensing,
     ]  # fmt: skip
     text = narrowed(re.sub("\n\n\n\n+", "\n\n\n", "".join(texts)))

@@ -209,8 +209,8 @@ class Body(SceneTable):
     def points_all(self) -> dict[str, Vector]:
         """All named points in m in the body's axes: the standard ones, those of modal data and those given."""
         own, modal = self._own_points(), self.modal
-        told = zip(modal.points, modal.places.tolist(), strict=True) if modal is not None else ()
-        return own | {name: tuple(place) for name, place in told if name not in own} | self.points
+        imported = zip(modal.points, modal.places.tolist(), strict=True) if modal is not None else ()
+        return own | {name: tuple(place) for name, place in imported if name not in own} | self.points
 
     @cached_property
     def points_named(self) -> dict[str, Vector]:

@@ -32,8 +32,8 @@ def problems_of(scene: Scene) -> list[Problem]:
     if flat:
         return flat
     loose = list(clearance_problems(scene))
-    told = {problem.key for problem in loose}
-    found = [problem for problem in _problems(scene.with_clearances()) if problem.key not in told]
+    known = {problem.key for problem in loose}
+    found = [problem for problem in _problems(scene.with_clearances()) if problem.key not in known]
     return loose + found
 
 

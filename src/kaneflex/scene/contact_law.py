@@ -149,7 +149,7 @@ def spheres(modulus: float, curvature: float) -> float:
     return 4 / 3 * modulus / math.sqrt(curvature)
 
 
-def cylinders(modulus: float, width: float, room: float, load: float | None) -> tuple[float, float]:
+def cylinders(modulus: float, width: float, clearance: float, load: float | None) -> tuple[float, float]:
     """Fit K and n so that K d^n has, at a load, the depth and the stiffness of two parallel cylinders.
 
     Johnson 1985, Contact Mechanics, sec. 4.2 and 5.6: d = F/(pi E* w) (ln(4 pi E* w R/F) - 1), where R is the sum of
@@ -160,11 +160,11 @@ def cylinders(modulus: float, width: float, room: float, load: float | None) -> 
         reason = "the stiffness of cylinders depends on the load at which K d^n is fitted, which is missing"
         raise Fault(reason, "Give contact.load, a typical force, like load = '1 kN'", below="contact")
     stiff = math.pi * modulus * width
-    logarithm = math.log(4 * stiff * room / load)
+    logarithm = math.log(4 * stiff * clearance / load)
     if logarithm < _SMALLEST_LOGARITHM:
         raise Fault(
             "at this force the contact of the cylinders is too wide for Hertz's theory",
-            f"Give a load up to {4 * stiff * room / math.exp(_SMALLEST_LOGARITHM):.3g} N, or contact.stiffness",
+            f"Give a load up to {4 * stiff * clearance / math.exp(_SMALLEST_LOGARITHM):.3g} N, or contact.stiffness",
             below="contact.load",
         )
     n = (logarithm - 1) / (logarithm - 2)

@@ -251,19 +251,19 @@ class ClearanceContact(Contact):
 
     @property
     def reach(self) -> float:
-        room = self.clearance
-        if room.angle is not None:
-            return self.flank * room.middle - room.angle
-        return room.radial if self.kind == "circle-in-circle" else -(room.gap + room.height / 2)
+        clearance = self.clearance
+        if clearance.angle is not None:
+            return self.flank * clearance.middle - clearance.angle
+        return clearance.radial if self.kind == "circle-in-circle" else -(clearance.gap + clearance.height / 2)
 
     @property
     def curvature(self) -> float:
-        pin, room = self.clearance.radius, self.clearance.radial
+        pin, clearance = self.clearance.radius, self.clearance.radial
         if self.kind == "point-line" or not pin:
             what = "a corner" if self.kind == "point-line" else "a pin"
             cure = "Give contact.stiffness" if self.kind == "point-line" else "Give its radius, or the joint's width"
             raise Fault(f"Hertz's theory needs a radius, {what} has none", cure, below="contact")
-        return room / (pin * (pin + room))
+        return clearance / (pin * (pin + clearance))
 
     def number(self, name: str) -> float:
         if name in ("length", "height"):
@@ -278,11 +278,12 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
     left. Backlash has NAME_1, which turns the second body forwards, and NAME_2, backwards; the joint remains.
     """
     first, second = joint.addresses
-    room = joint.clearance
-    shared = {"contact": room.contact, "friction": room.friction, "of": name, "clearance": room, "width": room.width}
-    if room.radial is not None:
+    clearance = joint.clearance
+    shared = {"contact": clearance.contact, "friction": clearance.friction, "of": name, "clearance": clearance,
+              "width": clearance.width}  # fmt: skip
+    if clearance.radial is not None:
         return {name: ClearanceContact.model_construct(circle_in_circle=(second, first), **shared)}
-    if room.angle is not None:
+    if clearance.angle is not None:
         return {
             f"{name}_{k}": ClearanceContact.model_construct(circle_in_circle=(second, first), flank=flank, **shared)
             for k, flank in ((1, 1), (2, -1))

@@ -44,19 +44,21 @@ def unit_of_column(
     `given` is the scene's entry `unit`; `cure` is the advice for a column of another dimension. Raises Fault for that,
     for a heading that contradicts the given unit, and without any unit.
     """
-    said, sure = _said(heading)
+    found, sure = _said(heading)
     wanted = " or ".join(dimension.name for dimension in dimensions)
     own = None if given is None else _which(given, dimensions)
-    fits = said is not None and any(_fits(said, dimension) for dimension in dimensions)
-    if said is not None and fits:
-        dimension = _which(said, dimensions)
+    fits = found is not None and any(_fits(found, dimension) for dimension in dimensions)
+    if found is not None and fits:
+        dimension = _which(found, dimensions)
         if given is None:
-            return said, dimension
-        if dimension is own and math.isclose(unit_factor(said, dimension), unit_factor(given, dimension), rel_tol=1e-9):
+            return found, dimension
+        factors = (unit_factor(unit, dimension) for unit in (found, given))
+        if dimension is own and math.isclose(*factors, rel_tol=1e-9):
             return given, dimension
-        raise Fault(f"{file}: its column {heading!r} is in {said}", f"Leave unit out, or correct the heading of {file}")
-    if said is not None and sure and (given is None or any(_fits(said, dimension) for dimension in _HEADED)):
-        reason = f"{file}: its column {heading!r} is in {said!r}, not a unit of {wanted}"
+        reason = f"{file}: its column {heading!r} is in {found}"
+        raise Fault(reason, f"Leave unit out, or correct the heading of {file}")
+    if found is not None and sure and (given is None or any(_fits(found, dimension) for dimension in _HEADED)):
+        reason = f"{file}: its column {heading!r} is in {found!r}, not a unit of {wanted}"
         raise Fault(reason, cure)
     if given is not None and own is not None:
         return given, own

@@ -281,8 +281,8 @@ def _constant(node: ast.expr) -> _Number | None:
             number = _applied(ON_ARRAYS[name], values, *_DOMAINS.get(name, (-np.inf, np.inf)))
     if number is not None and not abs(number.value) <= LARGEST:
         unnamed = isinstance(node, ast.Constant) and (isinstance(node.value, int) or np.isinf(node.value))
-        said = "a number" if unnamed else ast.unparse(node)
-        raise Fault(f"{said} is beyond {LARGEST:g}: products of such numbers are not finite", _REAL)
+        shown = "a number" if unnamed else ast.unparse(node)
+        raise Fault(f"{shown} is beyond {LARGEST:g}: products of such numbers are not finite", _REAL)
     return number
 
 

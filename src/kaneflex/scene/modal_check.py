@@ -37,9 +37,9 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
             reason = f"{file} does not have this point; its points are {', '.join(modal.points)}"
             yield Problem(key, str(address), reason, "Add it to the file's arrays, or name another point")
             continue
-        own, here = modal.places[modal.points.index(address.point)], scene.point(address)
-        if modal.at(here) != modal.at(own):
-            there, given = (", ".join(f"{x:.6g}" for x in place) for place in (own, here))
+        own, given_place = modal.places[modal.points.index(address.point)], scene.point(address)
+        if modal.at(given_place) != modal.at(own):
+            there, given = (", ".join(f"{x:.6g}" for x in place) for place in (own, given_place))
             reason = f"in {file} it lies at ({there}) m, here at ({given}) m"
             yield Problem(key, str(address), reason, "Use the position in the file")
 

@@ -147,12 +147,12 @@ class Joint(SceneTable):
         with within("friction"):
             friction.check_at(kind)
 
-    def _check_clearance(self, kind: str, room: Clearance) -> None:
+    def _check_clearance(self, kind: str, clearance: Clearance) -> None:
         wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
-        if all(getattr(room, key) is None for key in wanted):
+        if all(getattr(clearance, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
-        if room.angle is None:
+        if clearance.angle is None:
             self.refuse(("branch", "near", "rotation"), "a joint with a clearance does not couple rotations")
         with within("clearance"):
             for contact in contacts_of("", self).values():

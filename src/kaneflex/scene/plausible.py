@@ -111,17 +111,17 @@ def stubby_links(scene: Scene) -> Iterator[str]:
     for name, body in scene.bodies.items():
         if body.beam is None or body.length is None:
             continue
-        here = body.profile.at(body.length / 2)
-        radius = math.sqrt(max(here.E_I_z, here.E_I_y * scene.is_spatial) / here.E_A)  # in space the larger one
+        middle = body.profile.at(body.length / 2)
+        radius = math.sqrt(max(middle.E_I_z, middle.E_I_y * scene.is_spatial) / middle.E_A)  # in space the larger one
         slenderness = body.length / radius
         if slenderness >= (_STUBBIEST if body.beam.shear else _STUBBY):
             continue
-        told = f"bodies.{name}.length is only {slenderness:.2g} radii of gyration of its section"
+        slender = f"bodies.{name}.length is only {slenderness:.2g} radii of gyration of its section"
         if slenderness < _STUBBIEST:
-            yield f"{told}, too short for any beam theory: leave its beam out, or use modal_data of finite elements"
+            yield f"{slender}, too short for any beam theory: leave its beam out, or use modal_data of finite elements"
         else:
             share = 9.36 / slenderness**2
-            yield f"{told}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
+            yield f"{slender}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
 
 
 def _far_apart(scene: Scene) -> Iterator[str]:
@@ -167,8 +167,8 @@ def _materials(scene: Scene) -> Iterator[str]:
         numbers = ("E", E, "Pa", _MODULI, "210 GPa"), ("rho", rho, "kg/m^3", _DENSITIES, "7850 kg/m^3")
         strange = [each for each in numbers if not each[3][0] <= each[1] <= each[3][1]]
         for field, value, unit, (low, high), steel in strange:
-            said = f"outside the range of materials, {low:g} to {high:g}: steel has '{steel}'"
-            yield f"{where}.{field} = {value:.4g} {unit} is {said}"
+            reason = f"outside the range of materials, {low:g} to {high:g}: steel has '{steel}'"
+            yield f"{where}.{field} = {value:.4g} {unit} is {reason}"
         if not strange and not _SOUND[0] <= (sound := math.sqrt(E / rho)) <= _SOUND[1]:
             yield (
                 f"{where}: E = {E:.4g} Pa and rho = {rho:.4g} kg/m^3 give a speed of sound of {sound:.3g} m/s, "
@@ -185,13 +185,13 @@ def _sections(scene: Scene) -> Iterator[str]:
         area = part.A or body.mass / ((made_of.rho or math.inf) * body.length)
         for field, root, unit in (("A", 2, "m^2"), ("I", 4, "m^4"), ("I_y", 4, "m^4"), ("I_z", 4, "m^4")):
             given = getattr(part, field) or 0.0
-            said = f"but the link is only {body.length:.4g} m long: a plain number is in {unit}"
+            reason = f"but the link is only {body.length:.4g} m long: a plain number is in {unit}"
             if (wide := given ** (1.0 / root)) > _STOUT * body.length:
-                yield f"{where}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, {said}"
+                yield f"{where}.{field} = {given:.4g} {unit} means a section {wide:.3g} m wide, {reason}"
             elif root == 4 and given > min(_HOLLOW * (part.A or math.inf) ** 2, area * body.length**2):
                 yield (
                     f"{where}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of gyration of "
-                    f"{math.sqrt(given / area):.3g} m, {said}, and '1 mm^4' is 1e-12 m^4"
+                    f"{math.sqrt(given / area):.3g} m, {reason}, and '1 mm^4' is 1e-12 m^4"
                 )
 
 

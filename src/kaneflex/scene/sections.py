@@ -321,8 +321,8 @@ class Profile:
 
     def elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of elements in space, see :func:`element_parameters`."""
-        here, before = self.at(0.0), self.inertia(nodes[0])
-        found = element_parameters(self.at if self.varying else lambda x: here, nodes, self.borders)
+        uniform, before = self.at(0.0), self.inertia(nodes[0])
+        found = element_parameters(self.at if self.varying else lambda x: uniform, nodes, self.borders)
         return found | {"m_0": before.mass + found["m_0"], "S_0": before.first + found["S_0"]}
 
     def planar_elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:

@@ -179,16 +179,16 @@ def _beams(scene: Scene) -> Iterator[Problem]:
             reason = "only planar beams support shear without rotary inertia so far"
             yield Problem(f"{key}.theory", body.beam.theory, reason, "Use timoshenko")
         for part, sectioned in body.beam.sections.items():
-            here, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
+            part_key, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
             if sectioned.section is None and sectioned.J is None:
                 cure = "Give section by its shape, or A, I_y, I_z and J"
-                yield Problem(f"{here}.I", sectioned.I, "a beam in space bends about two axes and twists", cure)
+                yield Problem(f"{part_key}.I", sectioned.I, "a beam in space bends about two axes and twists", cure)
             for field in ("A_end", "I_end"):
                 if getattr(sectioned, field) is not None:
                     cure = "Give section and taper by their shapes"
-                    yield Problem(f"{here}.{field}", getattr(sectioned, field), "only planar beams use it", cure)
+                    yield Problem(f"{part_key}.{field}", getattr(sectioned, field), "only planar beams use it", cure)
             if made_of.G is None:
-                yield Problem(here, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
+                yield Problem(part_key, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
         acted = [(f"loads.{load}", each.force_on) for load, each in scene.forces.items()]
         acted += [(f"springs.{spring}", end) for spring, each in scene.springs.items() for end in each.ends]
         for by, at in acted:

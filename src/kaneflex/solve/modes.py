@@ -53,9 +53,9 @@ class Modes:
 
     def as_data(self) -> dict[str, object]:
         """Plain numbers and texts, as printed by ``kaneflex modes --json``."""
-        stands, slides = self.model.reference_coordinates, self.model.scene.slides
-        lengths = {drive: value for drive, value in stands.items() if slides(drive)}
-        angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
+        coordinates, slides = self.model.reference_coordinates, self.model.scene.slides
+        lengths = {drive: value for drive, value in coordinates.items() if slides(drive)}
+        angles = {drive: round(math.degrees(value), 12) for drive, value in coordinates.items() if not slides(drive)}
         return {
             "scene": self.model.scene.name,
             **({"at_m": lengths} if lengths else {}),

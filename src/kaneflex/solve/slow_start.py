@@ -96,13 +96,13 @@ def _followed(equations: Equations[At], still: At) -> Answers:
     residual, slope, measure = equations.followed(still)
 
     def balanced(times: np.ndarray) -> np.ndarray:
-        out, here = np.full((len(times), len(slope)), np.nan), np.zeros(len(slope))
+        out, start = np.full((len(times), len(slope)), np.nan), np.zeros(len(slope))
         for first in range(0, len(times), _POINTS):
             rows = slice(first, first + _POINTS)
-            found = _chords(residual, times[rows], here, slope, measure)
+            found = _chords(residual, times[rows], start, slope, measure)
             if found is None:
                 break
-            out[rows], here = found, found[-1]
+            out[rows], start = found, found[-1]
         return out
 
     return balanced

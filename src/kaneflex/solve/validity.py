@@ -124,8 +124,8 @@ def _unbalanced(solution: RunResult) -> Iterator[str]:
         if solution.model.coupled is not None and not isinstance(solution.trajectory, Trajectory):
             from kaneflex.multibody.time.lost_branch import cause  # which few runs need
 
-            if said := cause(solution.model.coupled, solution.trajectory):
-                yield f"the energy balance {missing}, {said}"
+            if reason := cause(solution.model.coupled, solution.trajectory):
+                yield f"the energy balance {missing}, {reason}"
                 return
         more = ", or increase solve.steps" * (solution.model.coupled is not None)
         yield f"the energy balance {missing}; lower solve.tolerance from {options.tolerance:g}{more}"
@@ -229,19 +229,19 @@ def _parted(solution: RunResult) -> list[str]:
     if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
         return []
     parts = _apart(solution, _by_velocities(solution))
-    said = _part_by(solution, "by the equations of motion and by differences of velocities", parts)
+    found = _part_by(solution, "by the equations of motion and by differences of velocities", parts)
     added_up = options.steps * max((part.max() for part in parts.values()), default=0.0)
     seen = len(run.times) == options.steps + 1  # only if every step is stored
-    if not said and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
+    if not found and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
         halved = _apart(solution, _in_half_steps(solution))
-        said = _part_by(solution, "with steps of this length and of half of it", halved)
+        found = _part_by(solution, "with steps of this length and of half of it", halved)
     cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or use integrator radau")
     if options.start != "periodic":
         cure += ", or use solve.start = quasistatic or periodic"
     return [
         f"{text}: the steps do not resolve the vibrations; displacements may be correct, but for accurate "
         f"forces and accelerations {cure}"
-        for text in said
+        for text in found
     ]
 
 

@@ -276,8 +276,8 @@ def _solved(w, T, rows):
         if abs(w[T + wide * top + k]) <= _FLAT:
             return False
         for j in range(k, wide):
-            here, there = T + wide * k + j, T + wide * top + j
-            w[here], w[there] = w[there], w[here]
+            above, pivot = T + wide * k + j, T + wide * top + j
+            w[above], w[pivot] = w[pivot], w[above]
         for i in range(rows):
             factor = w[T + wide * i + k] / w[T + wide * k + k]
             if i != k and factor != 0.0:

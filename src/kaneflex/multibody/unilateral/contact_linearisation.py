@@ -49,7 +49,7 @@ def along(m, c):
 
 @of_contacts(None)
 @njit(**OPTIONS)
-def let_yield(m, h, here):
+def let_yield(m, h, state):
     """Collect closed contacts, by their slopes in the middle of the step, and holds for the factors; positions are
     those there."""
     apart()
@@ -62,7 +62,7 @@ def let_yield(m, h, here):
     if count == 0 and plan[HOLDS] == plan[DRIVES]:
         return
     for k in range(n):
-        w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+        w[plan[RATE] + k] = state[1 + n + k] + 0.5 * h * state[1 + 2 * n + k]
     deform(m)
     move(m, 0)
     if plan[SPEEDS] > 3 * plan[BODIES]:
@@ -76,7 +76,7 @@ def let_yield(m, h, here):
         )
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
         along(m, c)
-    more = dry_friction.known_rows(m, count, h, here)
+    more = dry_friction.known_rows(m, count, h, state)
     m.pivots[YIELDING] = count + more
     for r in range(count, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])

@@ -118,13 +118,13 @@ def also_due(m, t):
 
 
 @njit(**OPTIONS)
-def change(m, here, A, wanted):
+def change(m, state, A, wanted):
     """Apply all changes due at this state; returns the next step [s].
 
     0 for an endless sequence at one instant, negative at a singular state. Accelerations are those afterwards.
     """
     apart()
-    plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
+    plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], state[0]
     if _without_end(m, t):
         return 0.0
     if _DOUBTED[0] < w[shared + IN_A_ROW] < _DOUBTED[1]:
@@ -146,7 +146,7 @@ def change(m, here, A, wanted):
         if switches(m, c) or rigid(m, c):
             sides += switches(m, c) and w[k + DUE] != 0.0
             continue
-        how, lost = w[k + DUE], here[works_at(m) + plan[WORKS] - count + c]
+        how, lost = w[k + DUE], state[works_at(m) + plan[WORKS] - count + c]
         if how == CLOSES:
             wanted = smaller(wanted, _FIRST_STEP * _close(m, c, t, A, lost))
         elif how == LETS_GO or how == PUSHES:
@@ -173,7 +173,7 @@ def change(m, here, A, wanted):
         unsettled = stick_slip.decide(m, t, A)
         if unsettled:
             return -1.0 * unsettled
-    give(m, t, here)
+    give(m, t, state)
     return wanted
 
 

@@ -149,18 +149,18 @@ def stuck_rows(m, first):
 
 @of_holds(0)
 @njit(**OPTIONS)
-def known_rows(m, first, h, here):
+def known_rows(m, first, h, state):
     """Add holds to the rows of a step's factors, with the state halfway from ``here``, after ``first`` contacts;
     returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0
     for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = here[1 + 3 * plan[COORDINATES] + r]
+        w[plan[NOW] + r] = state[1 + 3 * plan[COORDINATES] + r]
     for n in range(-count(m), 0):
         k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
         mode, w[k + SLOPE] = w[k + MODE], 0.0
         if mode == BENDS:
-            lugre.know(w, k, j, pressed(m, n), w[k + SLIP], here[row_place(m, n)], 0.5 * h)
+            lugre.know(w, k, j, pressed(m, n), w[k + SLIP], state[row_place(m, n)], 0.5 * h)
         elif mode != IDLE and mode != STUCK and virtual_inertia(m, n) == 0.0:
             w[k + SLOPE] = w[j + VISCOUS_AT]
             if mode != FLOWS:

@@ -48,9 +48,9 @@ class FrictionRecord:
     jams: np.ndarray
 
     @classmethod
-    def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray, jams: np.ndarray) -> FrictionRecord:
+    def of(cls, names: tuple[str, ...], states: np.ndarray, lost: np.ndarray, jams: np.ndarray) -> FrictionRecord:
         """Record from the engine's series of each friction, (n_times, n_frictions, 5), its losses, and first jams."""
-        force, speed, pressed, mode, bristles = told.transpose(2, 0, 1)
+        force, speed, pressed, mode, bristles = states.transpose(2, 0, 1)
         return cls(names, force, speed, pressed, mode, lost, bristles, jams)
 
     def taken(self, instants: np.ndarray) -> FrictionRecord:

@@ -51,7 +51,7 @@ several joints stop at once, their loads are statically indeterminate: one solut
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
-def collide(m, here, A, wanted):
+def collide(m, state, A, wanted):
     """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
     state, -2 without a solution with friction.
 
@@ -59,7 +59,7 @@ def collide(m, here, A, wanted):
     resting contacts is 1.
     """
     apart()
-    plan, w, t = m.plan, m.w, here[0]
+    plan, w, t = m.plan, m.w, state[0]
     count, kept, cuts = gather(m, t), m.pivots[KEPT], 0
     if count == 0:
         return wanted
@@ -67,14 +67,14 @@ def collide(m, here, A, wanted):
         cuts += plan[plan[ROW_OF] + r] < plan[CUT_ROWS]
     m.pivots[KEPT] = cuts  # resting contacts may separate
     slips = rigid_friction.gather(m, count)
-    done = _collided(m, here, A, count, slips)
+    done = _collided(m, state, A, count, slips)
     m.pivots[KEPT] = kept
     if done < 0.0:
         return done
-    _settle(m, here, count, slips)
+    _settle(m, state, count, slips)
     if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 0.0, 2)):
         return -1.0
-    give(m, t, here)
+    give(m, t, state)
     return wanted
 
 
@@ -117,13 +117,13 @@ def size_of(m, act, rate):
 
 
 @njit(**OPTIONS)
-def _collided(m, here, A, count, slips):
+def _collided(m, state, A, count, slips):
     """Speeds after the impact, accelerations without contacts, and forces of the resting contacts; returns as
     :func:`collide`."""
     apart()
-    t = here[0]
+    t = state[0]
     for _ in range(count + 1):
-        done = _jump(m, here, A, count, slips)
+        done = _jump(m, state, A, count, slips)
         if done < 0.0:
             return done
         if not follow(m, t):
@@ -158,7 +158,7 @@ def _forces(m, t, A, count, slips):
 
 
 @njit(**OPTIONS)
-def _jump(m, here, A, count, slips):
+def _jump(m, state, A, count, slips):
     """Impulses of the contacts and holds, and all speeds after them; returns as :func:`collide`."""
     apart()
     plan, w, n, rows, W = m.plan, m.w, m.plan[COORDINATES], count + slips, m.plan[COMPLEMENT]
@@ -189,7 +189,7 @@ def _jump(m, here, A, count, slips):
         for j in range(rows):
             w[new + i] += w[W + rows * i + j] * w[p + j]
     for k in range(n):
-        w[plan[RATE] + k] = here[1 + n + k]
+        w[plan[RATE] + k] = state[1 + n + k]
     share(m, A)
     return 1.0
 
@@ -234,12 +234,12 @@ def _press(m, t, count, slips):
 
 
 @njit(**OPTIONS)
-def _settle(m, here, count, slips):
+def _settle(m, state, count, slips):
     """Update the modes of the contacts, and record the impacts."""
     apart()
-    plan, w, t, works, W = m.plan, m.w, here[0], works_at(m), m.plan[COMPLEMENT]
+    plan, w, t, works, W = m.plan, m.w, state[0], works_at(m), m.plan[COMPLEMENT]
     for k in range(plan[WORKS]):
-        here[works + k] += w[plan[POWER] + k]
+        state[works + k] += w[plan[POWER] + k]
     w[plan[TOUCH] + RESTED] = 0.0
     for i in range(count):
         c = m.pivots[listed(m) + i]
@@ -253,17 +253,17 @@ def _settle(m, here, count, slips):
         held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested != 0.0 or old < 0.0 or p > 0.0)
         resting = resting and (f > nothing or held)
         if rested == 0.0 and (resting or p > 0.0):
-            w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, larger(-old, 0.0), here[work]
+            w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, larger(-old, 0.0), state[work]
             w[k + IMPULSE] = w[k + PEAK] = 0.0
             w[k + BEGAN_X], w[k + BEGAN_Y] = w[k + PLACE_X], w[k + PLACE_Y]
         w[k + IMPULSE] += p
-        here[work] -= 0.5 * p * (old + new)
+        state[work] -= 0.5 * p * (old + new)
         w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass
         w[k + GAP_RATE], w[k + DUE] = new, 0.0
         if resting:
             w[k + BEGUN_AT] = 1.0
         elif rested != 0.0 or p > 0.0:
-            part(m, c, t, here[work])
+            part(m, c, t, state[work])
         if resting != (w[k + SHUT] != 0.0):
             w[plan[TOUCH] + RESTED] = 1.0
-    rigid_friction.settle(m, here, count, slips)
+    rigid_friction.settle(m, state, count, slips)

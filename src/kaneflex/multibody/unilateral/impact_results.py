@@ -92,11 +92,11 @@ def over(names: tuple[str, ...], taken: np.ndarray) -> tuple[Impact, ...]:
     return tuple(Impact(names[int(row[0])], *map(float, row[1:])) for row in taken)
 
 
-def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[Impact, ...]:
+def lasting(names: tuple[str, ...], engine: Engine, state: np.ndarray) -> tuple[Impact, ...]:
     """Unfinished impacts at a row of a run, whose motion the engine has."""
     from kaneflex.multibody.model import layout as at
 
-    found, works = [], here[len(here) - len(engine.contacts) :]
+    found, works = [], state[len(state) - len(engine.contacts) :]
     for name, work, numbers in zip(names, works, engine.contacts, strict=False):
         if numbers[at.BEGUN_AT]:
             lost = float(work - numbers[at.LOST_BEFORE] - numbers[at.ELASTIC])

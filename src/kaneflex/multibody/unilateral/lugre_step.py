@@ -59,14 +59,14 @@ def weight(m, A, r):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def bend(m, table, h, here):
+def bend(m, table, h, state):
     """Deflection of bristles in the stages of a step h; STAGE_H gets their force minus the stages'."""
     apart()
     plan, w = m.plan, m.w
     for n in range(-count(m), 0):
         k = number_at(m, n)
         if w[k + MODE] == BENDS:
-            lugre.bend(table, h, w, k, m.acts[plan[DRIVES] + n, NUMBERS_AT], here[row_place(m, n)])
+            lugre.bend(table, h, w, k, m.acts[plan[DRIVES] + n, NUMBERS_AT], state[row_place(m, n)])
             for i in range(3):
                 law, has = w[k + NODES + 7 + 4 * i], w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)]
                 w[plan[STAGE_H] + count(m) * (i + 1) + n] = has - law
@@ -74,7 +74,7 @@ def bend(m, table, h, here):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def bent_at_end(m, table, h, here):
+def bent_at_end(m, table, h, state):
     """Set the bristles' deflection at the end of a step h."""
     apart()
     for n in range(-count(m), 0):
@@ -82,7 +82,7 @@ def bent_at_end(m, table, h, here):
         if m.w[k + MODE] == BENDS:
             for i in range(3 if m.acts[m.plan[DRIVES] + n, WHAT] == ALONG else 0):
                 m.w[k + FIRMEST] = larger(m.w[k + FIRMEST], m.w[k + NODES + 5 + 4 * i])
-            m.w[k + STUCK_AT] = lugre.bent_at_end(table, h, m.w, k, j, here[row_place(m, n)])
+            m.w[k + STUCK_AT] = lugre.bent_at_end(table, h, m.w, k, j, state[row_place(m, n)])
 
 
 @of_holds(0.0)

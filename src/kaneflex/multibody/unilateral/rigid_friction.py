@@ -197,7 +197,7 @@ def put(m, touching, slips):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def settle(m, here, touching, slips):
+def settle(m, state, touching, slips):
     """Record the modes of the holds, and their impulses."""
     apart()
     plan, w, f, p = m.plan, m.w, vector(m, FORCES), vector(m, IMPULSES)
@@ -207,7 +207,7 @@ def settle(m, here, touching, slips):
     for r in range(touching, touching + slips):
         n = m.pivots[listed(m) + r]
         k, i = number_at(m, n), int(w[vector(m, PRESSES) + r])
-        here[work + n] -= 0.5 * w[p + r] * (w[vector(m, OLD) + r] + w[vector(m, NEW) + r])
+        state[work + n] -= 0.5 * w[p + r] * (w[vector(m, OLD) + r] + w[vector(m, NEW) + r])
         if i >= 0 and w[at(m, m.pivots[listed(m) + i]) + BEGUN_AT] == 0.0:
             w[k + MODE], w[k + DUE] = IDLE, 0.0
             continue
