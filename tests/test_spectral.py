@@ -14,10 +14,10 @@ from kaneflex import load, simulate
 from kaneflex.integrate import conventions
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
-from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
+from kaneflex.integrate.fourier import to_harmonics, to_instants
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, integrate, monodromy
-from kaneflex.integrate.spectral import Grid, periodic_orbit
+from kaneflex.integrate.spectral import Grid, at_instants, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.scene import with_settings
 from kaneflex.solve.one_way_run import run_of
@@ -102,24 +102,15 @@ def test_rows_in_lanes_are_transformed_and_back(count):
     np.testing.assert_allclose(turned, 1j * count * row, rtol=0, atol=1e-14 * count**1.5)
 
 
-@njit
-def carried(n, coarse, its_circle, fine, circle, across, signals):
-    interpolate(n, coarse, its_circle, fine, circle, across, signals)
-
-
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_a_motion_is_carried_to_a_finer_grid(n):
     """Also its highest harmonic, of which the coarse instants see the cosine alone."""
 
     def at(count):
-        """In lanes, (count / 8, n, 8)."""
         t = np.arange(count) / count
-        parts = [0.3 + np.cos(2 * np.pi * (3 * t - 0.1 * i)) + i * np.cos(64 * np.pi * t) for i in range(n)]
-        return np.ascontiguousarray(np.reshape(parts, (n, 8, -1)).transpose(2, 0, 1))
+        return np.array([0.3 + np.cos(2 * np.pi * (3 * t - 0.1 * i)) + i * np.cos(64 * np.pi * t) for i in range(n)])
 
-    fine = np.empty((12, n, 8))
-    carried(n, at(64), turns(64)[0], fine, *turns(96), np.empty((2, 2, 12, 8)))
-    np.testing.assert_allclose(fine, at(96), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(at_instants(at(64), 96), at(96), rtol=0, atol=1e-13)
 
 
 def test_nothing_is_read_that_was_not_written(monkeypatch):

@@ -59,7 +59,6 @@ VECTORS, SIGNALS = 4, 3
 PATIENCE = 8
 """Corrections over which their contraction counts."""
 COS, SIN, ALONG_COS, ALONG_SIN, ORDER, ODD, ONCE, HIGH = range(8)
-HIGHEST = 4
 """Rows of `turns`."""
 _REVERSED = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 """Harmonic of each lane."""
@@ -67,12 +66,12 @@ _REVERSED = np.array([0, 4, 2, 6, 1, 5, 3, 7])
 
 @lru_cache(maxsize=16)
 def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Factors of the transforms of so many instants: shapes (8, N / LANES, LANES) and (5, LANES).
+    """Factors of the transforms of so many instants: shapes (8, N / LANES, LANES) and (4, LANES).
 
     The rows: cosine and sine of 2 pi b r / N; of 2 pi b LANES / N; of each harmonic its order, from -N / 2 on; the same
     with none of the highest, which has no derivative at the instants; and one for those that are not the conjugates of
     others, and one for those of them in the highest quarter. Then cosine and sine of what each lane is turned by after
-    the first halving, and after the second, and one for the lane of the order N / 2.
+    the first halving, and after the second.
     """
     blocks, lanes = count // LANES, np.arange(LANES)
     along = np.arange(blocks)[:, None]
@@ -82,9 +81,9 @@ def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
     once = 2 * k <= count
     rows = (np.cos(angle), np.sin(angle), np.cos(angle_along), np.sin(angle_along),
             order, np.where(2 * k == count, 0, order), once, once & (8 * k >= 3 * count))  # fmt: skip
-    found, across = aligned(len(rows), blocks, LANES), aligned(5, LANES)
+    found, across = aligned(len(rows), blocks, LANES), aligned(4, LANES)
     found[...] = rows
     eighths, quarters = np.where(lanes & 4, lanes & 3, 0), np.where(lanes & 2, lanes & 1, 0)
     turned = np.exp(2j * np.pi * np.array([eighths / 8.0, quarters / 4.0])).round(16)
-    across[...] = turned[0].real, turned[0].imag, turned[1].real, turned[1].imag, lanes == 0
+    across[...] = turned[0].real, turned[0].imag, turned[1].real, turned[1].imag
     return found, across

@@ -21,7 +21,7 @@ from kaneflex.integrate.conventions import (
     TOO_SLOW,
     VECTORS,
 )
-from kaneflex.integrate.fourier import interpolate, to_harmonics, to_instants
+from kaneflex.integrate.fourier import to_harmonics, to_instants
 from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
 from kaneflex.integrate.lanes import (
     absolute,
@@ -255,7 +255,6 @@ def corrected(
     over_tail,
     slowest,
     start,
-    its_circle,
     vectors,
     taken,
     signals,
@@ -272,7 +271,7 @@ def corrected(
     share: of the first residual, that is enough
     over_tail: share of the grid's truncation error below which corrections end
     slowest: what PATIENCE corrections may leave, or they are given up
-    start, its_circle: a motion that is near, on this grid or a coarser one, without instants where there is none
+    start: a motion that is near, without instants where there is none
     vectors, taken, signals: work, of VECTORS, one for each correction and one more, of (blocks, m, LANES), and of
         SIGNALS and one for each mode, (2, blocks, LANES)
     small: work of the least squares, four rows more than corrections may be, of as many numbers
@@ -289,7 +288,8 @@ def corrected(
         store(z, (0, t), 0.0)
         store(rest, (0, t), 0.0)
     if near:
-        interpolate(n, start, its_circle, z, circle, across, signals)
+        for t in range(size):
+            store(z, (0, t), load(start, (0, t)))
         length = _strain(n, w, sums, z, v)
         _forces(n, w, sums, circle, across, omega, z, v, a, signals, rest)
     for b in range(blocks):

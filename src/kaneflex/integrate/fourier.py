@@ -12,7 +12,7 @@ B - q, in the lane where `lanes.mirrored` finds it.
 
 import numpy as np
 
-from kaneflex.integrate.conventions import ALONG_COS, ALONG_SIN, COS, HIGHEST, LANES, SIN
+from kaneflex.integrate.conventions import ALONG_COS, ALONG_SIN, COS, SIN
 from kaneflex.integrate.lanes import butterfly_1, butterfly_2, butterfly_4, compiled, load, stay_apart, store
 
 _HALF_ROOT = 0.5 * np.sqrt(3.0)
@@ -120,33 +120,3 @@ def to_instants(harmonics, spare, circle, across, x, pair):
         u, v = butterfly_2(c_2 * u - s_2 * v), butterfly_2(c_2 * v + s_2 * u)
         store(x, (b, pair[0]), butterfly_4(c_1 * u - s_1 * v))
         store(x, (b, pair[1]), butterfly_4(c_1 * v + s_1 * u))
-
-
-@compiled
-def interpolate(n, coarse, its_circle, fine, circle, across, signals):
-    """The trigonometric polynomials through the rows of `coarse`, (blocks, n, LANES), at the instants of `fine`.
-
-    signals: work, (2, 2, blocks, LANES) or more, of the finer one
-    """
-    stay_apart()
-    own, blocks = len(coarse), len(fine)
-    if own == blocks:
-        for t in range(own * n):
-            store(fine, (0, t), load(coarse, (0, t)))
-        return
-    half, later, scale, highest = own // 2, blocks - own, 1.0 / (LANES * own), load(across, HIGHEST)
-    for i in range(0, n, 2):
-        pair = i, min(i + 1, n - 1)
-        to_harmonics(coarse, pair, its_circle, across, signals[0], signals[1])
-        for part in range(2):
-            given, wanted = signals[0, part], signals[1, part]
-            for b in range(half):
-                store(wanted, b, scale * load(given, b))
-                store(wanted, blocks - 1 - b, scale * load(given, own - 1 - b))
-            for b in range(half, blocks - half):
-                store(wanted, b, 0.0)
-            # one half of the highest harmonic belongs to the order - N / 2
-            number = scale * load(given, half)
-            store(wanted, half, 0.5 * highest * number)
-            store(wanted, half + later, number - 0.5 * highest * number)
-        to_instants(signals[1], signals[0], circle, across, fine, pair)

@@ -1,7 +1,6 @@
 """LANES numbers in one vector register: what compiled code reads, writes and calculates with eight at a time.
 
-`load` and `store` serve arrays of plain numbers, too, so that the same loops compile for both. numba's types and LLVM's
-instructions stay in this file.
+numba's types and LLVM's instructions stay in this file.
 """
 
 import operator
@@ -71,31 +70,25 @@ for _functions, _instruction in (
         _make_operator(_function, _instruction)
 
 
-def _has_lanes(array, place):
-    return array.ndim > (place.count if isinstance(place, types.BaseTuple) else 1)
-
-
 def address(context, builder, kinds, array, place):
-    """Address of the number, or the lanes, of a contiguous array at an index, or (row, index)."""
+    """Address of the lanes of a contiguous array at an index, or (row, index)."""
     kind, where = kinds
     values = context.make_array(kind)(context, builder, array)
     if isinstance(where, types.BaseTuple):
         row, index = (builder.extract_value(place, k) for k in range(2))
         place = builder.add(builder.mul(row, builder.extract_value(values.shape, 1)), index)
-    if not _has_lanes(kind, where):
-        return builder.gep(values.data, [place])
     start = builder.gep(values.data, [builder.mul(place, place.type(LANES))])
     return builder.bitcast(start, ir.PointerType(VECTOR))
 
 
 @intrinsic
 def load(typing, array, place):
-    """``array[place]``, of arrays with one axis more the lanes there."""
+    """Lanes ``array[place]``; the array has one axis more than the place."""
 
     def lower(context, builder, sig, args):
         return builder.load(address(context, builder, sig.args, *args), align=8)
 
-    return (_lanes if _has_lanes(array, place) else types.float64)(array, place), lower
+    return _lanes(array, place), lower
 
 
 @intrinsic
@@ -105,29 +98,11 @@ def store(typing, array, place, value):
     def lower(context, builder, sig, args):
         *where, number = args
         *kinds, kind = sig.args
-        if _has_lanes(*kinds):
-            number = _broadcast(context, builder, kind, number)
-        else:
-            number = context.cast(builder, number, kind, types.float64)
+        number = _broadcast(context, builder, kind, number)
         builder.store(number, address(context, builder, kinds, *where), align=8)
         return context.get_dummy_value()
 
     return types.void(array, place, value), lower
-
-
-@intrinsic
-def store_run(typing, array, start, value):
-    """``array[start : start + LANES] = value``, where `start` may be (row, index)."""
-
-    def lower(context, builder, sig, args):
-        *where, number = args
-        *kinds, kind = sig.args
-        place = address(context, builder, kinds, *where)
-        number = _broadcast(context, builder, kind, number)
-        builder.store(number, builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, start, value), lower
 
 
 @intrinsic
@@ -213,15 +188,13 @@ def root(typing, number):
 
 @intrinsic
 def less(typing, small, large):
-    """1.0 in each lane where `small` is less, else, also where one is no number, 0.0; of numbers whether it is."""
+    """1.0 in each lane where `small` is less, else, also where one is no number, 0.0."""
 
     def lower(context, builder, sig, args):
-        if sig.return_type == types.boolean:
-            return builder.fcmp_ordered("<", *args)
         pair = (_broadcast(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
         return builder.uitofp(builder.fcmp_ordered("<", *pair), VECTOR)
 
-    return (_lanes if _lanes in (small, large) else types.boolean)(small, large), lower
+    return _lanes(small, large), lower
 
 
 @intrinsic
@@ -229,8 +202,6 @@ def everywhere(typing, true):
     """True if the condition holds in every lane."""
 
     def lower(context, builder, sig, args):
-        if sig.args[0] == types.boolean:
-            return args[0]
         zero = ir.Constant(VECTOR, [0.0] * LANES)
         mask = builder.bitcast(builder.fcmp_ordered("!=", args[0], zero), ir.IntType(LANES))
         return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))

@@ -120,19 +120,20 @@ class Grid:
     ) -> Orbit:  # fmt: skip
         """Motion on this grid, to the accuracy of the grid, optionally from an approximate motion.
 
-        start: at the instants of this grid or of a coarser one, in lanes, (N / LANES, n, LANES)
+        start: at the instants of this grid or of a coarser one, (n, N)
         share: of the first remainder, that is enough
         """
         blocks, n, m = len(self.sums), self.n, self.modes[1].shape[1]
-        start = np.empty((0, n, LANES)) if start is None else start
+        near = np.empty((0, n, LANES))
+        if start is not None:
+            near = np.ascontiguousarray(at_instants(start, self.instants).reshape(n, LANES, -1).transpose(2, 0, 1))
         circle, across = turns(self.instants)
         system = (n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle, across, self.omega)
         limits = (tolerance, share, over_tail, slowest**PATIENCE)
-        near = (start, turns(LANES * len(start))[0] if len(start) else circle)
         vectors = aligned(VECTORS + _CORRECTIONS + 1, blocks, n, LANES)
         signals, taken = aligned(SIGNALS + m, 2, blocks, LANES), aligned(blocks, m, LANES)
         small, left = np.empty((_CORRECTIONS + 4, _CORRECTIONS + 1)), np.empty(_CORRECTIONS + 1)
-        ended, done, tail = _corrected(*system, *limits, *near, vectors, taken, signals, small, left)
+        ended, done, tail = _corrected(*system, *limits, near, vectors, taken, signals, small, left)
         left, reason = left[: done + 1], ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
@@ -235,6 +236,8 @@ def _sampled(harmonics: np.ndarray, instants: int, count: int) -> np.ndarray:
 
 def at_instants(z: np.ndarray, count: int) -> np.ndarray:
     """The trigonometric polynomial through z (n, N) at as many other instants of the cycle: (n, count)."""
+    if z.shape[1] == count:
+        return z
     harmonics = np.fft.rfft(z, axis=1)
     if z.shape[1] % 2 == 0:
         harmonics[:, -1] *= 0.5
@@ -246,8 +249,7 @@ def improved(grid: Grid, z: np.ndarray, share: float = SURE) -> Orbit | None:
 
     None where corrections contract too slowly.
     """
-    start = z.reshape(grid.n, LANES, -1).transpose(2, 0, 1)
-    found = grid.corrected(np.ascontiguousarray(start), 0.0, share, 0.0, _SLOWEST_ESTIMATE)
+    found = grid.corrected(z, 0.0, share, 0.0, _SLOWEST_ESTIMATE)
     return None if found.reason else found
 
 
@@ -273,5 +275,5 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             reason = f"the harmonics decay too slowly: {share}"
             found = replace(found, reason=reason)
             break
-        near, before, instants = found.lanes, found.tail, round(times * instants)
+        near, before, instants = found.z, found.tail, round(times * instants)
     return replace(found, grids=grids)

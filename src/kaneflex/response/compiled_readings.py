@@ -15,7 +15,7 @@ from numba import njit
 
 from kaneflex.integrate import conventions, lanes
 from kaneflex.integrate.conventions import FASTMATH, LANES, aligned
-from kaneflex.integrate.lanes import ONE, ZERO, compiled, less, load, root, store, store_run
+from kaneflex.integrate.lanes import ONE, ZERO, compiled, less, load, root, store
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.response.motion import Motion
 from kaneflex.response.polynomials import Readings, sensor_readings
@@ -85,11 +85,11 @@ class CompiledReadings:
             rows[:steps, place] = motion.turned(body)
         rows[:, -1] = 1.0
         rows[steps:] = rows[steps - 1]
-        found = np.empty((len(own.sensors), len(rows)))
+        found = np.empty((len(own.sensors), len(rows) // LANES, LANES))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
         work = aligned(own.count, LANES), aligned(max(entries, 1), LANES)
         _read(rows, own.stages, own.ends, own.pairs, own.constants, *work, found)
-        return found[:, :steps]
+        return found.reshape(len(found), -1)[:, :steps]
 
 
 @compiled
@@ -128,7 +128,7 @@ def _solve(rows, n, entries, numbers, place):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(conventions.__file__, lanes.__file__)
 def _read(given, stages, ends, pairs, constants, numbers, entries, found):
-    """Evaluate the sensors (n_sensors, n_times) from the given numbers and a one, (n_times, n_given + 1).
+    """Evaluate the sensors (n_sensors, n_times / LANES, LANES) from given numbers and a one, (n_times, n_given + 1).
 
     ``n_times``: a multiple of LANES; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`; ``numbers``,
     ``entries``: work, (count, LANES) and (most sums of a system, LANES).
@@ -152,7 +152,7 @@ def _read(given, stages, ends, pairs, constants, numbers, entries, found):
                 elif n > 0:
                     store(entries, k - own, total)
                 else:
-                    store_run(found, (k - own, begin), total)
+                    store(found, (k - own, begin // LANES), total)
             place += own
             if n > 0:
                 _solve(rows, n, entries, numbers, place)
