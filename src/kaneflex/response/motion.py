@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
@@ -17,6 +17,7 @@ from kaneflex.response.section_forces import LinkForces
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
+    from kaneflex.scene.quantities import Address
 
 Section = np.ndarray
 """Axial force N (tension positive), shear force V [N] and bending moment M [N m] in link axes, exerted by the part
@@ -72,6 +73,16 @@ class Motion(ABC):
     @abstractmethod
     def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
         """Displacement (x, y) and rotation of a point in its body's axes, and their rates there; each (3, n_times)."""
+
+    def from_rigid(self, address: Address, displacement: Callable[[Address], Rates]) -> np.ndarray:
+        """Displacement and rotation of a point relative to the rigid mechanism of :attr:`beside`, in its axes, (3 or 6,
+        n_times); ``displacement`` is that of a point as :meth:`displacement` returns it."""
+        return displacement(address)[0]
+
+    @property
+    def beside(self) -> RigidMotion:
+        """Rigid mechanism from which sensors of displacements count."""
+        return self.rigid
 
     @abstractmethod
     def nodes(self, link: str) -> np.ndarray:

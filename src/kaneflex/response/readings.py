@@ -1,8 +1,9 @@
-"""Readings of a motion for each kind of sensor, in the plane and shared with space."""
+"""Readings of a motion for each kind of sensor."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -16,6 +17,8 @@ from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, S
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.spatial_frame import SpatialFrame
+    from kaneflex.multibody.time.spatial_motion import SpatialMotion
+    from kaneflex.response.elastic_motion import SpatialElasticMotion
 
 
 def address_of(sensor: Sensor) -> Address:
@@ -51,13 +54,28 @@ def displacement_of(
     return (vector if sensor.axes == "body" else frame.to_global(vector))["xyz".index(sensor.component[-1])]
 
 
+def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
+    """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
+    M_y."""
+    address, after = address_of(sensor), sensor.cut == "after"
+    here = scene.bodies[address.body].profile.at(scene.point(address)[0], after)
+    y, z = cast(tuple[float, float], sensor.fibre)
+    return N / here.E_A + z * M_y / here.E_I_y - y * M_z / here.E_I_z
+
+
 class Reader:
-    """Series of one motion, with a cache of shared values."""
+    """Series of one motion, with a cache of shared values.
+
+    Displacements are x, y and an angle in the body's axes, in space u, v, w and three rotations, there with rotations,
+    angular velocities and accelerations as vectors with components ``angle_x`` etc.
+    """
 
     def __init__(self, motion: Motion):
         self.motion, self.rigid, self.scene = motion, motion.rigid, motion.model.scene
         self.steps = len(motion.times)
-        self._moved: dict[Address, Rates] = {}
+        self._elastic: Callable[[Address], Rates] = cache(
+            lambda address: motion.displacement(address.body, self.scene.point(address))
+        )
 
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps == 0:  # the run stopped before its first instant
@@ -70,7 +88,7 @@ class Reader:
         if sensor.kind in DRIVE_KINDS:
             return motion.reaction(f"{target}.drive")
         if sensor.kind in SPRING_KINDS:
-            return motion.spring_tension(target)
+            return self._of_bushing(sensor) if self._is_bushing(sensor) else motion.spring_tension(target)
         if sensor.kind in CONTACT_KINDS:
             return motion.contact(target)[sensor.kind in ("contact_force", "contact_torque")]
         if sensor.kind in FRICTION_KINDS:
@@ -78,8 +96,16 @@ class Reader:
         return getattr(self, f"_{sensor.kind}")(sensor)
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
-        """True if the rigid mechanism determines a reading: not for sections of bodies with modal data."""
-        return sensor.kind not in SECTION_KINDS or self.scene.bodies[address_of(sensor).body].modal is None
+        """True if the rigid mechanism determines a reading: not for sections of bodies with modal data, and not if it
+        is statically indeterminate."""
+        joints = {str(sensor.target)}
+        if sensor.kind in SECTION_KINDS:
+            body, of = address_of(sensor).body, self.scene.joints.items()
+            if self.scene.bodies[body].modal is not None:
+                return False
+            joints = {name for name, joint in of if body in {side.body for side in joint.addresses}}
+        lost = getattr(self.motion.model.module, "open_reactions", ())  # in the plane `load` refuses such mechanisms
+        return not any(each.rpartition(".")[0] in joints for each in lost)
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """Value of the rigid mechanism."""
@@ -88,17 +114,13 @@ class Reader:
         if sensor.kind in DRIVE_KINDS:
             return self.motion.rigid_forces[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
+            if self._is_bushing(sensor):
+                return self._of_bushing(sensor)
             exerted = "tension" if sensor.kind == "spring_force" else "torque"
             return self.motion.rigid_forces[f"{sensor.target}.{exerted}"]
         return self._joint_component(sensor, self.motion.rigid_forces.__getitem__, True)
 
     # ---- motion of points -------------------------------------------------------------------------------------
-
-    def _elastic(self, address: Address) -> Rates:
-        """Displacement (x, y, angle) of a point in its body's axes and its first and second rates, (3, n_times)."""
-        if address not in self._moved:
-            self._moved[address] = self.motion.displacement(address.body, self.scene.point(address))
-        return self._moved[address]
 
     def _point(self, address: Address) -> Rates:
         """Position of a displaced point in its body's axes with rates, (2 or 3, n_times) each."""
@@ -108,7 +130,7 @@ class Reader:
 
     def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
         """Contribution of a displacement, or of its rate, to a body's rotation, global."""
-        return moved[2]
+        return moved[2] if len(moved) == 3 else frame.to_global(moved[3:])
 
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """Component of a global vector, or of an angle or a global rotation vector, that a sensor reads."""
@@ -121,15 +143,15 @@ class Reader:
         return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        frame = self.rigid.frame(address_of(sensor).body)
-        return displacement_of(self.scene, sensor, frame, lambda address: self._elastic(address)[0])
+        frame = self.motion.beside.frame(address_of(sensor).body)
+        return displacement_of(self.scene, sensor, frame, lambda at: self.motion.from_rigid(at, self._elastic))
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)
         if address.body in self.scene.loose:
             return self._clearance(sensor, address.body)
         if address.body in self.scene.joints:
-            return self._joint_coordinate(address.body)
+            return self._joint(sensor)[0] if self.rigid.freedoms == 6 else self._joint_coordinate(address.body)
         if sensor.component == "angle":
             return self._angle(address)
         return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
@@ -141,6 +163,24 @@ class Reader:
         if joint.kind != "prismatic":
             return self._angle(second) - self._angle(first)
         return self.motion.slide(name)
+
+    def _joint(self, sensor: Sensor) -> Rates:
+        """Angle of a joint in space, continuous over turns [rad], or its slide [m], with its rates."""
+        from kaneflex.mechanism.spatial import spatial_mechanism_of
+        from kaneflex.mechanism.spatial_frame import slide_of, turn_rates
+
+        name = address_of(sensor).body
+        joint = spatial_mechanism_of(self.scene).joints[name]
+        joint, first, second = cast("SpatialMotion", self.rigid).joined_frames(joint)
+        if sensor.component != "angle":
+            rigid = slide_of(joint, first, second)
+        else:
+            rigid = self.rigid[f"{name}.angle"], *turn_rates(joint, first, second)
+        if not self.motion.model.links:
+            return rigid
+        freedom = "angle" if sensor.component == "angle" else "position"
+        change = cast("SpatialElasticMotion", self.motion).change_of(name, freedom)
+        return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
 
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
         """Position of a pin in its bearing or of a block in its guide."""
@@ -158,10 +198,14 @@ class Reader:
         return self.motion.place(address.body, self.scene.point(address))
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[1]
         return self._component(sensor, *self._rate(address_of(sensor), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """Acceleration of the displaced point; a - g for an accelerometer."""
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[2]
         acceleration, turning = self._rate(address_of(sensor), 2)
         if sensor.reading == "accelerometer":
             acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
@@ -180,13 +224,27 @@ class Reader:
     # ---- forces -----------------------------------------------------------------------------------------------
 
     def _of_section(self, sensor: Sensor, section: Section) -> np.ndarray:
-        """Reading of a sensor from N, V, M; a strain is N / (E A) - fibre M / (E I)."""
-        N, V, M = section
+        """Reading of a sensor from N, V, M, or in space N, V_y, V_z, T, M_y, M_z; a planar strain is N / (E A) - fibre
+        M / (E I)."""
+        if sensor.kind == "axial_force":
+            return section[0]
+        if len(section) == 6:
+            if sensor.kind == "strain":
+                return strain_of(self.scene, sensor, section[0], section[4], section[5])
+            first = {"shear_force": 0, "torsional_moment": 3, "bending_moment": 3}[sensor.kind]
+            return section[first + max(0, "xyz".find(sensor.component))]
         if sensor.kind == "strain":
             body, x, after = self._cut(sensor)
             here = self.scene.bodies[body].profile.at(x, after)
-            return N / here.E_A - sensor.fibre * M / here.E_I_z
-        return {"axial_force": N, "shear_force": V, "bending_moment": M}[sensor.kind]
+            return section[0] / here.E_A - sensor.fibre * section[2] / here.E_I_z
+        return section[1 + (sensor.kind == "bending_moment")]
+
+    def _is_bushing(self, sensor: Sensor) -> bool:
+        return self.scene.springs[str(sensor.target)].bushing is not None
+
+    def _of_bushing(self, sensor: Sensor) -> np.ndarray:
+        part = "force" if sensor.kind == "spring_force" else "moment"
+        return self.rigid[f"{sensor.target}.{part}_{sensor.component}"]
 
     def _stress(self, sensor: Sensor) -> np.ndarray:
         body, point = address_of(sensor)
@@ -229,8 +287,11 @@ class Reader:
         return exerted["xyz".index(sensor.component[-1])]
 
     def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
-        """Global force of a joint on its second body, or its moment."""
+        """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
         name = str(sensor.joint_force)
+        if self.rigid.freedoms == 6:
+            part = "moment" if sensor.component.startswith("angle") else "force"
+            return np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
         if sensor.component != "angle":
             return joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
         pinned = self.scene.joints[name].kind == "revolute"

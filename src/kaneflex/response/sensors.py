@@ -41,7 +41,7 @@ def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
 
     ``only``: names of sensors to include.
     """
-    reader = _reader(motion)
+    reader = Reader(motion)
     for name, sensor in motion.model.scene.sensors.items():
         if only is not None and name not in only:
             continue
@@ -59,13 +59,4 @@ def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Ser
 
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
     """Values of one sensor (n_times,) in its SI unit."""
-    return _reader(motion).read(sensor)
-
-
-def _reader(motion: Motion) -> Reader:
-    """Reader for the scene's dimension."""
-    if motion.model.scene.is_spatial:
-        from kaneflex.response.spatial_sensors import SpatialReader
-
-        return SpatialReader(motion)
-    return Reader(motion)
+    return Reader(motion).read(sensor)

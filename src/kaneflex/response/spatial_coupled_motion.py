@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
@@ -16,6 +17,7 @@ from kaneflex.multibody.model.spatial_rates import rates_of
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.spatial_dalembert import SpatialBalance
+from kaneflex.scene.quantities import Address
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +60,8 @@ class SpatialCoupledMotion(Motion):
             for moved, turned in zip(found.moved, (angles, *found.turning), strict=True)
         ))  # fmt: skip
 
-    def from_rigid(self, body: str, at: tuple[float, ...]) -> np.ndarray:
-        """Displacement and rotation of a point relative to the rigid mechanism, in the rigid body's axes, (6,
-        n_times)."""
+    def from_rigid(self, address: Address, displacement: Callable[[Address], Rates]) -> np.ndarray:
+        body, at = address.body, self.model.scene.point(address)
         frame, (section, side) = self.beside.frame(body), self._moving.section_frame(Side(body, at))
         apart = frame.to_body(section.place(side.at) - frame.place(np.asarray(at)))
         turned = np.einsum("jit,jkt->ikt", frame.axes, section.axes)
@@ -71,7 +72,7 @@ class SpatialCoupledMotion(Motion):
         return (self.beside if deforms else self.rigid).frame(body).to_body(vector)
 
     @cached_property
-    def beside(self) -> SpatialMotion:
+    def beside(self) -> SpatialMotion:  # type: ignore[override]
         """Rigid mechanism at these instants."""
         return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)
 
