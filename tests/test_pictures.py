@@ -10,8 +10,8 @@ from runs import run, solved
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import energy, figures, loads, motion, orders, paths, show, spatial
-from kaneflex.plots.axonometric import VIEW
+from kaneflex.plots import figures, loads, motion, paths, records, show, spatial
+from kaneflex.plots.outlines import VIEW
 from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
@@ -31,9 +31,10 @@ steps = 144
 
 
 @cache
-def drawn(kind: str, name: str, *settings: str):
+def drawn(kind, name: str, *settings: str):
+    """Picture of a run by a module, or by one of its functions."""
     with styled():
-        (figure,) = kind.figures(run(name, *settings)).values()
+        (figure,) = getattr(kind, "figures", kind)(run(name, *settings)).values()
     return figure
 
 
@@ -166,35 +167,35 @@ def test_orders_are_those_of_the_series():
     binomial series; a cycle of two turns has half orders, too, which are zero here."""
     rigid = ("engine", "solve.preset=rigid", "solve.steps=144")
     r, l, q = 40.0, 137.0, 40.0 / 137.0
-    (place,) = (axes for axes in drawn(orders, *rigid).axes if axes.get_title(loc="left") == "Position")
+    (place,) = (axes for axes in drawn(records.orders, *rigid).axes if axes.get_title(loc="left") == "Position")
     order, amplitude = curves(place)["piston_position"]
     of = dict(zip(np.round(order, 6).tolist(), amplitude, strict=True))
     assert place.get_ylabel() == "position [mm]" and order[0] == pytest.approx(0.5)
     assert of[1.0] == pytest.approx(r, rel=1e-9) and max(of[0.5], of[1.5], of[3.0]) < 1e-9
     assert of[2.0] == pytest.approx(l * (q**2 / 4 + q**4 / 16 + 15 * q**6 / 512 + 35 * q**8 / 2048), rel=1e-5)
     assert of[4.0] == pytest.approx(l * (q**4 / 64 + 3 * q**6 / 256 + 35 * q**8 / 4096), rel=1e-3)
-    lowest = drawn(orders, *rigid).axes
+    lowest = drawn(records.orders, *rigid).axes
     assert [axes.get_xlabel() for axes in lowest if axes.get_xlabel()] == ["order of main [1 = 100 Hz]"] * 2
 
 
 def test_orders_stand_beside_the_natural_frequencies():
-    figure, model = drawn(orders, "four-bar", "solve.steps=144"), run("four-bar", "solve.steps=144").model
+    figure, model = drawn(records.orders, "four-bar", "solve.steps=144"), run("four-bar", "solve.steps=144").model
     natural = [line.get_xdata()[0] for line in figure.axes[0].get_lines() if line.get_linestyle() == "--"]
     assert 5.0 * np.array(natural) == pytest.approx(reference_modes(model, 6)[0][: len(natural)] / (2 * np.pi))
     assert len(natural) >= 3
 
 
 def test_what_does_not_repeat_has_no_orders():
-    assert not orders.figures(run("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
+    assert not records.orders(run("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
     turning = ("four-bar", "solve.steps=144", "sensors.rocker_angle.position=main")
-    every = {*orders.harmonics(run("four-bar", "solve.steps=144"))}
-    assert every - {*orders.harmonics(run(*turning))} == {"rocker_angle"}
+    every = {*records.harmonics(run("four-bar", "solve.steps=144"))}
+    assert every - {*records.harmonics(run(*turning))} == {"rocker_angle"}
 
 
 def test_the_energy_that_is_drawn_is_the_motors_work():
     """Of a motor of 0.6 (1 - omega / 31.416) N m, whose speed a sensor reads; two rigid bars and a flywheel turn."""
     motor = ("four-bar-motor", "solve.duration=0.2 s", "solve.steps=2000")
-    stored, balance = drawn(energy, *motor).axes
+    stored, balance = drawn(loads.energy, *motor).axes
     solution = run(*motor)
     omega = solution.series["crank_speed"].values
     power = 0.6 * (1.0 - omega / 31.41592653589793) * omega
@@ -205,7 +206,7 @@ def test_the_energy_that_is_drawn_is_the_motors_work():
     there = found["stored, increase"][1] + found["dissipated"][1]
     assert there == pytest.approx(found["supplied"][1], rel=1e-6, abs=1e-9)
     assert {*curves(stored)} == {"kinetic", "strain, springs"}
-    assert not energy.figures(run("four-bar", "solve.steps=144"))
+    assert not loads.energy(run("four-bar", "solve.steps=144"))
 
 
 def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
@@ -214,7 +215,9 @@ def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     shown = view(run(tmp_path / "swinging.toml"))
     assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
     assert view(run("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
-    (torque,) = (axes for axes in drawn(orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel())
+    (torque,) = (
+        axes for axes in drawn(records.orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel()
+    )
     assert curves(torque)["crank_torque"][0, :3] == pytest.approx([1.0, 2.0, 3.0])  # Hz
     panels = drawn(motion, tmp_path / "swinging.toml").axes
     (course,) = (axes for axes in panels if axes.get_title(loc="left") == "Angle of main")

@@ -12,7 +12,7 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
-from kaneflex.plots import sensitivities as bars_of
+from kaneflex.plots import studies
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
@@ -64,7 +64,7 @@ def test_the_bars_are_the_numbers_of_the_table(tmp_path, monkeypatch):
     monkeypatch.setattr("kaneflex.plots.draw_all", lambda *_: [])  # seconds of other pictures
     printed = cli("run", "engine", *asked, "-o", tmp_path / "out")
     found = sensitivities(run("engine", *QUICK), ["rod.I", "main.speed"])
-    axes = bars_of.figure(found).axes[0]
+    axes = studies.sensitivities(found).axes[0]
     bars = {each.get_label(): [bar.get_width() for bar in each] for each in axes.containers}
     names = [label.get_text() for label in axes.get_yticklabels()]
     assert names == [*found.solution.model.scene.sensors] and len(names) > 9 and [*bars] == ["rod.I", "main.speed"]

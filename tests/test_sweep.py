@@ -372,7 +372,7 @@ def test_a_point_whose_drive_stands_still_is_refused_and_the_dataset_can_be_read
 
 
 def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swept):
-    from kaneflex.plots.sweep import figure
+    from kaneflex.plots.studies import sweep as figure
 
     page = figure(swept[1])
     axes = next(axes for axes in page.axes if axes.get_title().startswith("crank_torque:"))

@@ -11,8 +11,8 @@ import pytest
 from command_line import cli
 
 from kaneflex.cli.trade import terms_table
-from kaneflex.plots.trade import figure as trade_figure
-from kaneflex.plots.trade import terms as figure
+from kaneflex.plots.studies import terms as figure
+from kaneflex.plots.studies import trade as trade_figure
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst

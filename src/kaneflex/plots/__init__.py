@@ -34,15 +34,13 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
     "surfaces": ("displacements.surfaces", None),
     "stresses": ("stress.figures", "stress.figures"),
     "clearances": ("clearances.figures", None),
-    "spectra": ("orders.figures records.figures", "orders.figures"),
-    "energy": ("energy.figures", "energy.figures"),
+    "spectra": ("records.orders records.figures", "records.orders"),
+    "energy": ("loads.energy", "loads.energy"),
     "animation": ("animation.animate", "animation.animate"),
 }
 """Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
 _SVG, _ALL = "svg", "all"
 """Names beside those of the kinds: each still picture as SVG, too; everything."""
-_WITH_OTHERS = {"terms": "trade", "price": "trade", "bifurcation": "sweep", "poincare": "sweep"}
-"""Kinds of pictures of studies that are functions of this name -> their module."""
 _WITHOUT_MOTION = ("modes",)
 """Kinds of pictures that do not need an instant of a run."""
 
@@ -121,14 +119,14 @@ def draw_all(
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of a study's result into an existing folder, as KIND.png and KIND.svg.
 
-    ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade"; of a sweep's
-    dataset "sweep". Some kinds are functions there: "terms", "price", "bifurcation", "poincare".
+    ``kind`` is the function that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade", "terms",
+    "price"; of a sweep's dataset "sweep", "bifurcation", "poincare".
     """
     from kaneflex.plots.style import save, styled
 
-    module, function = _WITH_OTHERS.get(kind, kind), kind if kind in _WITH_OTHERS else "figure"
+    module = import_module(f"kaneflex.plots.{'stability' if kind == 'stability' else 'studies'}")
     with styled():
-        return save(getattr(import_module(f"kaneflex.plots.{module}"), function)(found), folder / kind)
+        return save(getattr(module, kind)(found), folder / kind)
 
 
 @takes(solution="solution", kinds="text")

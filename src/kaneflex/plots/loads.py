@@ -1,4 +1,4 @@
-"""Loads as they act over what is shown, with the gas pressure of tables (paper Figs. 5, 6), and over speeds."""
+"""Loads as they act over what is shown, with the gas pressure of tables (paper Figs. 5, 6), and over speeds; energy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import new_figure, pages, plot_curves, readable
+from kaneflex.plots.style import legend_beside, new_figure, pages, plot_curves, readable
 from kaneflex.plots.view import View, view
 from kaneflex.response.motion import Motion
 from kaneflex.scene.headings import abscissae
@@ -152,3 +152,25 @@ def _mark_peak(axes: Axes, shown: View, curves: list[np.ndarray], unit: str) -> 
     )  # fmt: skip
     axes.margins(y=0.1)
     axes.plot(x, value, "o", color="black", markersize=3)
+
+
+def energy(solution: Solution) -> dict[str, Figure]:
+    """``energy``: of runs whose energy was integrated with the motion, instant by instant: preset coupled."""
+    found = solution.energy
+    if found is None or len(found.kinetic) != len(solution.times) or not found.stored.any():
+        return {}
+    shown = view(solution)
+    page, panels = pages(2, f"Energy, drift {found.drift:.1e} of the energy that is exchanged{shown.note}", 8.4, 1.9)
+    stored = {"kinetic": found.kinetic, "strain, springs": found.strain, "weight": found.weight}
+    grown = found.stored - found.stored[0]
+    balance = {"stored, increase": grown, "dissipated": found.dissipated, "supplied": found.supplied}
+    titles = ("Stored energy", "Since the start: increase of the stored energy + dissipated = supplied energy")
+    for axes, title, curves in zip(panels, titles, (stored, balance), strict=True):
+        plot_curves(axes, shown.x, [(n, e[shown.instants]) for n, e in curves.items() if e.any()], "J", title, "energy")
+        for line in axes.get_lines():
+            if line.get_label() == "supplied":  # it lies on what is stored
+                line.set_linestyle((0, (4, 5)))
+        if axes.get_lines():
+            legend_beside(axes)
+    shown.finish(panels)
+    return {"energy": page}

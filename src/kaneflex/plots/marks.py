@@ -18,9 +18,9 @@ from matplotlib.transforms import Bbox
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.plots.axonometric import view_of
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.mechanism import Rigid, frame_of
+from kaneflex.plots.outlines import view_of
 from kaneflex.plots.style import PALETTE
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address

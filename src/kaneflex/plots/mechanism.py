@@ -1,6 +1,6 @@
 """Outlines of a mechanism in the plane of a picture: fixed pivots and guides once, bodies and joints at any instant.
 
-A mechanism in space is projected by :data:`kaneflex.plots.axonometric.VIEW`.
+A mechanism in space is projected by :data:`kaneflex.plots.outlines.VIEW`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.axonometric import box, seen, view_of
-from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery
+from kaneflex.plots.outlines import ALONG_LINK, BOX, STANDING, Outline, Scenery, box, seen, view_of
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address, Vector
 

@@ -15,7 +15,6 @@ from matplotlib.patches import Circle
 from kaneflex.fem.links import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.plots.axonometric import FLAT, label_flat, seen
 from kaneflex.plots.drawing import (
     MM,
     ROUNDING,
@@ -27,7 +26,7 @@ from kaneflex.plots.drawing import (
 )
 from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.mechanism import Rigid, body_lines, joint_axes, rigid_outline, rigid_scenery
-from kaneflex.plots.outlines import Scenery
+from kaneflex.plots.outlines import FLAT, Scenery, label_flat, seen
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.plots.axonometric import FLAT, VIEW, label_flat, seen
 from kaneflex.plots.drawing import MM, draw_triad
 from kaneflex.plots.mechanism import body_lines, joint_axes, scenery
+from kaneflex.plots.outlines import FLAT, VIEW, label_flat, seen
 from kaneflex.plots.paths import curve, dotted, read_points, velocity
 from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable
 from kaneflex.plots.view import view

@@ -19,7 +19,7 @@ _LEAST = 1e-3
 """Multiplier below which disturbances have decayed after one period."""
 
 
-def figure(found: Stability) -> Figure:
+def stability(found: Stability) -> Figure:
     """Frequencies and load factors over the cycle; with speeds also Campbell's diagram and the spectral radius."""
     scene = found.model.scene
     rows = 2 if found.sweep is None else 4

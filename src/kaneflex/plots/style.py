@@ -241,13 +241,6 @@ def plot_curves(
     return factor, label
 
 
-def name_bars(axes: Axes, names: Sequence[str]) -> None:
-    """Names of rows of bars, from above."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.grid(axis="y", visible=False)
-
-
 def legend_above(axes: Axes) -> None:
     """A legend in one row at the right end of the title's line, where it hides no curve."""
     count = len(axes.get_legend_handles_labels()[0])
