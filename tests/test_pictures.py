@@ -10,7 +10,7 @@ from runs import run, solved
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import figures, loads, motion, paths, records, show, spatial
+from kaneflex.plots import figures, loads, motion, paths, records, show
 from kaneflex.plots.outlines import VIEW
 from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
@@ -105,7 +105,7 @@ steps = 72
 def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
     """v = omega x r about the axis (0, 0.6, 0.8), r turned from (0.5, 0, 0); a point that stands still has none."""
     with styled():
-        (figure,) = spatial.hodographs(solved(scene_of(INCLINED))).values()
+        (figure,) = paths.hodographs(solved(scene_of(INCLINED))).values()
     along_z, along_y, along_x, angled = figure.axes
     phi = np.radians(np.linspace(0.0, 360.0, 73))
     v = 10.0 * np.array([-np.sin(phi), 0.8 * np.cos(phi), -0.6 * np.cos(phi)])

@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from kaneflex.plots.drawing import MM, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.enlarged import Enlarged, caption_at, enlarged
 from kaneflex.plots.link_colours import LinkColours, displacement_field, stress_field
-from kaneflex.plots.paths import velocity
+from kaneflex.plots.paths import global_vector, velocity
 from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
-from kaneflex.response.section_forces import joint_force
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import picture_text
 
@@ -101,13 +100,10 @@ def _worst(solution: Solution) -> _Worst:
 
 def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:
     """Size of each joint's force [N], (n_times,), of the joints whose forces the equations of motion determine."""
-    motion, scene, found = solution.motion, solution.model.scene, {}
-    read = motion.rigid_forces.__getitem__ if motion.has_rigid_forces else motion.reaction
-    for name in scene.joints:
+    found = {}
+    for name in solution.model.scene.joints:
         with suppress(LookupError, SceneError):
-            force = np.array([read(f"{name}.force_{axis}") for axis in "xyz"]) if scene.is_spatial \
-                else joint_force(scene, motion.scalars, name, read)  # fmt: skip
-            size = np.linalg.norm(force, axis=0)
+            size = np.linalg.norm(global_vector(solution.motion, joint_force=name), axis=0)
             if np.isfinite(size).all():
                 found[name] = size
     return found

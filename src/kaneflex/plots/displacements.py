@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from kaneflex.plots.style import new_figure, pages, plot_curves, readable
-from kaneflex.plots.view import View, view
+from kaneflex.plots.style import new_figure, readable
+from kaneflex.plots.view import Panel, View, view
 from kaneflex.response.thinning import envelope, thinned
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _STILL = 1e-3
 """Displacements below this share of the largest are not shown: of held points, of second order."""
 Curves = list[tuple[str, np.ndarray]]
-Panel = tuple[str, str, str, Curves]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -31,11 +30,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     pictures = {}
     panels = _nodal(shown)
     if panels:
-        title = f"Elastic displacements of the nodes at joints and ends, global axes{shown.note}"
-        pictures["nodal_displacements"] = _figure(shown, panels, title)
+        title = "Elastic displacements of the nodes at joints and ends, global axes"
+        pictures["nodal_displacements"] = shown.page(panels, title, 7.0, 2.0)
     for name, length in shown.lengths.items():
-        title = f"Displacements at half the length of {name}{shown.note}"
-        pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), title)
+        title = f"Displacements at half the length of {name}"
+        pictures[f"mid_{name}"] = shown.page(_middle(shown, name, length), title, 7.0, 2.0)
     return pictures
 
 
@@ -45,14 +44,6 @@ def surfaces(solution: Solution) -> dict[str, Figure]:
         return {}
     shown = view(solution)
     return {f"surfaces_{name}": _surfaces(shown, name, length) for name, length in shown.lengths.items()}
-
-
-def _figure(shown: View, panels: list[Panel], title: str) -> Figure:
-    figure, grid = pages(len(panels), title, 7.0, 2.0)
-    for axes, (heading, quantity, unit, curves) in zip(grid, panels, strict=True):
-        plot_curves(axes, shown.x, curves, unit, heading, quantity)
-    shown.finish(grid)
-    return figure
 
 
 def _nodal(shown: View) -> list[Panel]:
@@ -66,7 +57,7 @@ def _nodal(shown: View) -> list[Panel]:
         moving = [(label, values) for label, values in curves if np.abs(values).max() > _STILL * largest[unit]]
         if moving:
             whose = f" of {moving[0][0]}" if len(moving) < len(curves) else ""
-            panels.append((title + whose, "rotation" if unit == "rad" else "displacement", unit, moving))
+            panels.append(Panel(title + whose, "rotation" if unit == "rad" else "displacement", unit, moving))
     return panels
 
 
@@ -123,9 +114,9 @@ def _middle(shown: View, name: str, length: float) -> list[Panel]:
     glob = _global(shown, name, 0.5 * length)
     relative = " relative to the rigid frame" if len(along) == 1 else " relative to"
     return [
-        (f"Longitudinal, link axes,{relative}", "displacement", "m", along),
-        ("Transverse, link axes, relative to", "displacement", "m", across),
-        ("Global axes, relative to the rigid frame", "displacement", "m", [("X", glob[0]), ("Y", glob[1])]),
+        Panel(f"Longitudinal, link axes,{relative}", "displacement", "m", along),
+        Panel("Transverse, link axes, relative to", "displacement", "m", across),
+        Panel("Global axes, relative to the rigid frame", "displacement", "m", [("X", glob[0]), ("Y", glob[1])]),
     ]
 
 

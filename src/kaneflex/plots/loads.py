@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import legend_beside, new_figure, pages, plot_curves, readable
-from kaneflex.plots.view import View, view
+from kaneflex.plots.style import legend_beside, new_figure, plot_curves, readable
+from kaneflex.plots.view import Panel, View, view
 from kaneflex.response.motion import Motion
 from kaneflex.scene.headings import abscissae
 from kaneflex.scene.parts import Load
@@ -29,15 +30,6 @@ _EVEN = 1e-9
 """Share of a speed within which it does not vary."""
 
 
-class Panel(NamedTuple):
-    """Curves by name in their SI unit, over what is shown."""
-
-    title: str
-    quantity: str
-    unit: str
-    curves: dict[str, np.ndarray]
-
-
 def figures(solution: Solution) -> dict[str, Figure]:
     """``loads``: sizes of all of them, where one varies; ``characteristics``: of those that follow a joint's speed."""
     loads = solution.model.scene.loads
@@ -52,21 +44,16 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
 def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
     loads = shown.solution.model.scene.loads
-    pressures = {name: p for name, load in loads.items() if (p := _pressure(load, shown)) is not None}
+    pressures = [(name, p) for name, load in loads.items() if (p := _pressure(load, shown)) is not None]
     panels = [Panel("Absolute gas pressure", "pressure", "bar", pressures)] if pressures else []
     for unit in dict.fromkeys(load.si_unit for load in loads.values()):
-        group = {name: size for name, size in sizes.items() if loads[name].si_unit == unit}
-        towards = {_where(loads[name]) for name in group}
+        group = [(name, size) for name, size in sizes.items() if loads[name].si_unit == unit]
+        towards = {_where(loads[name]) for name, _ in group}
         quantity = _QUANTITY[unit]
         title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
         panels.append(Panel(title, quantity.lower(), unit, group))
     heading = "Gas pressure and loads" if pressures else "Loads"
-    figure, places = pages(len(panels), f"{heading}{shown.note}", 6.6, 2.3)
-    for axes, (title, quantity, unit, curves) in zip(places, panels, strict=True):
-        plot_curves(axes, shown.x, curves.items(), unit, title, quantity)
-        _mark_peak(axes, shown, [*curves.values()], unit)
-    shown.finish(places)
-    return figure
+    return shown.page(panels, heading, 6.6, 2.3, partial(_mark_peak, shown))
 
 
 def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tuple[str, np.ndarray]]) -> Figure:
@@ -137,10 +124,10 @@ def _pressure(load: Load, shown: View) -> np.ndarray | None:
     return evaluate_block(curve, at - load.offset)
 
 
-def _mark_peak(axes: Axes, shown: View, curves: list[np.ndarray], unit: str) -> None:
+def _mark_peak(shown: View, axes: Axes, panel: Panel) -> None:
     """Write the largest size of the first curve beside it, where it varies."""
-    factor, name = readable(unit, *curves)
-    first = curves[0]
+    factor, name = readable(panel.unit, *(values for _, values in panel.curves))
+    first = panel.curves[0][1]
     if np.ptp(first) == 0.0:
         return
     peak = int(np.argmax(abs(first)))
@@ -160,17 +147,21 @@ def energy(solution: Solution) -> dict[str, Figure]:
     if found is None or len(found.kinetic) != len(solution.times) or not found.stored.any():
         return {}
     shown = view(solution)
-    page, panels = pages(2, f"Energy, drift {found.drift:.1e} of the energy that is exchanged{shown.note}", 8.4, 1.9)
     stored = {"kinetic": found.kinetic, "strain, springs": found.strain, "weight": found.weight}
     grown = found.stored - found.stored[0]
     balance = {"stored, increase": grown, "dissipated": found.dissipated, "supplied": found.supplied}
     titles = ("Stored energy", "Since the start: increase of the stored energy + dissipated = supplied energy")
-    for axes, title, curves in zip(panels, titles, (stored, balance), strict=True):
-        plot_curves(axes, shown.x, [(n, e[shown.instants]) for n, e in curves.items() if e.any()], "J", title, "energy")
+    panels = [
+        Panel(title, "energy", "J", [(name, each[shown.instants]) for name, each in curves.items() if each.any()])
+        for title, curves in zip(titles, (stored, balance), strict=True)
+    ]
+
+    def mark(axes: Axes, panel: Panel) -> None:
         for line in axes.get_lines():
             if line.get_label() == "supplied":  # it lies on what is stored
                 line.set_linestyle((0, (4, 5)))
-        if axes.get_lines():
+        if panel.curves:
             legend_beside(axes)
-    shown.finish(panels)
-    return {"energy": page}
+
+    heading = f"Energy, drift {found.drift:.1e} of the energy that is exchanged"
+    return {"energy": shown.page(panels, heading, 8.4, 1.9, mark)}

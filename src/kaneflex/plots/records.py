@@ -25,10 +25,9 @@ from kaneflex.plots.style import (
     legend_beside,
     new_figure,
     pages,
-    plot_curves,
     readable,
 )
-from kaneflex.plots.view import View, view
+from kaneflex.plots.view import Panel, View, view
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
 
@@ -139,16 +138,19 @@ def _records(solution: Solution, readings: dict[str, str]) -> Figure:
         for wanted, title in titles.items()
     ]
     kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]
-    figure, panels = pages(len(kinds), f"Records over time{shown.note}", 8.4, 1.9)
-    for axes, (title, quantity, unit, names, forces) in zip(panels, kinds, strict=True):
-        curves = [(name, solution.series[name].values[shown.instants]) for name in names]
-        plot_curves(axes, shown.x, curves, unit, title, quantity)
-        if forces:
-            _mark_reversals(axes, shown, curves, title)
+    panels = [
+        Panel(title, quantity, unit, [(name, solution.series[name].values[shown.instants]) for name in names])
+        for title, quantity, unit, names, _ in kinds
+    ]
+    reversing = {title for title, *_, changes_sign in kinds if changes_sign}
+
+    def mark(axes: Axes, panel: Panel) -> None:
+        if panel.title in reversing:
+            _mark_reversals(axes, shown, panel)
         _mark_zones(axes, shown)
         legend_beside(axes)
-    shown.finish(panels)
-    return figure
+
+    return shown.page(panels, "Records over time", 8.4, 1.9, mark)
 
 
 def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
@@ -183,10 +185,10 @@ def _mark_zones(axes: Axes, shown: View) -> None:
         axes.axvspan(first, last, facecolor=TOUCHED, edgecolor=TOUCHED, linewidth=1.0, zorder=0, label=label)
 
 
-def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]], title: str) -> None:
+def _mark_reversals(axes: Axes, shown: View, panel: Panel) -> None:
     """A triangle where each force changes its sign, and in the title how often that is."""
     counts = []
-    for colour, (_, values) in zip(PALETTE, curves, strict=False):
+    for colour, (_, values) in zip(PALETTE, panel.curves, strict=False):
         at = reversals(shown.times, values)
         counts.append(len(at))
         if len(at):
@@ -195,7 +197,7 @@ def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]
                 x, np.zeros(len(x)), linestyle="none", marker="v", markersize=5, markerfacecolor="white",
                 markeredgecolor=colour, label=f"reversals ({len(at)})",
             )  # fmt: skip
-    axes.set_title(title if any(counts) else f"{title}: no reversal")
+    axes.set_title(panel.title if any(counts) else f"{panel.title}: no reversal")
 
 
 def _spectra(solution: Solution, accelerations: list[str]) -> Figure:

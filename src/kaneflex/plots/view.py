@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.style import finish, mark_angles, readable
+from kaneflex.plots.style import finish, mark_angles, pages, plot_curves, readable
 from kaneflex.response.motion import Motion
 from kaneflex.response.thinning import MISSED, frames, missed
 
@@ -25,6 +26,15 @@ FRAMES = 60
 _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
 _TURNS_SHOWN = 3
+
+
+class Panel(NamedTuple):
+    """Curves (name, values in their SI unit) over what is shown."""
+
+    title: str
+    quantity: str
+    unit: str
+    curves: Sequence[tuple[str, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +120,19 @@ class View:
         """Impacts of a contact that begin in the time that is shown."""
         first, last = self.times[0], self.times[-1]
         return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
+
+    def page(
+        self, panels: Sequence[Panel], heading: str, width: float, height: float,
+        mark: Callable[[Axes, Panel], None] | None = None,
+    ) -> Figure:  # fmt: skip
+        """Panels of that size [inches] over one abscissa; ``mark`` adds to each after its curves."""
+        figure, grid = pages(len(panels), f"{heading}{self.note}", width, height)
+        for axes, panel in zip(grid, panels, strict=True):
+            plot_curves(axes, self.x, panel.curves, panel.unit, panel.title, panel.quantity)
+            if mark is not None:
+                mark(axes, panel)
+        self.finish(grid)
+        return figure
 
     def finish(self, panels: list[Axes]) -> None:
         """Name the abscissa of a page's panels and give them their margins."""
