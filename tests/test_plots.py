@@ -19,10 +19,10 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import animation, draw_all, figures, modes, style
 from kaneflex.plots import enlarged as enlarged_module
+from kaneflex.plots.deformed import LinkColours, stress_field
 from kaneflex.plots.deformed import figures as figures_of_worst
 from kaneflex.plots.drawing import ticks
 from kaneflex.plots.enlarged import caption_at, enlarged, times
-from kaneflex.plots.link_colours import LinkColours, stress_field
 from kaneflex.plots.mechanism import outline, rigid_outline, rigid_scenery, scenery
 from kaneflex.plots.outlines import ALONG_LINK, VIEW, Outline
 from kaneflex.plots.records import reversals, spectrum

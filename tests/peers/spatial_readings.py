@@ -13,7 +13,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
-from kaneflex.response.readings import displacement_of, strain_of
+from kaneflex.response.sensors import displacement_of, strain_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 from kaneflex_peers.exudyn_spatial import OF_BODIES, Bodies

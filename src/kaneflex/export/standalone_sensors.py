@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 from kaneflex.export import standalone_text as parts
 from kaneflex.export.standalone_numbers import LINE, filled, number, short, wrapped
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.readings import address_of
+from kaneflex.response.sensors import address_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError

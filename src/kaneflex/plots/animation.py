@@ -12,9 +12,9 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
+from kaneflex.plots.deformed import LinkColours, stress_field
 from kaneflex.plots.drawing import draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.enlarged import caption_at, enlarged
-from kaneflex.plots.link_colours import LinkColours, stress_field
 from kaneflex.plots.style import new_figure, wrapped
 from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.support.errors import installed, told

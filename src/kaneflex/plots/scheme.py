@@ -224,10 +224,8 @@ class _Parts:
         centre = self.at(self.scene.joints[joint].addresses[0])
         turn = np.radians(np.linspace(-60.0, 200.0, 40))
         arc = (centre + radius * self.size * self.stand.around(joint, turn))[::way]
-        self.axes.plot(*arc.T, color=colour, linewidth=1.6, linestyle=style, zorder=4.6)
         self._arrow(arc[-3], arc[-1], colour)
-        self.labels.block(arc)
-        self.labels.add(text, arc[20], colour, size=8)
+        self._line(arc, text, colour, 1.6, 4.6, style)
 
     def _distributed_load(self, name: str) -> None:
         """Arrows along a body, as long as the load's profile is high there, under a line."""
@@ -241,9 +239,7 @@ class _Parts:
         for tail, head in zip(tails, heads, strict=True):
             if np.hypot(*(head - tail)) > 0.1 * _ARROW * self.size:
                 self._arrow(tail, head, LOAD)
-        self.axes.plot(*tails.T, color=LOAD, linewidth=1.0, zorder=4.6)
-        self.labels.block(tails)
-        self.labels.add(name, tails[3], LOAD, size=8)
+        self._line(tails, name, LOAD, 1.0, 4.6)
 
     def _towards(self, load: Load, body: str) -> np.ndarray:
         """Direction of a load in the drawing."""
@@ -274,9 +270,7 @@ class _Parts:
             around = self.stand.around(str(spring.torsional_at), turn)
             centre = self.at(self.scene.joints[spring.torsional_at].addresses[0])
             line = centre + 1.2 * _ARC * self.size * (turn / turn[-1])[:, None] * around
-        self.axes.plot(*line.T, color="#555555", linewidth=1.2, zorder=3.8)
-        self.labels.block(line)
-        self.labels.add(name, line[len(line) // 2], "#555555", size=8)
+        self._line(line, name, "#555555", 1.2, 3.8)
 
     def _contact(self, name: str) -> None:
         """The face that a point stays before, hatched, or two circles; and the circle about what is pushed."""
@@ -310,6 +304,12 @@ class _Parts:
         self._arrow(middle - half, middle + half, "#555555")
         self.labels.block(np.linspace(middle - half, middle + half, 12))
         self.labels.add("g", middle, "#555555", style="italic", size=9)
+
+    def _line(self, points: np.ndarray, name: str, colour: str, width: float, zorder: float, style: str = "-") -> None:
+        """A line that labels keep clear of, named at its middle."""
+        self.axes.plot(*points.T, color=colour, linewidth=width, linestyle=style, zorder=zorder)
+        self.labels.block(points)
+        self.labels.add(name, points[len(points) // 2], colour, size=8)
 
     def _arrow(self, tail: np.ndarray, head: np.ndarray, colour: str) -> None:
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "mutation_scale": 12}

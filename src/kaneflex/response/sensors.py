@@ -4,13 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.response.motion import Motion
-from kaneflex.response.readings import Reader
-from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, Sensor
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate_back
+from kaneflex.response.motion import Motion, Section
+from kaneflex.response.section_forces import joint_force
+from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import (
+    CONTACT_KINDS,
+    DRIVE_KINDS,
+    FRICTION_KINDS,
+    RIGID_COMPANIONS,
+    SECTION_KINDS,
+    SPRING_KINDS,
+    Sensor,
+)
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.spatial_frame import SpatialFrame
+    from kaneflex.multibody.time.spatial_motion import SpatialMotion
+    from kaneflex.response.elastic_motion import SpatialElasticMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +77,280 @@ def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Ser
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
     """Values of one sensor (n_times,) in its SI unit."""
     return Reader(motion).read(sensor)
+
+
+def address_of(sensor: Sensor) -> Address:
+    """Point of a sensor of a body's motion or section."""
+    return cast(Address, sensor.target)
+
+
+def displacement_of(
+    scene: Scene, sensor: Sensor, frame: BodyFrame | SpatialFrame, moved: Callable[[Address], np.ndarray]
+) -> np.ndarray:
+    """Reading of a displacement or rotation of a body's point, (n_times,).
+
+    ``frame``: the rigid body's; ``moved``: function of a point that returns its displacement and rotation in these
+    axes: x, y, angle, or in space u, v, w and three rotations, (3 or 6, n_times).
+    """
+    address = address_of(sensor)
+    d = moved(address).copy()
+    if sensor.relative_to != "frame":
+        start = moved(Address(address.body, "start"))
+        if sensor.relative_to == "start":
+            d -= start
+        else:
+            end, length = moved(Address(address.body, "end")), scene.bodies[address.body].length
+            assert length is not None
+            chord = start + scene.point(address)[0] / length * (end - start)
+            chord[-1] = (end[1] - start[1]) / length
+            if len(d) == 6:
+                chord[3:5] = start[3], (start[2] - end[2]) / length
+            d -= chord
+    if sensor.component == "angle":
+        return d[2]
+    vector = np.split(d, [(len(d) + 1) // 2])[sensor.component.startswith("angle")]
+    return (vector if sensor.axes == "body" else frame.to_global(vector))["xyz".index(sensor.component[-1])]
+
+
+def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
+    """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
+    M_y."""
+    address, after = address_of(sensor), sensor.cut == "after"
+    here = scene.bodies[address.body].profile.at(scene.point(address)[0], after)
+    y, z = cast(tuple[float, float], sensor.fibre)
+    return N / here.E_A + z * M_y / here.E_I_y - y * M_z / here.E_I_z
+
+
+class Reader:
+    """Series of one motion, with a cache of shared values.
+
+    Displacements are x, y and an angle in the body's axes, in space u, v, w and three rotations, there with rotations,
+    angular velocities and accelerations as vectors with components ``angle_x`` etc.
+    """
+
+    def __init__(self, motion: Motion):
+        self.motion, self.rigid, self.scene = motion, motion.rigid, motion.model.scene
+        self.steps = len(motion.times)
+        self._elastic: Callable[[Address], Rates] = cache(
+            lambda address: motion.displacement(address.body, self.scene.point(address))
+        )
+
+    def read(self, sensor: Sensor) -> np.ndarray:
+        if self.steps == 0:  # the run stopped before its first instant
+            return np.zeros(0)
+        motion, target = self.motion, str(sensor.target)
+        if sensor.kind in SECTION_KINDS:
+            return self._of_section(sensor, self._section(sensor))
+        if sensor.kind == "joint_force":
+            return self._joint_component(sensor, motion.reaction)
+        if sensor.kind in DRIVE_KINDS:
+            return motion.reaction(f"{target}.drive")
+        if sensor.kind in SPRING_KINDS:
+            return self._of_bushing(sensor) if self._is_bushing(sensor) else motion.spring_tension(target)
+        if sensor.kind in CONTACT_KINDS:
+            return motion.contact(target)[sensor.kind in ("contact_force", "contact_torque")]
+        if sensor.kind in FRICTION_KINDS:
+            return motion.friction(target)
+        return getattr(self, f"_{sensor.kind}")(sensor)
+
+    def is_rigid_known(self, sensor: Sensor) -> bool:
+        """True if the rigid mechanism determines a reading: not for sections of bodies with modal data, and not if it
+        is statically indeterminate."""
+        joints = {str(sensor.target)}
+        if sensor.kind in SECTION_KINDS:
+            body, of = address_of(sensor).body, self.scene.joints.items()
+            if self.scene.bodies[body].modal is not None:
+                return False
+            joints = {name for name, joint in of if body in {side.body for side in joint.addresses}}
+        lost = getattr(self.motion.model.module, "open_reactions", ())  # in the plane `load` refuses such mechanisms
+        return not any(each.rpartition(".")[0] in joints for each in lost)
+
+    def read_rigid(self, sensor: Sensor) -> np.ndarray:
+        """Value of the rigid mechanism."""
+        if sensor.kind in SECTION_KINDS:
+            return self._of_section(sensor, self.motion.rigid_section(*self._cut(sensor)))
+        if sensor.kind in DRIVE_KINDS:
+            return self.motion.rigid_forces[f"{sensor.target}.drive"]
+        if sensor.kind in SPRING_KINDS:
+            if self._is_bushing(sensor):
+                return self._of_bushing(sensor)
+            exerted = "tension" if sensor.kind == "spring_force" else "torque"
+            return self.motion.rigid_forces[f"{sensor.target}.{exerted}"]
+        return self._joint_component(sensor, self.motion.rigid_forces.__getitem__, True)
+
+    # ---- motion of points -------------------------------------------------------------------------------------
+
+    def _point(self, address: Address) -> Rates:
+        """Position of a displaced point in its body's axes with rates, (2 or 3, n_times) each."""
+        at = self.scene.point(address)
+        d, d_rate, d_accel = (part[: len(at)] for part in self._elastic(address))
+        return np.reshape(at, (-1, 1)) + d, d_rate, d_accel
+
+    def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
+        """Contribution of a displacement, or of its rate, to a body's rotation, global."""
+        return moved[2] if len(moved) == 3 else frame.to_global(moved[3:])
+
+    def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """Component of a global vector, or of an angle or a global rotation vector, that a sensor reads."""
+        if sensor.component == "angle":
+            return angle
+        if sensor.component.startswith("angle"):
+            vector = angle
+        if sensor.axes == "body":
+            vector = self.motion.seen_from(address_of(sensor).body, vector)
+        return vector["xyz".index(sensor.component[-1])]
+
+    def _displacement(self, sensor: Sensor) -> np.ndarray:
+        frame = self.motion.beside.frame(address_of(sensor).body)
+        return displacement_of(self.scene, sensor, frame, lambda at: self.motion.from_rigid(at, self._elastic))
+
+    def _position(self, sensor: Sensor) -> np.ndarray:
+        address = address_of(sensor)
+        if address.body in self.scene.loose:
+            return self._clearance(sensor, address.body)
+        if address.body in self.scene.joints:
+            return self._joint(sensor)[0] if self.rigid.freedoms == 6 else self._joint_coordinate(address.body)
+        if sensor.component == "angle":
+            return self._angle(address)
+        return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
+
+    def _joint_coordinate(self, name: str) -> np.ndarray:
+        """Angle of a joint's second body relative to its first [rad], or its slide along a guide [m]."""
+        joint = self.scene.joints[name]
+        first, second = joint.addresses
+        if joint.kind != "prismatic":
+            return self._angle(second) - self._angle(first)
+        return self.motion.slide(name)
+
+    def _joint(self, sensor: Sensor) -> Rates:
+        """Angle of a joint in space, continuous over turns [rad], or its slide [m], with its rates."""
+        from kaneflex.mechanism.spatial import spatial_mechanism_of
+        from kaneflex.mechanism.spatial_frame import slide_of, turn_rates
+
+        name = address_of(sensor).body
+        joint = spatial_mechanism_of(self.scene).joints[name]
+        joint, first, second = cast("SpatialMotion", self.rigid).joined_frames(joint)
+        if sensor.component != "angle":
+            rigid = slide_of(joint, first, second)
+        else:
+            rigid = self.rigid[f"{name}.angle"], *turn_rates(joint, first, second)
+        if not self.motion.model.links:
+            return rigid
+        freedom = "angle" if sensor.component == "angle" else "position"
+        change = cast("SpatialElasticMotion", self.motion).change_of(name, freedom)
+        return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
+
+    def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
+        """Position of a pin in its bearing or of a block in its guide."""
+        x, y, angle = self.motion.clearance(name)
+        loose = self.scene.loose[name]
+        if sensor.axes == "body" and loose.direction is None:
+            turned = self._angle(loose.sides[0])
+            x, y = rotate_back(np.cos(turned), np.sin(turned), (x, y))
+        return {"x": x, "y": y, "angle": angle}[sensor.component]
+
+    def _angle(self, address: Address) -> np.ndarray:
+        return self.motion.angle(address.body, self.scene.point(address))
+
+    def _place(self, address: Address) -> np.ndarray:
+        return self.motion.place(address.body, self.scene.point(address))
+
+    def _velocity(self, sensor: Sensor) -> np.ndarray:
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[1]
+        return self._component(sensor, *self._rate(address_of(sensor), 1))
+
+    def _acceleration(self, sensor: Sensor) -> np.ndarray:
+        """Acceleration of the displaced point; a - g for an accelerometer."""
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[2]
+        acceleration, turning = self._rate(address_of(sensor), 2)
+        if sensor.reading == "accelerometer":
+            acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
+        return self._component(sensor, acceleration, turning)
+
+    def _rate(self, address: Address, order: int) -> tuple[np.ndarray, np.ndarray]:
+        """Global velocity (``order`` 1) or acceleration (2) of a displaced point, and that of its angle."""
+        known = self.motion.point(address.body, self.scene.point(address))
+        if known is not None:
+            return known[order][:2], known[order][2]
+        frame, turn = self.rigid.frame(address.body), self._elastic(address)[order]
+        if order == 1:
+            return frame.velocity(*self._point(address)[:2]), frame.omega + self._turn(frame, turn)
+        return frame.acceleration(*self._point(address)), frame.epsilon + self._turn(frame, turn)
+
+    # ---- forces -----------------------------------------------------------------------------------------------
+
+    def _of_section(self, sensor: Sensor, section: Section) -> np.ndarray:
+        """Reading of a sensor from N, V, M, or in space N, V_y, V_z, T, M_y, M_z; a planar strain is N / (E A) - fibre
+        M / (E I)."""
+        if sensor.kind == "axial_force":
+            return section[0]
+        if len(section) == 6:
+            if sensor.kind == "strain":
+                return strain_of(self.scene, sensor, section[0], section[4], section[5])
+            first = {"shear_force": 0, "torsional_moment": 3, "bending_moment": 3}[sensor.kind]
+            return section[first + max(0, "xyz".find(sensor.component))]
+        if sensor.kind == "strain":
+            body, x, after = self._cut(sensor)
+            here = self.scene.bodies[body].profile.at(x, after)
+            return section[0] / here.E_A - sensor.fibre * section[2] / here.E_I_z
+        return section[1 + (sensor.kind == "bending_moment")]
+
+    def _is_bushing(self, sensor: Sensor) -> bool:
+        return self.scene.springs[str(sensor.target)].bushing is not None
+
+    def _of_bushing(self, sensor: Sensor) -> np.ndarray:
+        part = "force" if sensor.kind == "spring_force" else "moment"
+        return self.rigid[f"{sensor.target}.{part}_{sensor.component}"]
+
+    def _stress(self, sensor: Sensor) -> np.ndarray:
+        body, point = address_of(sensor)
+        data = self.scene.bodies[body].modal
+        assert data is not None  # checked with the scene
+        return data.stresses.stresses_at(point, self.motion.modal(body)[0])[sensor.component]
+
+    def _section(self, sensor: Sensor) -> Section:
+        body, point = address_of(sensor)
+        if (data := self.scene.bodies[body].modal) is not None:
+            return data.sections.at(point, self.motion.modal(body)[0])
+        return self.motion.section(*self._cut(sensor))
+
+    def _cut(self, sensor: Sensor) -> tuple[str, float, bool]:
+        """Link, position [m from its start] and side of the section that a sensor reads."""
+        address = address_of(sensor)
+        return address.body, self.scene.point(address)[0], sensor.cut == "after"
+
+    def _pin_moment(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+        """Torque of a pin's drive and friction on the second body: the pin itself exerts no moment."""
+        exerted = np.zeros(self.steps)
+        if name in self.scene.drives:
+            exerted = exerted + reaction(f"{name}.drive")
+        if self.scene.joints[name].friction is not None:
+            exerted = exerted + reaction(f"{name}.friction")
+        return exerted
+
+    def _joint_component(
+        self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
+    ) -> np.ndarray:
+        """Component of a joint's force or moment on ``sensor.body`` (by default the second), or that of the rigid
+        mechanism."""
+        first, second = (address.body for address in self.scene.joints[str(sensor.joint_force)].addresses)
+        exerted = (-1.0 if sensor.body == first else 1.0) * self._exerted(sensor, reaction, of_rigid)
+        if sensor.component == "angle":
+            return exerted
+        if sensor.axes == "body":
+            on = sensor.body or second
+            exerted = self.rigid.frame(on).to_body(exerted) if of_rigid else self.motion.seen_from(on, exerted)
+        return exerted["xyz".index(sensor.component[-1])]
+
+    def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
+        """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
+        name = str(sensor.joint_force)
+        if self.rigid.freedoms == 6:
+            part = "moment" if sensor.component.startswith("angle") else "force"
+            return np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
+        if sensor.component != "angle":
+            return joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
+        pinned = self.scene.joints[name].kind == "revolute"
+        return self._pin_moment(name, reaction) if pinned else reaction(f"{name}.moment")
