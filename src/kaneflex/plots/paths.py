@@ -97,7 +97,7 @@ def velocity(shown: View, point: Address) -> np.ndarray:
 def global_vector(motion: Motion, **read: Any) -> np.ndarray:
     """Global components of what a sensor of a motion reads, (2 or 3, n_times)."""
     components = "xyz"[: len(motion.model.scene.vector((0.0, 0.0)))]
-    sensors = (Sensor(component=each, axes="global", **read) for each in components)
+    sensors = (Sensor(component=each, axes="global", **read) for each in components)  # type: ignore[arg-type]
     return np.array([sensor_values(motion, sensor) for sensor in sensors])
 
 
