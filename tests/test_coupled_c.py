@@ -91,7 +91,7 @@ def test_accelerations_in_space_in_c_are_those_of_the_engine(scene, compiler, tm
     accelerate, unit = getattr(library, f"{name}_accelerations"), system.measure
     for t in (0.0, 1e-3):
         steps = 1e-4 * unit * random.normal(size=system.speeds)
-        (q,), u = system.advanced(start.q, steps[None]), unit * random.normal(size=system.speeds)
+        (q,), u = system.engine.advanced(start.q, steps[None]), unit * random.normal(size=system.speeds)
         expected, rates, found = system.project(t, q, u, start.choice), np.zeros(len(q)), np.zeros(len(u))
         assert accelerate(_address(state), ctypes.c_double(t), *map(_address, (q, u, rates, found))) == 0
         assert abs(expected.du).max() > 0.0
@@ -151,7 +151,7 @@ def test_accelerations_in_c_are_those_of_the_engine(compiler, tmp_path):
     library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
     size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
     numbers = sum(size[key] for key in ("PLAN", "NUMBERS", "REAL", "ROW")) + 2 * size["PAIR"] + 8
-    state, free = np.zeros(numbers), engine.independent
+    state, free = np.zeros(numbers), engine.choice.independent
     assert size["FREE"] == len(free) == len(engine.names)
     getattr(library, f"{name}_start")(_address(state))
     random = np.random.default_rng(3)

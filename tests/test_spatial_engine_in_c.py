@@ -9,7 +9,7 @@ from test_c import HEADS, SHARED, built
 from kaneflex import load
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile.addresses import C_TYPES, by_address
-from kaneflex.multibody.dynamics import spatial_entries
+from kaneflex.multibody.dynamics import reduction, spatial_entries
 from kaneflex.multibody.dynamics.spatial_work import SPACE
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_initial_state import start_of
@@ -19,7 +19,7 @@ from kaneflex.multibody.time.run import TABLES
 from kaneflex.scene import scene_of
 
 ENTRIES = {
-    "project": spatial_entries.project, "basis": spatial_entries.basis, "lacked": spatial_entries.lacked,
+    "project": spatial_entries.project, "basis": reduction.basis, "reduced_demand": reduction.reduced_demand,
     "integrate": collocation.integrate,
 }  # fmt: skip
 SCENE = """
@@ -87,7 +87,7 @@ def test_states_and_reactions_are_those_of_numba(system, states, in_c):
             work.kept[:] = np.nan
             assert call(spatial_entries.project, 0.0, row[:n].copy(), row[n : n + speeds].copy()) == 0
             basis = np.zeros((len(start.choice.independent), speeds))
-            call(spatial_entries.basis, start.choice.independent, len(basis), basis)
+            call(reduction.basis, start.choice.independent, len(basis), basis)
             parts = "q", "u", "R", "r", "v", "omega", "a", "e", "wrenches", "multipliers"
             inertia_forces = system.mass() @ work.du  # shapes with little inertia magnify rounding of accelerations
             found.append([basis, inertia_forces, *(getattr(work, name).copy() for name in parts)])
@@ -102,7 +102,7 @@ def test_residuals_are_those_of_numba(system, states, in_c):
     for call in (system.engine.call, in_c):
         out = np.zeros((len(given), len(independent) + system.speeds))
         done = call(
-            spatial_entries.lacked, independent, len(independent), times, len(times), given, given.shape[1], out
+            reduction.reduced_demand, independent, len(independent), times, len(times), given, given.shape[1], out
         )  # fmt: skip
         assert done == len(given)
         found.append(out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ from kaneflex.multibody.compile.library import library
 from kaneflex.multibody.dynamics import reduction, unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
+from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.topology import Layout, build_tables
 from kaneflex.multibody.time import collocation
 
@@ -43,6 +44,8 @@ class Engine:
         Workspace of factors.
     shared : Handed, optional
         Kind of mechanism whose library it uses, if not its own.
+    chosen : list
+        Current choice of independent speeds.
     """
 
     tables: at.Tables
@@ -52,6 +55,7 @@ class Engine:
     real: np.ndarray
     pair: np.ndarray
     shared: at.Handed | None = None
+    chosen: list[Choice] = field(default_factory=lambda: [NONE])
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses and views, which belong to one process."""
@@ -122,9 +126,13 @@ class Engine:
         """Number of switching arguments of the loads' laws."""
         return int(np.count_nonzero(self.tables.acts[self.count(at.CONTACTS) :, at.WHAT] == at.SWITCH))
 
+    def part(self) -> None:
+        """Open all contacts and free all holds."""
+        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
+
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set coordinates and rates of the bodies, in the tree's order."""
-        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
+        self.part()
         self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
@@ -160,7 +168,7 @@ class Engine:
         dropped: list[int] = []
         others = [k for k in joints if k not in spared]
         # impacts need the cut joints without contacts
-        for left, later in ((list(range(cut_rows)), list(resting)), (list(resting), [])):
+        for left, later in ((list(range(cut_rows)), resting), (resting, [])):
             for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
                 columns = [k for k in columns if k not in dependent]
                 if left and least == _RANK:
@@ -183,19 +191,22 @@ class Engine:
             dropped += left
         if dropped and not even:  # the remainder of a row must not compete with other rows
             return self.choose(t, spared, even=True)
-        self._depend(sorted(zip(kept, dependent, strict=True)), resting)
+        order = np.argsort(kept)
+        chosen = np.array(kept, np.int64)[order], np.array(dependent, np.int64)[order]
+        self.choose_speeds(Choice(*chosen, np.setdiff1d(joints + shapes, dependent).astype(np.int64), np.zeros(n)))
         return np.array(dropped, int)
 
-    def _depend(self, chosen: list[tuple[int, int]], resting: Mapping[int, int]) -> None:
-        """Write the kept rows and their dependent coordinates to the plan."""
-        plan, kept = self.tables.plan, [row for row, _ in chosen]
-        dependent = [column for _, column in chosen]
-        cuts = [resting[row] if row in resting else bisect_right(self._cut_rows, row) - 1 for row in kept]
-        for of, numbers in ((at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, cuts)):
-            first = self.count(of)
-            plan[first : first + len(chosen)] = numbers
-        plan[at.KEPT], plan[at.BENDS] = len(chosen), not set(self._free_columns[1]).isdisjoint(dependent)
-        plan[at.LED] = bisect_right(self._last_columns, min(dependent, default=self.size))
+    def choose_speeds(self, choice: Choice) -> None:
+        """Set the choice that compiled functions use."""
+        if self.chosen[0] is choice:
+            return
+        plan, kept, (first_rows, places) = self.tables.plan, len(choice.rows), self._row_acts
+        cuts = [places[bisect_right(first_rows, row) - 1] for row in choice.rows.tolist()]
+        for of, numbers in ((at.ROW_OF, choice.rows), (at.CUT_OF, cuts), (at.DEPENDENT, choice.dependent)):
+            plan[plan[of] : plan[of] + kept] = numbers
+        plan[at.KEPT], plan[at.BENDS] = kept, self.shapes[choice.dependent].any()
+        plan[at.LED] = bisect_right(self._last_columns, min(choice.dependent, default=self.size))
+        self.chosen[0] = choice
 
     @property
     def _sides(self) -> np.ndarray:
@@ -204,26 +215,28 @@ class Engine:
         return rows[:, 3:6]
 
     @cached_property
-    def _cut_rows(self) -> list[int]:
-        """First row of every cut joint and hold."""
-        return self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
+    def _row_acts(self) -> tuple[list[int], list[int]]:
+        """First row of every cut joint, hold and contact by Newton's law, and its place in ``acts``."""
+        acts, contacts = self.tables.acts, range(self.count(at.CONTACTS), self.count(at.ACTS))
+        rigid = (k for k in contacts if self.count(at.RIGID) and acts[k, at.LAW] == NEWTON)
+        places = [*range(self.count(at.DRIVES)), *rigid]
+        return acts[places, at.ROW_AT].tolist(), places
 
     @cached_property
     def _last_columns(self) -> list[int]:
         """End of every body's own coordinates."""
         return (self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]).tolist()
 
-    def _rest(self) -> dict[int, int]:
-        """Rows of contacts at rest under Newton's law, now constraints, with their places in ``acts``."""
+    def _rest(self) -> list[int]:
+        """Rows of contacts at rest under Newton's law, now constraints."""
         if not len(self.contacts):
-            return {}
-        first = self.count(at.CONTACTS)
-        acts = self.tables.acts[first : self.count(at.ACTS)]
+            return []
+        acts = self.tables.acts[self.count(at.CONTACTS) : self.count(at.ACTS)]
         rigid, contacts = acts[:, at.LAW] == NEWTON, self.contacts
         rests = rigid & (contacts[:, at.BEGUN_AT] != 0.0)
         contacts[rigid, at.SHUT] = rests[rigid]
         self.numbers(at.TOUCH, at.SHARED)[at.RESTED] = 0.0
-        return dict(zip(acts[rests, at.ROW_AT].tolist(), (first + np.flatnonzero(rests)).tolist(), strict=True))
+        return list(acts[rests, at.ROW_AT].tolist())
 
     @cached_property
     def turns(self) -> np.ndarray:
@@ -243,29 +256,55 @@ class Engine:
         return joints, shapes
 
     @property
-    def dependent(self) -> np.ndarray:
-        """Coordinates determined by the loops."""
-        first = self.count(at.DEPENDENT)
-        return self.tables.plan[first : first + self.count(at.KEPT)]
-
-    @property
-    def kept_rows(self) -> np.ndarray:
-        """Independent rows of cut joints and resting contacts."""
-        first = self.count(at.ROW_OF)
-        return self.tables.plan[first : first + self.count(at.KEPT)]
-
-    @property
-    def independent(self) -> np.ndarray:
-        """Coordinates determined neither by drives nor by loops."""
-        joints, shapes = self._free_columns
-        return np.setdiff1d(joints + shapes, self.dependent).astype(int)
+    def choice(self) -> Choice:
+        """Current choice of independent speeds."""
+        return self.chosen[0]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the independent coordinates."""
-        return tuple(self.layout.coordinates[k][0] for k in self.independent)
+        return tuple(self.layout.coordinates[k][0] for k in self.choice.independent)
 
     @property
+    def measure(self) -> np.ndarray:
+        """Units of the coordinates: the mechanism's size [m], or 1 rad."""
+        return self.numbers(at.MEASURE, self.size)
+
+    @property
+    def balls(self) -> np.ndarray:
+        """Place of every ball's quaternion among the coordinates q, and its first speed, (balls, 2)."""
+        return np.zeros((0, 2), int)
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Place in q and speed of every other coordinate, (n, 2)."""
+        return np.column_stack(2 * [np.arange(self.size)])
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """Current coordinates q."""
+        return self.motion[0].copy()
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Current sizes of loads."""
+        return self.numbers(at.SIZE, self.count(at.SPRINGS) - self.count(at.LOADS))
+
+    def state(self, t: float, choice: Choice) -> State:
+        """Current state, at t [s]."""
+        return State(t, self.coordinates, self.motion[1].copy(), self.motion[2].copy(), self.sizes.copy(), choice)
+
+    def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Coordinates (k, coordinates) of q moved by steps (k, speeds) of the speeds; a ball turns in its axes."""
+        return q + steps
+
+    def basis(self, choice: Choice) -> np.ndarray:
+        """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
+        found = np.zeros((len(choice.independent), self.size))
+        self._call(reduction.basis, choice.independent, len(choice.independent), found)
+        return found
+
+    @cached_property
     def shapes(self) -> np.ndarray:
         """Mask of coordinates that are shape amplitudes."""
         return np.isin(np.arange(self.size), self._free_columns[1])
@@ -293,14 +332,16 @@ class Engine:
         """View of the sections, (sections, 9)."""
         return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
 
-    def demand(self, rows: np.ndarray) -> np.ndarray:
-        """Residuals, see :func:`kaneflex.multibody.dynamics.reduction.reduced_demand`. Raises ArithmeticError if loops
-        don't close."""
-        independent, rows = self.independent.astype(np.int64), np.ascontiguousarray(rows)
-        out = np.zeros((len(rows), len(independent)))
-        done = self._call(reduction.reduced_demand, independent, len(independent), rows, *rows.shape, out)
-        if done < len(rows):
-            raise ArithmeticError(f"the loops don't close at t = {rows[done, 0]:.6g} s")
+    def demand(self, choice: Choice, times: np.ndarray, given: np.ndarray) -> np.ndarray:
+        """Residuals of the independent speeds at ``times`` [s], then all speeds, (k, independent + speeds), see
+        :func:`kaneflex.multibody.dynamics.reduction.reduced_demand`. Raises ArithmeticError if loops don't close."""
+        self.choose_speeds(choice)
+        times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
+        out = np.zeros((len(times), len(choice.independent) + self.size))
+        asked = times, len(times), given, given.shape[1], out
+        done = self._call(reduction.reduced_demand, choice.independent, len(choice.independent), *asked)
+        if done < len(times):
+            raise ArithmeticError(f"the loops don't close at t = {times[done]:.6g} s")
         return out
 
     def project(self, t: float) -> bool:

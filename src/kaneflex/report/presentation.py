@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.multibody.model.spatial_engine import Choice
     from kaneflex.multibody.model.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.state import Choice
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.contact_law import Friction

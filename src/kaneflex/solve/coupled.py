@@ -14,19 +14,20 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import initial_rates
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
-from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations, prepare
+from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
-from kaneflex.solve.coupled_state import State, check_closed, openings
+from kaneflex.solve.coupled_state import State as Given
+from kaneflex.solve.coupled_state import check_closed, openings
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start, laid_over, start_dimensions
@@ -41,7 +42,7 @@ Start = tuple[np.ndarray, np.ndarray]
 
 
 def simulate_coupled(
-    model: Model, progress: Callable[[float], None] | None = None, after: State | None = None, closer: float = 1.0
+    model: Model, progress: Callable[[float], None] | None = None, after: Given | None = None, closer: float = 1.0
 ) -> RunResult:
     """Integrate the coupled equations over the model's duration, from the state ``after`` if given; ``closer``: see
     :func:`repeated`."""
@@ -77,12 +78,19 @@ def repeated(
     system.compile()
     equations, start = prepare(system, t, *near), None
     cycles = PlanarCycles(equations, times, method_of(model), closer)
-    sizes = partial(_load_sizes, equations, equations.at(t, *near))
+    first, engine = equations.at(t, *near), system.engine
+    row = engine.row(t)
+
+    def sizes(t: float) -> np.ndarray:  # where free joints start
+        engine.stand(row)
+        engine.project(t)
+        return engine.sizes.copy()
+
     check_repeats(system, system.engine.layout.driven, sizes, t, cycles.period)
     if by_harmonics and not cycles.touches:
         bare = partial(_undeformed, model, equations, near[0])
         start = orbit_start(equations, bare, t, cycles.period, HARMONICS)
-    trajectory, verdict = cycles.repeated(start or equations.at(t, *near), progress)
+    trajectory, verdict = cycles.repeated(start or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 
@@ -188,18 +196,10 @@ def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
     system, t = model.coupled, float(rigid.times[0])
     assert system is not None
     equations = prepare(system, t, q, rigid_state(system, rigid)[1])
-    slow_state(equations, equations.now(t), model.options.duration)
-    return equations.bodies(equations.now(t))
+    return equations.bodies(slow_state(equations, equations.now(t), model.options.duration))
 
 
-def _load_sizes(equations: PlanarEquations, start: Instant, t: float) -> np.ndarray:
-    """Sizes of loads at t [s], where free joints start."""
-    equations.engine.stand(start.row)
-    equations.engine.project(t)
-    return equations.engine.numbers(at.SIZE, len(equations.system.mechanism.loads)).copy()
-
-
-def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[Instant]:
+def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[State]:
     """Instants of the undeformed bodies, with as many full turns as in ``first`` (size,)."""
     system = equations.system
     q, v = rigid_states(system, model.motion.at(times))

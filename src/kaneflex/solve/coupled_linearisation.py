@@ -15,7 +15,7 @@ from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.model.system import rigid_state
 from kaneflex.multibody.time.linearisation import Equations, Linear, state_matrix
-from kaneflex.multibody.time.planar_linear import Instant, prepare, probes
+from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare, probes
 from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.spatial_linear import Neighbours, SpatialEquations
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -29,7 +29,7 @@ from kaneflex.solve.coupled import as_result
 from kaneflex.support.errors import SceneError
 
 
-def linear_about(model: Model, t: float) -> Linear[Any]:
+def linear_about(model: Model, t: float) -> Linear:
     """Linear equations about the steady deformation at the time t [s].
 
     Raises SceneError if there is no equilibrium, for contacts and friction, and in space if a motion of free joints is
@@ -50,7 +50,7 @@ def linear_about(model: Model, t: float) -> Linear[Any]:
     )  # fmt: skip
 
 
-def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations[Any], Any]:
+def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, Any]:
     """Equations of a mechanism and its undeformed state at t [s]; at rest unless it ``moves``."""
     if model.coupled is not None:
         rigid = model.motion.at(t)
@@ -85,33 +85,26 @@ def inputs(model: Model) -> tuple[str, ...]:
     return (*scene.loads, *(f"{name}.acceleration" for name, drive in scene.drives.items() if drive.kind != "free"))
 
 
-def readings(model: Model, found: Linear[Any], sensors: Mapping[str, Sensor]) -> np.ndarray:
+def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.ndarray:
     """Derivatives of the sensors with respect to coordinates, rates and inputs, (n_sensors, 2 n_y + n_inputs)."""
-    motion, weights = (_beside_in_space if model.scene.is_spatial else _beside_in_plane)(model, found)
-    rows = [(sensor_values(motion, sensor) * weights).reshape(-1, 4).sum(axis=1) for sensor in sensors.values()]
-    return np.array(rows).reshape(len(sensors), len(weights) // 4)
-
-
-def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.ndarray]:
-    """Motions near an instant, and the weights by which four of them make a central difference."""
-    assert model.coupled is not None
-    trajectory, away, weights = probes(model.coupled, found)
-    shift = {}
-    for k, name in enumerate(inputs(model), start=2 * len(found.names)):
-        shift[name] = np.zeros(len(away))
-        shift[name][4 * k : 4 * k + 4] = away[4 * k : 4 * k + 4]
-    motion = cast(CoupledMotion, as_result(model, trajectory, 0.0).motion)
-    return replace(motion, shift=shift), weights
-
-
-def _beside_in_space(model: Model, found: Linear[Any]) -> tuple[Motion, np.ndarray]:
-    """Motions near an instant in space, and the weights of the differences."""
-    motion, base = cast(CoupledKinematics, model.motion), found.instant
-    equations, n = SpatialEquations(motion.module.system, base.choice), len(found.names)
+    base, n, system, motion = found.instant, len(found.names), model.coupled, model.motion
+    equations: Equations
+    if system is None:
+        equations = SpatialEquations(motion.module.system, base.choice)
+    else:
+        equations = PlanarEquations(system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
-    beside = Neighbours(equations.system, base, equations.given(base, x))
-    motion = motion.along(beside)
-    return SpatialCoupledMotion(replace(model, motion=motion), motion.at(beside.times)), weights.ravel()
+    given = equations.given(base, x)
+    beside: Motion
+    if system is None:
+        curve = Neighbours(motion.module.system, base, given)
+        moved = cast(CoupledKinematics, motion).along(curve)
+        beside = SpatialCoupledMotion(replace(model, motion=moved), moved.at(curve.times))
+    else:
+        shift = dict(zip(inputs(model), x[:, 3 * n :].T, strict=True))
+        beside = replace(cast(CoupledMotion, as_result(model, probes(system, base, given), 0.0).motion), shift=shift)
+    rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
+    return np.array(rows).reshape(len(sensors), len(weights))
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

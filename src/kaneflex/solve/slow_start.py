@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.time.linearisation import At, Equations
+from kaneflex.multibody.model.state import State
+from kaneflex.multibody.time.linearisation import Equations
 from kaneflex.solve.quasistatic import answers
 from kaneflex.support.errors import SceneError
 
@@ -69,7 +70,7 @@ def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tupl
     return v[taken], a[taken]
 
 
-def slow_state(equations: Equations[At], base: At, duration: float) -> At:
+def slow_state(equations: Equations, base: State, duration: float) -> State:
     """Quasi-static initial state of coupled equations from an instant of undeformed bodies; free joints keep their
     speeds and accelerations.
 
@@ -91,7 +92,7 @@ def slow_state(equations: Equations[At], base: At, duration: float) -> At:
     return still
 
 
-def _followed(equations: Equations[At], still: At) -> Answers:
+def _followed(equations: Equations, still: State) -> Answers:
     """Equilibria, as deviations (n_times, n) from the first one, as far as steps with its tangent converge."""
     residual, slope, measure = equations.followed(still)
 

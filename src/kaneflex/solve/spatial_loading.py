@@ -24,7 +24,8 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import KIND, TURN
 from kaneflex.multibody.model.spatial_rates import rates_of, speeds_of
 from kaneflex.multibody.model.spatial_reactions import open_reactions
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.scene import Scene

@@ -11,9 +11,9 @@ import numpy as np
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
-from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.time.cycles import SpatialCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict

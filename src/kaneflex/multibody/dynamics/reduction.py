@@ -7,14 +7,17 @@ solutions. The reactions of the cuts balance the dependent coordinates of the tr
 from __future__ import annotations
 
 from numba import njit
-from numba.types import CPointer, int64
+from numba.types import CPointer, int64, void
 
+from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.dynamics.dimensions import bent, demand, gradient
-from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.dynamics.loop_closure import follow
+from kaneflex.multibody.dynamics import dense_lu, spatial_tree
+from kaneflex.multibody.dynamics.loop_closure import follow, gradients
+from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN
+from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (
     ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
-    OPTIONS, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
+    OPTIONS, PASSING, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
 )  # fmt: skip
 
 
@@ -46,40 +49,107 @@ def react(m):
     return True
 
 
-@njit(**ENTRY)
-def reduced_demand(m, independent, n, rows, count, width, out):
-    """Generalised forces of every row's motion, (count, n), N = kg m/s^2 or N m.
+@njit(**OPTIONS)
+def stand_at(m, q):
+    """Set coordinates, in space those of balls as quaternions; returns their number."""
+    apart()
+    for i in range(m.plan[COORDINATES]):
+        m.w[m.plan[Y] + i] = q[i]
+    return m.plan[COORDINATES]
 
-    A row: t [s], then the n independent coordinates, their rates and accelerations, then additions to the sizes of the
-    loads and to the prescribed accelerations. independent: their numbers among the tree's coordinates. The tables keep
-    the last row, with the reactions of its cuts, and without additions. Returns the number of rows done: the next one
-    doesn't close.
+
+@njit(**OPTIONS)
+def _stand_at_in_space(m, q):
+    apart()
+    for n in range(m.counts[OWN]):
+        m.y[m.own[n, 1]] = q[m.own[n, 0]]
+    for n in range(m.counts[BALLS]):
+        k, s = m.balls[n, 0], m.balls[n, 1]
+        m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3] = q[k], q[k + 1], q[k + 2], q[k + 3]
+        m.y[s] = m.y[s + 1] = m.y[s + 2] = 0.0
+    return m.counts[ALL_COORDINATES]
+
+
+@njit(**OPTIONS)
+def _settled(m):
+    inside()
+    return True
+
+
+stand_at = by_size(stand_at, _stand_at_in_space)
+settled = by_size(_settled, spatial_tree.rebase)
+"""True if rates do not yet belong to the closed position: where a ball has turned, and always in the plane."""
+
+
+@njit(**OPTIONS)
+def stand_near(m, given, width):
+    """Set coordinates and speeds, and their rates and inputs if a row of that width has them; returns the number of
+    inputs."""
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    speeds = stand_at(m, given)
+    added = width - speeds - 2 * n
+    for i in range(n):
+        w[plan[RATE] + i] = given[speeds + i]
+        if width > speeds + n:
+            w[plan[ACCEL] + i] = given[speeds + n + i]
+    for k in range(added):
+        w[plan[INPUT] + k] = given[speeds + 2 * n + k]
+    return added
+
+
+@njit(**ENTRY)
+def reduced_demand(m, independent, free, times, count, given, width, out):
+    """Generalised forces of the independent speeds, N = kg m/s^2 or N m, then all speeds, (count, free + n).
+
+    given: rows of :func:`stand_near`; accelerations of dependent speeds follow from the loops. The tables keep the last
+    row, with the reactions of its cuts, and without inputs. Returns the number of rows done: the next one doesn't
+    close.
     """
-    plan, w = m.plan, m.w
-    added, done = width - 1 - 3 * n, 0
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    added, done = 0, 0
+    m.pivots[PASSING] = 1  # positions as exact as near change points, as derivatives are taken by differences
     for row in range(count):
-        here = shifted(rows, row * width)
-        for k in range(n):
-            i = independent[k]
-            w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = here[1 + k], here[1 + n + k], here[1 + 2 * n + k]
-        for k in range(added):
-            w[plan[INPUT] + k] = here[1 + 3 * n + k]
+        added = stand_near(m, shifted(given, row * width), width)
         for r in range(plan[REACTIONS]):
             w[plan[NOW] + r] = 0.0
-        # Twice: the second pass starts with closed loops, so that rates follow from the gradient at this position.
-        if not (follow(m, here[0]) and follow(m, here[0])):
+        if not follow(m, times[row]) or (settled(m) and not follow(m, times[row])):
             break
-        demand(m, here[0])
+        demand(m, times[row])
         bent(m)
         if not react(m):
             break
-        for k in range(n):
-            out[n * row + k] = w[plan[DEMAND] + independent[k]]
+        settled(m)
+        here = shifted(out, row * (free + n))
+        for k in range(free):
+            here[k] = w[plan[DEMAND] + independent[k]]
+        for i in range(n):
+            here[free + i] = w[plan[RATE] + i]
         done += 1
     for k in range(added):
         w[plan[INPUT] + k] = 0.0
     return done
 
 
-ENTRIES = {reduced_demand: int64(MECHANISM, CPointer(int64), int64, N, int64, int64, N)}
+@njit(**ENTRY)
+def basis(m, independent, count, out):
+    """Speeds for a unit of each independent one, (count, n), where the loops are closed."""
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    kept = plan[KEPT]
+    gradients(m)
+    for j in range(count):
+        B = shifted(out, n * j)
+        for s in range(n):
+            B[s] = 0.0
+        B[independent[j]] = 1.0
+        for r in range(kept):
+            w[plan[SIDE] + r] = -w[plan[GRADIENT] + n * r + independent[j]]
+        dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        for r in range(kept):
+            B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]
+
+
+ENTRIES = {
+    reduced_demand: int64(MECHANISM, CPointer(int64), int64, N, int64, N, int64, N),
+    basis: void(MECHANISM, CPointer(int64), int64, N),
+}
 """Signatures of the functions that Python calls."""

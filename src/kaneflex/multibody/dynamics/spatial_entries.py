@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import CPointer, boolean, float64, int64, void
+from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
-from kaneflex.multibody.dynamics import dense_lu, loop_closure, reduction, unfolding
+from kaneflex.multibody.dynamics import loop_closure, reduction, unfolding
 from kaneflex.multibody.dynamics.dimensions import cut_rows, demand, gradient
 from kaneflex.multibody.dynamics.dimensions import place as place_nodes
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
@@ -28,12 +28,8 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     COURSE,
     COURSES,
-    DEPENDENT,
     ENTRY,
     GRADIENT,
-    INPUT,
-    LOOP,
-    LOOP_PIVOTS,
     MEASURE,
     NOW,
     OPTIONS,
@@ -41,7 +37,6 @@ from kaneflex.multibody.model.layout import (
     PRESCRIBED,
     RATE,
     REACTIONS,
-    SIDE,
     N,
     Y,
     apart,
@@ -87,18 +82,6 @@ def check(outcome: int, *at: float) -> None:
 
 
 @njit(**OPTIONS)
-def _take(m, q):
-    """Set coordinates; those of balls are quaternions."""
-    apart()
-    for n in range(m.counts[OWN]):
-        m.y[m.own[n, 1]] = q[m.own[n, 0]]
-    for n in range(m.counts[BALLS]):
-        k, s = m.balls[n, 0], m.balls[n, 1]
-        m.q[k], m.q[k + 1], m.q[k + 2], m.q[k + 3] = q[k], q[k + 1], q[k + 2], q[k + 3]
-        m.y[s] = m.y[s + 1] = m.y[s + 2] = 0.0
-
-
-@njit(**OPTIONS)
 def _give(m):
     """Coordinates of the current position, after :func:`rebase`."""
     for n in range(m.counts[OWN]):
@@ -108,7 +91,7 @@ def _give(m):
 @njit(**ENTRY)
 def place(m, q):
     """Positions, axes and directions, with the cuts' rows and their derivatives by all speeds at J."""
-    _take(m, q)
+    reduction.stand_at(m, q)
     place_nodes(m, 0)
     cut_rows(m)
     n = m.plan[COORDINATES]
@@ -122,7 +105,7 @@ def place(m, q):
 @njit(**ENTRY)
 def close(m, q):
     """Close the loops by the dependent coordinates; False if they don't."""
-    _take(m, q)
+    reduction.stand_at(m, q)
     closes = False
     for _ in range(_TRIES):
         closes = closes or loop_closure.close(m, 0.0)
@@ -186,7 +169,7 @@ def _decide(m, t):
 @njit(**ENTRY)
 def project(m, t, q, u):
     """State at t with accelerations and wrenches, near coordinates q with speeds u; returns the outcome."""
-    _take(m, q)
+    reduction.stand_at(m, q)
     copy_to(m.u, u, m.plan[COORDINATES])
     outcome = _project(m, t)
     if outcome == DONE:
@@ -210,23 +193,6 @@ def pass_on(m):
         m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     react(m)
     sum_inwards(m)
-
-
-@njit(**ENTRY)
-def basis(m, independent, count, out):
-    """Speeds for a unit of each independent one, (count, n), where the loops are closed."""
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    kept = plan[KEPT_ROWS]
-    for j in range(count):
-        B = after(out, n * j)
-        for s in range(n):
-            B[s] = 0.0
-        B[independent[j]] = 1.0
-        for r in range(kept):
-            w[plan[SIDE] + r] = -w[plan[GRADIENT] + n * r + independent[j]]
-        dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-        for r in range(kept):
-            B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]
 
 
 @njit(**ENTRY)
@@ -318,17 +284,6 @@ def follow(m, times, count, out):
     return count
 
 
-@njit(**OPTIONS)
-def _given(m, given, width):
-    """Set coordinates and speeds, and accelerations and inputs if they are given, too."""
-    q, n = m.counts[ALL_COORDINATES], m.plan[COORDINATES]
-    _take(m, given)
-    copy_to(m.u, after(given, q), n)
-    if width > q + n:
-        copy_to(m.du, after(given, q + n), n)
-        copy_to(after(m.w, m.plan[INPUT]), after(given, q + 2 * n), width - q - 2 * n)
-
-
 @njit(**ENTRY)
 def near(m, times, count, given, width, out, whole):
     """Rows at times near given coordinates and speeds; returns their number; ``now`` as of :func:`follow`.
@@ -338,7 +293,7 @@ def near(m, times, count, given, width, out, whole):
     """
     for i in range(count):
         t = times[i]
-        _given(m, after(given, width * i), width)
+        reduction.stand_near(m, after(given, width * i), width)
         m.now[0], m.now[1] = t, _project(m, t) if whole else _stand(m, t)
         if m.now[1] != DONE:
             return i
@@ -348,42 +303,17 @@ def near(m, times, count, given, width, out, whole):
     return count
 
 
-@njit(**ENTRY)
-def lacked(m, independent, free, times, count, given, width, out):
-    """Residuals of the independent speeds by given accelerations, then all speeds; otherwise as :func:`near`."""
-    n = m.plan[COORDINATES]
-    for i in range(count):
-        _given(m, after(given, width * i), width)
-        t, row = times[i], after(out, (free + n) * i)
-        for r in range(m.plan[REACTIONS]):
-            m.multipliers[r] = 0.0
-        m.now[0], m.now[1] = t, _stand(m, t)
-        if m.now[1] != DONE:
-            return i
-        demand(m, t)
-        if not reduction.react(m):
-            m.now[1] = OPEN
-            return i
-        for j in range(free):
-            row[j] = m.h[independent[j]]
-        rebase(m)
-        for s in range(n):
-            row[free + s] = m.u[s]
-    return count
-
-
 PRESCRIBED_ENTRIES = {
     unfolding.courses_at: unfolding.ENTRIES[unfolding.courses_at],
     unfolding.magnitudes_at: unfolding.ENTRIES[unfolding.magnitudes_at],
     place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
-    basis: void(SPACE, CPointer(int64), int64, N), advance: void(SPACE, N, int64, N),
-    mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
+    advance: void(SPACE, N, int64, N), mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
     near: int64(SPACE, N, int64, N, int64, N, boolean),
-    lacked: int64(SPACE, CPointer(int64), int64, N, int64, N, int64, N),
+    **reduction.ENTRIES,
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],
 }  # fmt: skip
 """Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""
-NEAR, MOVED, LACKED = range(3)
-"""Rows of :func:`near`, whole or not, or of :func:`lacked`."""
+NEAR, MOVED = range(2)
+"""Rows of :func:`near`, whole or not."""

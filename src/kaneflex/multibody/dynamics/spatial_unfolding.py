@@ -10,7 +10,8 @@ from numba.types import CPointer, boolean, int64, void
 
 from kaneflex.multibody.compile.values import after, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
-from kaneflex.multibody.dynamics.spatial_entries import basis, project
+from kaneflex.multibody.dynamics.reduction import basis
+from kaneflex.multibody.dynamics.spatial_entries import project
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN, SPACE
 from kaneflex.multibody.model.layout import (
     BODIES,

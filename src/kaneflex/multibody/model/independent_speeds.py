@@ -8,8 +8,8 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint
-from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import Choice
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""

@@ -261,7 +261,7 @@ class RigidTwin:
     @cached_property
     def determined(self) -> bool:
         """True if the drives alone determine the positions of the bodies, without redundant constraints."""
-        return not self.floating and not len(self._stood["spare"]) and not len(self.engine.independent)
+        return not self.floating and not len(self._stood["spare"]) and not len(self.engine.choice.independent)
 
     @cached_property
     def _stood(self) -> dict[str, np.ndarray]:

@@ -16,7 +16,8 @@ from kaneflex.multibody.model.shape_bases import alike, spanned, spatial_shapes
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import Deformable, Flexible, Place
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule

@@ -1,4 +1,4 @@
-"""Engine of a mechanism in space: its arrays for compiled code, and the current choice of independent speeds."""
+"""Engine of a mechanism in space: its arrays for compiled code."""
 
 from __future__ import annotations
 
@@ -10,32 +10,16 @@ from typing import Any
 import numpy as np
 
 from kaneflex.multibody.compile import spatial_library
+from kaneflex.multibody.dynamics import spatial_entries
 from kaneflex.multibody.dynamics.spatial_tree import ABOUT_AXIS, ALONG_AXIS, POINTS, TWIST
 from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE, Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS
 from kaneflex.multibody.model.places import Counts
-from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW, ROW_OF, SPEED, Tables
+from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Tables
+from kaneflex.multibody.model.state import Choice
 from kaneflex.multibody.model.topology import Layout as PlanarLayout
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Independent rows of the cuts, and as many dependent speeds, with independent speeds.
-
-    Attributes
-    ----------
-    rows, dependent, independent : ndarray
-        Numbers of the rows and speeds.
-    virtual_inertia : ndarray (s,)
-        Virtual inertia of speeds that have inertia through the loops only, else 0.
-    """
-
-    rows: np.ndarray
-    dependent: np.ndarray
-    independent: np.ndarray
-    virtual_inertia: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,31 +34,50 @@ class SpatialEngine(Engine):
         Those that compiled functions fill.
     integrates : bool
         True if it uses the library that integrates motions.
-    chosen : list
-        The current choice.
     """
 
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     work: Work = None  # type: ignore[assignment]
     integrates: bool = False
-    chosen: list[Choice | None] = field(default_factory=lambda: [None])
 
     def choose_speeds(self, choice: Choice) -> None:
-        """Set the choice that compiled functions use."""
         if self.chosen[0] is choice:
             return
-        plan, kept = self.tables.plan, len(choice.rows)
-        cuts = np.searchsorted(self.parts["cuts"][:, ROW], choice.rows, side="right") - 1
-        for where, numbers in ((at.ROW_OF, choice.rows), (at.CUT_OF, cuts), (at.DEPENDENT, choice.dependent)):
-            plan[plan[where] : plan[where] + kept] = numbers
-        speeds = np.flatnonzero(choice.virtual_inertia)
-        plan[[at.KEPT, at.BENDS, at.LED, at.YIELDING]] = kept, 1, 0, len(speeds)
+        super().choose_speeds(choice)
+        plan, speeds = self.tables.plan, np.flatnonzero(choice.virtual_inertia)
+        plan[[at.BENDS, at.LED, at.YIELDING]] = 1, 0, len(speeds)
         plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
         self.parts["virtual_inertia"][:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
-        self.chosen[0] = choice
+
+    @property
+    def balls(self) -> np.ndarray:
+        return self.parts["balls"]
+
+    @property
+    def own(self) -> np.ndarray:
+        return self.parts["own"]
+
+    @property
+    def sections(self) -> np.ndarray:
+        return self.work.sections
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        own, speeds = self.own.T
+        self.work.q[own] = self.work.y[speeds]
+        return self.work.q.copy()
+
+    @property
+    def sizes(self) -> np.ndarray:
+        return self.work.sizes
+
+    def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        out = np.tile(q, (len(steps), 1))
+        self._call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
+        return out
 
     def row(self, t: float) -> np.ndarray:
-        quaternions = self.work.q[self.parts["balls"][:, :1] + np.arange(4)].ravel()
+        quaternions = self.work.q[self.balls[:, :1] + np.arange(4)].ravel()
         return np.concatenate([[t], *self.motion, self.standing, quaternions, np.zeros(self.count(at.WORKS))])
 
     def call(self, function: Any, *values: Any) -> Any:
@@ -129,7 +132,9 @@ def spatial_engine(system: Any) -> SpatialEngine:
     units = np.where(system.turns, "rad", "m").tolist()
     names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
     space, pair = SWITCHED_SPACE if counts.switches else SPACE, np.zeros(size, complex)
-    return SpatialEngine(tables, names, kernels, p, real, pair, space, parts, work, system.integrates)
+    return SpatialEngine(
+        tables, names, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates
+    )
 
 
 def _counts(system: Any) -> Counts:

@@ -8,9 +8,9 @@ from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
-from kaneflex.multibody.model.spatial_engine import Choice
 from kaneflex.multibody.model.spatial_layout import COORDINATE
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
@@ -131,7 +131,7 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
     """Check that every freedom moves some inertia, at the position of ``work``."""
     if not len(choice.independent):
         return
-    B, M = system.basis(choice), system.mass()
+    B, M = system.engine.basis(choice), system.mass()
     unit = system.measure[choice.independent][:, None]
     inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
     if inertia[0] > _HEAVY * inertia[-1]:

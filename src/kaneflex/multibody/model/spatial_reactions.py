@@ -9,7 +9,8 @@ import numpy as np
 
 from kaneflex.multibody.dynamics.spatial_work import Instants
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import State
 from kaneflex.support.kept import Kept
 
 COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")

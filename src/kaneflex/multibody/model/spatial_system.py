@@ -13,12 +13,12 @@ import numpy as np
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.spatial_entries import DONE, LACKED, NEAR, check
+from kaneflex.multibody.dynamics.spatial_entries import DONE, NEAR, check
 from kaneflex.multibody.dynamics.spatial_work import Instants, Work
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import virtual_inertia
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.spatial_engine import Choice, SpatialEngine, spatial_engine
+from kaneflex.multibody.model.spatial_engine import SpatialEngine, spatial_engine
 from kaneflex.multibody.model.spatial_layout import (
     BALL,
     COORDINATE,
@@ -38,22 +38,11 @@ from kaneflex.multibody.model.spatial_layout import (
     Tables,
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_topology import build_tables
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene import Scene
 
 _LIGHT = 1e-9
 """Ratio of principal moments of inertia below which the smaller one counts as none."""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """State of a mechanism at an instant: coordinates, speeds, their rates, sizes of loads, the choice of speeds."""
-
-    t: float
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    sizes: np.ndarray
-    choice: Choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +99,7 @@ class SpatialSystem:
         """
         self.engine.choose_speeds(choice)
         check(self.engine.call(spatial_entries.project, t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
-        return self.state(t, choice)
-
-    def state(self, t: float, choice: Choice) -> State:
-        """State of ``work`` after :meth:`project` at t [s]."""
-        k = self.work
-        return State(t, k.q.copy(), k.u.copy(), k.du.copy(), k.sizes.copy(), choice)
+        return self.engine.state(t, choice)
 
     def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
         """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
@@ -129,7 +113,7 @@ class SpatialSystem:
 
     def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, what: int = NEAR) -> None:
         """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
-        u' and :attr:`inputs`; with MOVED and LACKED see these in :mod:`kaneflex.multibody.dynamics.spatial_entries`.
+        u' and :attr:`inputs`; with MOVED see it in :mod:`kaneflex.multibody.dynamics.spatial_entries`.
 
         Raises
         ------
@@ -140,10 +124,7 @@ class SpatialSystem:
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         asked = times, len(times), given, given.shape[1], out
         try:
-            if what == LACKED:
-                count = self.engine.call(spatial_entries.lacked, choice.independent, len(choice.independent), *asked)
-            else:
-                count = self.engine.call(spatial_entries.near, *asked, what == NEAR)
+            count = self.engine.call(spatial_entries.near, *asked, what == NEAR)
         finally:
             if given.shape[1] > self.coordinates + self.speeds:
                 self.inputs[:] = 0.0
@@ -178,22 +159,10 @@ class SpatialSystem:
         self.engine.call(spatial_entries.mass, np.zeros(self.speeds))
         return self.work.M
 
-    def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
-        out = np.tile(q, (len(steps), 1))
-        self.engine.call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
-        return out
-
     @property
     def inputs(self) -> np.ndarray:
         """Additions to the sizes of the loads and then to the accelerations of the prescribed drives."""
         return self.engine.numbers(at.INPUT, self.engine.inputs)
-
-    def basis(self, choice: Choice) -> np.ndarray:
-        """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
-        found = np.zeros((len(choice.independent), self.speeds))
-        self.engine.call(spatial_entries.basis, choice.independent, len(choice.independent), found)
-        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""

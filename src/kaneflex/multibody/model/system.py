@@ -22,6 +22,7 @@ from kaneflex.multibody.model.module_loading import bind_parameters, element_of,
 from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -146,6 +147,23 @@ class CoupledSystem:
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set the engine's coordinates and rates from those of the bodies."""
         self.engine.fold(q[self.order], v[self.order])
+
+    def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
+        """State at t [s] near coordinates q of the tree with the independent ones of the speeds u; contacts are closed
+        where their sides overlap.
+
+        Raises
+        ------
+        ArithmeticError
+            If a loop does not close, or the state is singular.
+        """
+        engine = self.engine
+        engine.choose_speeds(choice)
+        engine.part()
+        engine.motion[0][:], engine.motion[1][:] = q, u
+        if not engine.project(t):
+            raise ArithmeticError(f"the loops don't close near t = {t:.6g} s")
+        return engine.state(t, choice)
 
     def unfold(self, rows: np.ndarray) -> Unfolded:
         """Motion of the bodies from rows of the engine with closed loops."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.model.spatial_system import State
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.dense_output import between
-from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations
+from kaneflex.multibody.time.planar_linear import PlanarEquations
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.shooting import LOOKS, Cycles
 from kaneflex.multibody.time.spatial_forward import Run
@@ -20,7 +20,7 @@ from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 
-class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
+class PlanarCycles(Cycles[CoupledTrajectory]):
     """Cycles over ``times`` [s], by the coordinates of the equations; ``ends``: given ends of their steps [s]."""
 
     equations: PlanarEquations
@@ -33,36 +33,33 @@ class PlanarCycles(Cycles[Instant, CoupledTrajectory]):
         super().__init__(float(times[-1] - times[0]), method.tolerance, equations, closer)
         self.touches = bool(len(engine.contacts) or len(engine.holds))
 
-    def run(self, start: Instant) -> CoupledTrajectory:
+    def run(self, start: State) -> CoupledTrajectory:
         bodies = self.equations.bodies(start)
         return integrate(self.equations.system, *bodies, self.times, self.method, ends=self.ends)
 
     def completed(self, cycle: CoupledTrajectory) -> bool:
         return cycle.outcome is Outcome.COMPLETED
 
-    def states(self, cycle: CoupledTrajectory, count: int) -> Iterator[Instant]:
+    def states(self, cycle: CoupledTrajectory, count: int) -> Iterator[State]:
         rows = np.linspace(0, len(cycle.times) - 1, count).round().astype(int)
         return map(self.equations.at, cycle.times[rows].tolist(), cycle.q[rows], cycle.v[rows])
 
-    def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterator[Instant]:
+    def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterator[State]:
         path = between(self.equations.system, cycle, self.times[0] + shares * self.period)
-        self.equations.choose(next(self.states(cycle, 2)))
-        for t, *state in zip(path.times.tolist(), path.q, path.v, strict=True):
-            self.equations.at(t, *state)
-            self.equations.engine.project(t)
-            yield self.equations.now(t)
+        for state in map(self.equations.at, path.times.tolist(), path.q, path.v):
+            yield self.equations.system.project(state.t, state.q, state.u, self.equations.choice)
 
     def deformation(self, cycle: CoupledTrajectory) -> float:
         return float(abs(cycle.q[:, list(self.equations.system.shape_columns)]).max(initial=0.0))
 
-    def end(self, cycle: CoupledTrajectory) -> Instant:
+    def end(self, cycle: CoupledTrajectory) -> State:
         turns = np.array([k + 2 for k in self.equations.system.start.values()])
         q = cycle.q[-1].copy()
         q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
         return self.equations.at(float(self.times[0]), q, cycle.v[-1])
 
 
-class SpatialCycles(Cycles[State, Run]):
+class SpatialCycles(Cycles[Run]):
     """Cycles over the duration of ``options`` from ``begin`` [s] on, by the coordinates of the equations.
 
     ``turned`` and ``ends``, given ends of the steps [s]: see :class:`kaneflex.multibody.time.spatial_forward.Run`.

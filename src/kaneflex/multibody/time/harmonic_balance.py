@@ -15,14 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from kaneflex.integrate.spectral import at_instants, rates
-from kaneflex.multibody.time.linearisation import At, Equations
+from kaneflex.multibody.model.state import State
+from kaneflex.multibody.time.linearisation import Equations
 
 HARMONICS = 1e-6
 """Tolerance of a periodic start by harmonics, as a share of the deformation."""
@@ -42,8 +42,8 @@ _SOLVED, _VECTORS = 1e-3, 30
 
 
 def orbit_start(
-    equations: Equations[At], bare: Callable[[np.ndarray], Sequence[At]], t0: float, period: float, precision: float
-) -> At | None:
+    equations: Equations, bare: Callable[[np.ndarray], Sequence[State]], t0: float, period: float, precision: float
+) -> State | None:
     """Initial state at t0 [s] of the motion of ``period`` [s], to ``precision`` of its deformation.
 
     None if the search fails: coordinates other than shapes are independent, corrections don't converge, or the
@@ -63,11 +63,11 @@ def orbit_start(
 
 
 @dataclass(frozen=True, eq=False)
-class _Search(Generic[At]):
+class _Search:
     """Search of :func:`orbit_start`."""
 
-    equations: Equations[At]
-    bare: Callable[[np.ndarray], Sequence[At]]
+    equations: Equations
+    bare: Callable[[np.ndarray], Sequence[State]]
     t0: float
     period: float
 
@@ -128,7 +128,7 @@ class _Search(Generic[At]):
             last = size
         return z, None
 
-    def states(self, instants: int) -> Sequence[At]:
+    def states(self, instants: int) -> Sequence[State]:
         """Undeformed mechanism at a number of instants of the cycle."""
         return self.bare(self.t0 + self.period / instants * np.arange(instants))
 
@@ -145,7 +145,7 @@ class _Tangent:
     factors: tuple[np.ndarray, np.ndarray]
 
     @classmethod
-    def of(cls, search: _Search, states: Sequence[At], drag: float) -> _Tangent:
+    def of(cls, search: _Search, states: Sequence[State], drag: float) -> _Tangent:
         """About instants of a motion, with a damping of drag M [1/s] besides."""
         matrices = np.moveaxis(np.array([search.equations.matrices(state) for state in states]), 0, -1)
         k, instants = matrices.shape[2:]

@@ -7,16 +7,30 @@ y, with sizes of loads and prescribed accelerations p) is zero on the motion. Sm
 
 these derivatives include geometric stiffening and the loops' kinematics. The residual is smooth and accurate to
 rounding: central differences of fourth order have an error of 1e-11 of the largest entry.
+
+y are the deviations from the motion. For a ball in space, y is the rotation vector in axes that move with the motion,
+so that a steadily spinning body has constant matrices. With theta = N y of all balls, a neighbouring motion has the
+speeds and accelerations
+
+    u = u_0 + y' + W y,   u' = u_0' + y'' + W y' + W' y,   W y = omega_0 x theta.
+
+Residuals M u' - f are computed without W' y, whose part M W' of K is added to it.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+
+from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.spatial_frame import skew
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model.state import Choice, State
 
 OFFSETS, WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
 """Offsets and weights of central differences of fourth order."""
@@ -28,17 +42,14 @@ _NEWTON, _BALANCED = 50, 1e-12
 _FARTHEST, _LOAD_STEPS = 0.1, 256
 """Largest Newton step, since longer ones may lead to a distant equilibrium, and inverse of the smallest load step."""
 
-At = TypeVar("At")
-"""Instant of a motion, planar or in space."""
-
 
 @dataclass(frozen=True, eq=False)
-class Linear(Generic[At]):
+class Linear:
     """Linear equations M y'' + C y' + K y = B p about an instant of a motion.
 
     Attributes
     ----------
-    instant : At
+    instant : State
     names : tuple of str
         Names of y: JOINT.angle, JOINT.position, BODY.axial_K, BODY.transverse_K; BODY.x, y, phi of a floating body; in
         space BODY.shape_K, and turn_x, turn_y, turn_z of a ball or a floating body.
@@ -47,7 +58,7 @@ class Linear(Generic[At]):
         Columns for the magnitudes of loads, then for prescribed accelerations.
     """
 
-    instant: At
+    instant: State
     names: tuple[str, ...]
     M: np.ndarray
     C: np.ndarray
@@ -61,74 +72,166 @@ def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
     return np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(M, np.hstack([K, C]))])
 
 
-class Equations(ABC, Generic[At]):
+@dataclass(frozen=True, eq=False)
+class Equations(ABC):
     """Equations of motion of a mechanism as functions of deviations x = (y, y', y'', p) from an instant.
 
     Methods raise ArithmeticError if loops don't close nearby.
 
     Attributes
     ----------
-    names : tuple of str
-        Names of the n independent coordinates y.
-    shapes : ndarray (n,)
-        Mask of those that are amplitudes of shapes.
-    measure : ndarray (n,)
-        Their units: 1 rad, or the mechanism's size.
+    system : CoupledSystem or SpatialSystem
+    choice : Choice
+        Its n independent speeds y'.
     """
 
-    names: tuple[str, ...]
-    shapes: np.ndarray
-    measure: np.ndarray
+    system: Any
+    choice: Choice
+
+    @property
+    def engine(self) -> Engine:
+        return self.system.engine
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of y: JOINT.angle or JOINT.position, JOINT.turn_x of a spherical joint, the shapes of a body; BODY.x
+        and BODY.phi or BODY.turn_x of a free body."""
+        names = (self.engine.layout.coordinates[k][0] for k in self.choice.independent)
+        return tuple(name.replace(".omega_", ".turn_").replace(".shapes.", ".shape_") for name in names)
+
+    @cached_property
+    def shapes(self) -> np.ndarray:
+        """Mask of those that are amplitudes of shapes, (n,)."""
+        return self.engine.shapes[self.choice.independent]
+
+    @cached_property
+    def measure(self) -> np.ndarray:
+        """Their units (n,): 1 rad, or the mechanism's size."""
+        return self.engine.measure[self.choice.independent]
 
     @abstractmethod
-    def scales(self, base: At) -> tuple[float, float, np.ndarray]:
+    def _stiffness(self) -> np.ndarray:
+        """Stiffness of the shapes by all coordinates' speeds, (speeds, speeds)."""
+
+    @abstractmethod
+    def _springs(self, sections: np.ndarray, moved: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Every spring's relative displacements (n, parts) and their stiffnesses, by the engine's sections and their
+        change in unit motions (n, sections, .)."""
+
+    def _on(self, base: State) -> State:
+        """The same instant on the constraints, by its independent speeds and accelerations; the tables have it."""
+        self.engine.demand(self.choice, np.array([base.t]), np.concatenate([base.q, base.u, base.du])[None])
+        return self.engine.state(base.t, self.choice)
+
+    def scales(self, base: State) -> tuple[float, float, np.ndarray]:
         """Largest rate and acceleration in measures, and sizes of steps of the inputs (inputs,)."""
+        on, engine = self._on(base), self.engine
+        rate, acceleration = (max(1.0, (abs(part) / engine.measure).max(initial=0.0)) for part in (on.u, on.du))
+        push = np.full(engine.inputs, max(1.0, abs(engine.motion[3]).max(initial=0.0)))
+        push[len(on.sizes) :] = acceleration
+        return rate, acceleration, push
 
-    @abstractmethod
-    def residuals(self, base: At, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
-        """Residuals, and values that :meth:`turning` needs, (k, n + more), at deviations x (k, 3 n + inputs), at the
-        time of the instant or at others [s]."""
+    def spinning(self, base: State) -> tuple[State, np.ndarray, np.ndarray]:
+        """The instant on the constraints, partial velocities N (n, speeds) of y' there, and W (n, n)."""
+        on, which = self._on(base), self.choice.independent
+        N = self.engine.basis(self.choice)
+        return on, N, (spin_of(self.engine, on.u) @ N.T)[which]
 
-    @abstractmethod
-    def rates(self, base: At) -> tuple[np.ndarray, np.ndarray]:
+    def given(self, base: State, x: np.ndarray) -> np.ndarray:
+        """Coordinates, speeds, accelerations and inputs of neighbours at deviations x (k, 3 n + inputs)."""
+        (on, N, W), which = self.spinning(base), self.choice.independent
+        y, v, a, inputs = np.split(x, len(which) * np.arange(1, 4), axis=1)
+        u, du = (np.tile(part, (len(x), 1)) for part in (on.u, on.du))
+        u[:, which] += v + y @ W.T
+        du[:, which] += a + v @ W.T
+        added = np.zeros((len(x), self.engine.inputs))
+        added[:, : inputs.shape[1]] = inputs
+        return np.hstack([self.engine.advanced(on.q, y @ N), u, du, added])
+
+    def residuals(self, base: State, x: np.ndarray, times: np.ndarray | None = None) -> np.ndarray:
+        """Residuals, then all speeds, (k, n + speeds), at deviations x (k, 3 n + inputs), at the time of the instant or
+        at others [s]."""
+        return self.engine.demand(
+            self.choice, np.full(len(x), base.t) if times is None else times, self.given(base, x)
+        )
+
+    def rates(self, base: State) -> tuple[np.ndarray, np.ndarray]:
         """Rates and accelerations of y, (n,) each."""
+        return base.u[self.choice.independent], base.du[self.choice.independent]
 
-    @abstractmethod
-    def moved(self, base: At, x: np.ndarray) -> At:
+    def moved(self, base: State, x: np.ndarray) -> State:
         """Instant on the constraints with deviation x (3 n,)."""
+        self.residuals(base, x[None])
+        return self.engine.state(base.t, self.choice)
 
-    @abstractmethod
-    def mass(self, base: At) -> np.ndarray:
-        """Mass matrix M of y, (n, n)."""
+    def deformed(self, base: State, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> State:
+        """Instant with other y, y' and y'' (n,), where all of y are shapes; loops are not closed yet."""
+        (own, speeds), which = self.engine.own.T, self.choice.independent
+        q, u, du = base.q.copy(), base.u.copy(), base.du.copy()
+        q[own[np.searchsorted(speeds, which)]], u[which], du[which] = y, v, a
+        return replace(base, q=q, u=u, du=du)
 
-    @abstractmethod
-    def rests(self, base: At) -> tuple[np.ndarray, Iterable[tuple[np.ndarray, np.ndarray]]]:
+    def lacking(self, states: Sequence[State]) -> np.ndarray:
+        """Residuals at the accelerations of instants, (k, n)."""
+        given = np.array([np.concatenate([each.q, each.u, each.du]) for each in states])
+        return self.engine.demand(self.choice, np.array([each.t for each in states]), given)[:, : len(self.names)]
+
+    def apart(self, start: State, *others: State) -> np.ndarray:
+        """y and y' of other instants less those of a start, without whole turns, (k, 2 n)."""
+        (_, _, W), which, found = self.spinning(start), self.choice.independent, []
+        for other in others:
+            y = self._turned(start.q, other.q)[which]
+            found.append(np.concatenate([y, (other.u - start.u)[which] - W @ y]))
+        return np.array(found).reshape(len(others), -1)
+
+    def _turned(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Difference of coordinates as a step of all speeds, without whole turns, (speeds,)."""
+        (own, speeds), found = self.engine.own.T, np.zeros(self.engine.size)
+        found[speeds] = (other - q)[own]
+        turns = self.engine.turns & ~self.engine.shapes
+        found[turns] -= whole_turns(found[turns])
+        for k, s in self.engine.balls.tolist():
+            from scipy.spatial.transform import Rotation
+
+            first, second = (Rotation.from_quat(np.roll(each[k : k + 4], -1)) for each in (q, other))
+            found[s : s + 3] = (first.inv() * second).as_rotvec()
+        return found
+
+    def beside(self, start: State, x: np.ndarray) -> State:
+        """Start with y and y' changed by ``x`` (2 n,), on the constraints, with its accelerations by the equations."""
+        (on, N, W), which, (y, rate) = self.spinning(start), self.choice.independent, np.split(x, 2)
+        u = on.u.copy()
+        u[which] += rate + W @ y
+        return self.system.project(start.t, self.engine.advanced(on.q, (y @ N)[None])[0], u, self.choice)
+
+    def mass(self, base: State) -> np.ndarray:
+        """Mass matrix M of y, (n, n), by unit accelerations, in which the residual is linear."""
+        n, scale = len(self.names), self.scales(base)[1] * self.measure
+        found = self.residuals(base, np.vstack([np.zeros(3 * n), np.eye(n, 3 * n, 2 * n) * scale[:, None]]))[:, :n]
+        return (found[1:] - found[0]).T / scale
+
+    def turning(self, base: State, by_y: np.ndarray) -> np.ndarray:
+        """W', (n, n): change of the accelerations y'' by y where axes of y move, from the derivatives by y of all
+        speeds (speeds, n)."""
+        spin, faster = (spin_of(self.engine, part) for part in (base.u, base.du))
+        if not spin.any() and not faster.any():
+            return np.zeros(2 * (len(self.names),))
+        N = self.spinning(base)[1]
+        # N' along the motion: by y alone the speeds change by (N y)' and omega x theta
+        return (faster @ N.T + spin @ (by_y - spin @ N.T))[self.choice.independent]
+
+    def rests(self, base: State) -> tuple[np.ndarray, Iterator[tuple[np.ndarray, np.ndarray]]]:
         """Stiffness (n, n) by the strain of shapes, and every spring's relative displacements in unit motions of y,
         (n, parts), with their stiffnesses."""
-
-    @abstractmethod
-    def deformed(self, base: At, y: np.ndarray, v: np.ndarray, a: np.ndarray) -> At:
-        """Instant with other y, y' and y'' (n,), where all of y are shapes; loops are not closed yet."""
-
-    @abstractmethod
-    def lacking(self, states: Sequence[At]) -> np.ndarray:
-        """Residuals at the accelerations of instants, (k, n)."""
-
-    @abstractmethod
-    def apart(self, start: At, *others: At) -> np.ndarray:
-        """y and y' of other instants less those of a start, without whole turns, (k, 2 n)."""
-
-    @abstractmethod
-    def beside(self, start: At, x: np.ndarray) -> At:
-        """Start with y and y' changed by ``x`` (2 n,), on the constraints, with its accelerations by the equations."""
-
-    def turning(self, base: At, by_y: np.ndarray) -> np.ndarray:
-        """Change of the accelerations y'' by y where axes of y move, (n, n), from the derivatives by y of what
-        :meth:`residuals` has beyond residuals (more, n)."""
-        return np.zeros(2 * (len(self.names),))
+        n, sections = len(self.names), []
+        N = self.spinning(base)[1]
+        for unit in np.vstack([np.zeros(3 * n), np.eye(n, 3 * n, n)]):
+            self.residuals(base, unit[None])
+            sections.append(self.engine.sections.copy())
+        return N @ self._stiffness() @ N.T, self._springs(sections[0], np.array(sections[1:]) - sections[0])
 
     def neighbours(
-        self, base: At, columns: Sequence[int] | np.ndarray | None = None
+        self, base: State, columns: Sequence[int] | np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviations of four neighbours for each of all or some columns of x, (4 k, 3 n + inputs), their distances and
         weights in its derivative, (k, 4)."""
@@ -140,25 +243,25 @@ class Equations(ABC, Generic[At]):
         x[np.arange(len(x)), np.repeat(chosen, 4)] = away.ravel()
         return x, away, WEIGHTS / steps[chosen, None]
 
-    def derivatives(self, base: At, columns: Sequence[int] | np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    def derivatives(self, base: State, columns: Sequence[int] | np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """Values of :meth:`residuals` at an instant (n + more,), and their derivatives by x or some of its columns."""
         x, _, weights = self.neighbours(base, columns)
         found = self.residuals(base, np.vstack([x, np.zeros(x.shape[1])]))
         return found[-1], np.einsum("cj,cjn->nc", weights, found[:-1].reshape(*weights.shape, found.shape[1]))
 
     def slopes(
-        self, base: At, columns: Sequence[int] | np.ndarray | None = None
+        self, base: State, columns: Sequence[int] | np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Residual D (n,) at an instant and its derivatives by x (n, 3 n + inputs), or by some of its columns."""
         found, slope = self.derivatives(base, columns)
         return found[: len(self.names)], slope[: len(self.names)]
 
-    def matrices(self, base: At) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def matrices(self, base: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices M, C and K about an instant."""
         n, M, slope = len(self.names), self.mass(base), self.derivatives(base, range(2 * len(self.names)))[1]
         return M, slope[:n, n:], slope[:n, :n] + M @ self.turning(base, slope[n:, :n])
 
-    def linear(self, base: At) -> Linear[At]:
+    def linear(self, base: State) -> Linear:
         """Linear equations about an instant."""
         first = 3 * len(self.names)
         by_inputs = self.slopes(base, range(first, first + len(self.scales(base)[2])))[1]
@@ -170,7 +273,7 @@ class Equations(ABC, Generic[At]):
         n = len(self.shapes)
         return np.where(self.shapes, 0, 2 * n) + np.arange(n)
 
-    def equilibrium(self, base: At, rates: tuple[np.ndarray, np.ndarray] | None = None) -> At | None:
+    def equilibrium(self, base: State, rates: tuple[np.ndarray, np.ndarray] | None = None) -> State | None:
         """Steady deformation under the loads and accelerations at an instant, by Newton's method; None if not found.
 
         Other coordinates and their rates are those of the instant; their accelerations follow from the equations.
@@ -178,7 +281,7 @@ class Equations(ABC, Generic[At]):
         """
         shapes, columns, n = self.shapes, self._unknown, len(self.shapes)
 
-        def corrected(state: At, left: np.ndarray) -> At | None:
+        def corrected(state: State, left: np.ndarray) -> State | None:
             """Instant with the residual ``left``; None if short steps don't converge."""
             last = np.inf
             try:
@@ -218,7 +321,7 @@ class Equations(ABC, Generic[At]):
                 share = min(2.0 * share, 1.0 - done)
         return state
 
-    def followed(self, still: At) -> tuple[Any, np.ndarray, np.ndarray]:
+    def followed(self, still: State) -> tuple[Any, np.ndarray, np.ndarray]:
         """Residual of the unknowns of an equilibrium by instants [s] near that of ``still``, (k,) and (k, n) -> (k, n);
         its derivative there (n, n), and units of the unknowns (n,).
 
@@ -236,7 +339,7 @@ class Equations(ABC, Generic[At]):
         units = self.measure * np.where(self.shapes, 1.0, self.scales(still)[1])
         return residual, self.slopes(still, columns)[1], units
 
-    def at_rest(self, base: At) -> tuple[np.ndarray, np.ndarray]:
+    def at_rest(self, base: State) -> tuple[np.ndarray, np.ndarray]:
         """Matrices M and K at an instant at rest, K from the strain of shapes and springs without the effect of their
         forces."""
         if not len(self.names):  # everything is prescribed
@@ -245,6 +348,14 @@ class Equations(ABC, Generic[At]):
         for parts, stiffness in springs:
             K = K + (stiffness * parts) @ parts.T
         return self.mass(base), K
+
+
+def spin_of(engine: Engine, u: np.ndarray) -> np.ndarray:
+    """Matrix of omega x of every ball, (speeds, speeds)."""
+    found = np.zeros((engine.size, engine.size))
+    for s in engine.balls[:, 1].tolist():
+        found[s : s + 3, s : s + 3] = skew(u[s : s + 3])
+    return found
 
 
 def pulled(

@@ -48,7 +48,7 @@ def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_
 def _free(system: CoupledSystem) -> list[int]:
     """Coordinates of joints without prescribed drive."""
     engine = system.engine
-    return [k for k in (*engine.independent.tolist(), *engine.dependent.tolist()) if not engine.shapes[k]]
+    return [k for k in (*engine.choice.independent.tolist(), *engine.choice.dependent.tolist()) if not engine.shapes[k]]
 
 
 def _loops(system: CoupledSystem, times: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -239,7 +239,7 @@ class Run:
 
     @property
     def _chosen(self) -> tuple[list[int], list[int]]:
-        return self.engine.kept_rows.tolist(), sorted(self.engine.dependent.tolist())
+        return self.engine.choice.rows.tolist(), sorted(self.engine.choice.dependent.tolist())
 
     def _collocation(self, rows: slice, most: int) -> int:
         self.bounds.update(np.vstack([self.rows[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
@@ -262,9 +262,9 @@ class Run:
             self.impacts += impact_results.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
-            rows = self.engine.kept_rows.tolist()
+            rows = self.engine.choice.rows.tolist()
             self.patient = float(not self._chosen_anew())
-            if self.engine.kept_rows.tolist() != rows and not self._projected():
+            if self.engine.choice.rows.tolist() != rows and not self._projected():
                 return collocation.SINGULAR
             return collocation.PAUSED
         if ended == collocation.RESTED:

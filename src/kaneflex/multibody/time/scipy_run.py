@@ -29,7 +29,7 @@ def by_scipy(
     y, v, a, _ = engine.motion
     engine.stand(here)
     engine.choose(float(times[0]))
-    free = engine.independent
+    free = engine.choice.independent
     works, last = engine.count(at.WORKS), times[0]
 
     def stand(t: float, x: np.ndarray) -> np.ndarray:

@@ -20,7 +20,8 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.linearisation import At, Equations, state_matrix
+from kaneflex.multibody.model.state import State
+from kaneflex.multibody.time.linearisation import Equations, state_matrix
 
 _CYCLES = 100
 """Largest number of cycles of the search."""
@@ -57,7 +58,7 @@ COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
 """Verdict of a run without search."""
 
 
-class Cycles(ABC, Generic[At, Cycle]):
+class Cycles(ABC, Generic[Cycle]):
     """Cycles of a mechanism by their starts, in the plane or in space.
 
     Parameters
@@ -76,14 +77,14 @@ class Cycles(ABC, Generic[At, Cycle]):
     """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
 
     def __init__(
-        self, period: float, tolerance: float, equations: Equations[At], closer: float = 1.0
+        self, period: float, tolerance: float, equations: Equations, closer: float = 1.0
     ) -> None:
         self.equations, self.period, self.judges = equations, period, closer == 1.0
         self.measure, self.shapes = equations.measure, equations.shapes
         self.left, self.error = closer * REPEATS, tolerance * self.measure
 
     @abstractmethod
-    def run(self, start: At) -> Cycle:
+    def run(self, start: State) -> Cycle:
         """Cycle from a start, which may stop early."""
 
     @abstractmethod
@@ -91,11 +92,11 @@ class Cycles(ABC, Generic[At, Cycle]):
         """True if the cycle is complete."""
 
     @abstractmethod
-    def states(self, cycle: Cycle, count: int) -> Iterable[At]:
+    def states(self, cycle: Cycle, count: int) -> Iterable[State]:
         """States at equal distances, from the initial to the final one."""
 
     @abstractmethod
-    def along(self, cycle: Cycle, shares: np.ndarray) -> Iterable[At]:
+    def along(self, cycle: Cycle, shares: np.ndarray) -> Iterable[State]:
         """States at instants given as shares of a cycle, as the equations take them."""
 
     @abstractmethod
@@ -103,14 +104,14 @@ class Cycles(ABC, Generic[At, Cycle]):
         """Largest coordinate of a shape in a cycle."""
 
     @abstractmethod
-    def end(self, cycle: Cycle) -> At:
+    def end(self, cycle: Cycle) -> State:
         """End of a cycle as a start."""
 
-    def apart(self, start: At, *others: At) -> np.ndarray:
+    def apart(self, start: State, *others: State) -> np.ndarray:
         """x of other states less that of a start, without whole turns, (n, 2 k)."""
         return self.equations.apart(start, *others)
 
-    def moved(self, start: At, x: np.ndarray) -> At:
+    def moved(self, start: State, x: np.ndarray) -> State:
         """Start with x changed by ``x`` (2 k,). Raises ArithmeticError or LinAlgError if equations are singular."""
         return self.equations.beside(start, x)
 
@@ -164,7 +165,7 @@ class Cycles(ABC, Generic[At, Cycle]):
                 ahead[:, k] = self.missed(found)
         return np.eye(len(steps)) + (ends[0] - ends[1]) / (2.0 * np.diag(steps))
 
-    def repeated(self, start: At, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
+    def repeated(self, start: State, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
         """Run cycles until one repeats, each from the start that Newton's method predicts.
 
         The tangent is that of the first cycle, updated by every further one (Broyden 1965); if it fails or diverges,

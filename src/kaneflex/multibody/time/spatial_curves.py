@@ -11,7 +11,8 @@ import numpy as np
 from kaneflex.mechanism.rigid_motion import not_integrated
 from kaneflex.multibody.dynamics.spatial_entries import GROWN, check
 from kaneflex.multibody.model.independent_speeds import choose_anew
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import State
 from kaneflex.support.errors import SceneError
 
 _STUCK = 1e-9
@@ -35,7 +36,7 @@ class Curve(ABC):
     def __call__(self, t: float) -> State:
         """The state at t [s]."""
         self.rows(np.array([float(t)]))
-        return self.system.state(t, self.start.choice)
+        return self.system.engine.state(t, self.start.choice)
 
     @abstractmethod
     def rows(self, times: np.ndarray) -> np.ndarray:
@@ -86,7 +87,7 @@ class Followed(Curve):
             done += count
             try:
                 if outcome == GROWN:
-                    here = self.system.state(t, choice)
+                    here = self.system.engine.state(t, choice)
                     choice = choose_anew(self.system, here.q, choice)
                     self.system.project(t, here.q, here.u, choice)
                 else:
@@ -98,7 +99,7 @@ class Followed(Curve):
                 ) from None  # fmt: skip
             if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
                 raise self._runs_away(t)
-            self.last = self.system.state(t, choice)
+            self.last = self.system.engine.state(t, choice)
             if done < len(times):
                 bisect.insort(self.track, self.last, key=lambda known: known.t)
         return out

@@ -18,8 +18,8 @@ from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.dynamics.spatial_entries import MOVED, NEAR
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.independent_speeds import choose_anew
-from kaneflex.multibody.model.spatial_engine import Choice
-from kaneflex.multibody.model.spatial_system import SpatialSystem, State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.run import HOLDS, TABLES, first_step, held
@@ -165,7 +165,7 @@ class Run(Curve):
 
     def __call__(self, t: float) -> State:
         self.rows(np.array([float(t)]))
-        return self.system.state(t, self.curves[self._steps_of(np.array([t]))[0]][1].choice)
+        return self.system.engine.state(t, self.curves[self._steps_of(np.array([t]))[0]][1].choice)
 
     @property
     def evaluations(self) -> int:
@@ -233,7 +233,7 @@ class Run(Curve):
 
 def _largest(system: SpatialSystem, choice: Choice) -> float:
     """Largest entry of the basis, in the measures of the speeds."""
-    found = system.basis(choice) / system.measure
+    found = system.engine.basis(choice) / system.measure
     return float(abs(found * system.measure[choice.independent][:, None]).max(initial=0.0))
 
 

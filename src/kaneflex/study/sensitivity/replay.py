@@ -16,9 +16,9 @@ import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import State
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
-from kaneflex.multibody.time.planar_linear import Instant, PlanarEquations, prepare
+from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
@@ -100,7 +100,7 @@ class Replay(ABC):
         """Start of a model's run; of a periodic one that of the undeformed mechanism."""
 
     @abstractmethod
-    def cycles(self, model: Model) -> Cycles[Any, Any]:
+    def cycles(self, model: Model) -> Cycles[Any]:
         """Cycles of a model in the steps of the own run, by the same independent coordinates."""
 
     @abstractmethod
@@ -108,7 +108,7 @@ class Replay(ABC):
         """Result of a model's cycle."""
 
     @cached_property
-    def _cycles(self) -> Cycles[Any, Any]:
+    def _cycles(self) -> Cycles[Any]:
         return self.cycles(self.solution.model)
 
     @cached_property
@@ -138,7 +138,7 @@ class _PlanarReplay(Replay):
         assert isinstance(self.solution.trajectory, CoupledTrajectory)
         return self.solution.trajectory
 
-    def first(self, model: Model) -> Instant:
+    def first(self, model: Model) -> State:
         return self._equations(model).at(float(self.own.times[0]), *beginning(model))
 
     def cycles(self, model: Model) -> PlanarCycles:
