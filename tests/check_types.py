@@ -19,7 +19,7 @@ BASELINE = {
     "multibody": 36,
     "plots": 31,
     "report": 5,
-    "response": 32,
+    "response": 30,
     "scene": 64,
     "solve": 26,
     "study": 70,

@@ -39,10 +39,6 @@ class Frame:
     maps: Mapping[str, Affine]
     bodies: Mapping[str, Affine] = field(default_factory=dict)
 
-    def body_point(self, body: str, at: tuple[float, float]) -> Affine:
-        """Global displacement of a point of a carried rigid body, and the body's turn: d + theta S R r; (3, n)."""
-        return self.bodies[body] if at == (0.0, 0.0) else from_start(body, at) @ self.bodies[body]
-
     def link_point(self, link: str, part: Part, node: int) -> Affine:
         """Global displacement and rotation of a link's node, (3, n)."""
         u, v, theta = part.place[node]
@@ -56,7 +52,7 @@ def to_link_axes(body: str) -> Affine:
 
 
 def from_start(body: str, at: tuple[float, float]) -> Affine:
-    """Global displacement of a rigid body's point, and the body's turn, from those of its start, (3, 3)."""
+    """Global displacement of a rigid body's point, d + theta S R r, and its turn from those of its start, (3, 3)."""
     if at == (0.0, 0.0):
         return WHOLE
     return WHOLE + SHIFT.T @ to_link_axes(body).T @ Affine.constant([[-at[1]], [at[0]]]) @ TURN
@@ -96,14 +92,13 @@ def build_frame(
     bodies: dict[str, Affine] = {}
     for name in carried:
         bodies[name] = _body_motion(scene, name, carried[name], bodies, columns, size)
-    rigid = Frame(tuple(columns.names), {}, bodies)
     maps = {}
     for name, part in links.items():
         total = Affine.constant(_selector(part.size, *(zip(*own[name], strict=True) if own[name] else ((), ())), size))
         for node, (u, v, theta) in part.place.items():
             key = (name, node)
             if key in interfaces.displaced:
-                displacement = _node_displacement(key, scene, interfaces, rigid, columns, size)
+                displacement = _node_displacement(key, scene, interfaces, bodies, columns, size)
                 total += _lift(part.size, [u, v]) @ to_link_axes(name) @ displacement
             body = interfaces.turned_body.get(interfaces.turned.get(key))
             if body is not None and theta is not None:
@@ -154,18 +149,18 @@ def _body_motion(scene: Scene, name: str, how: Carried, bodies, columns: _Column
         return Affine.constant(_selector(3, [0, 1, 2], at, size))
     held = Affine.zero(3, size)
     if how.base.body in bodies:
-        held = Frame((), {}, bodies).body_point(how.base.body, scene.point(how.base))
+        held = from_start(how.base.body, scene.point(how.base)) @ bodies[how.base.body]
     # The held point moves with the holder; the start follows at -theta S R r.
     turn = Affine.constant(_selector(1, [0], at, size)) if how.kind == "hinged" else TURN @ held
     return from_start(name, (-how.at[0], -how.at[1])) @ (SHIFT.T @ SHIFT @ held + TURN.T @ turn)
 
 
-def _node_displacement(key, scene: Scene, interfaces: Interfaces, rigid: Frame, columns: _Columns, size: int) -> Affine:
+def _node_displacement(key, scene: Scene, interfaces: Interfaces, bodies, columns: _Columns, size: int) -> Affine:
     """Global displacement of an interface node, (2, n)."""
     group = interfaces.displaced[key]
     if group in interfaces.carrier:
         address = interfaces.carrier[group]
-        return SHIFT @ rigid.body_point(address.body, scene.point(address))
+        return SHIFT @ from_start(address.body, scene.point(address)) @ bodies[address.body]
     if group in interfaces.fixed:
         return Affine.zero(2, size)
     return Affine.constant(_selector(2, [0, 1], columns(("shift", group)), size))

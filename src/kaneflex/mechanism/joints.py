@@ -104,7 +104,7 @@ class Constraints:
         for name in joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
             rows = [*range(row, row + len(joint.rows)), *[drive] * driven]
-            for body, derivatives in _derivatives(joint, stands, driven, column):
+            for body, derivatives in derivatives_of(joint, stands, driven, column):
                 for k, values in enumerate(derivatives, column[body]):
                     for at, value in zip(rows, values, strict=True):
                         found[..., at, k] = value
@@ -112,19 +112,20 @@ class Constraints:
         return found
 
 
-def _derivatives(
+def derivatives_of(
     joint: Joint, stands: Mapping[str, Pose], driven: bool, bodies: Container[str]
 ) -> Iterator[tuple[str, list[list[Number]]]]:
     """Derivatives of a joint's residuals and, if driven, of its coordinate by x, y, phi of each side's body.
 
-    Both are linear in the gap and in the rotation; the guide's direction rotates with the first body.
+    Both are linear in the gap and in the rotation; the guide's direction rotates with the first body. These are also
+    the force x, y and the moment about a body's start by unit reactions.
     """
     first, second = (stands[side.body].section(side.at) for side in joint.sides)
     along, gap = first.turn(joint.direction), minus(second.origin, first.origin)
-    for side, section, sign in zip(joint.sides, (first, second), (-1.0, 1.0), strict=True):
+    for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
         if side.body not in bodies:
             continue
-        x, y = quarter_turn(minus(section.origin, stands[side.body].origin))
+        x, y = quarter_turn(stands[side.body].turn(side.at)) if any(side.at) else (0.0, 0.0)
         found = []
         for shift, turn in (((sign, 0.0), 0.0), ((0.0, sign), 0.0), ((sign * x, sign * y), sign)):
             values = [*demanded(joint, shift, turn, along)]

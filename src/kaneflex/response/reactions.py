@@ -8,17 +8,18 @@ of the ``motion`` kernel.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from kaneflex.fem.assembly import Site
-from kaneflex.mechanism.body_frame import normal
-from kaneflex.mechanism.planar import GROUND, Vector, cross
+from kaneflex.mechanism.joints import derivatives_of
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Joint
+from kaneflex.mechanism.planar import GROUND, Number, Pose
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation
-from kaneflex.scene.parts import Joint
-from kaneflex.scene.quantities import Address
 
 Row = dict[int, float | np.ndarray]
 """Unknown -> its coefficient in an equation, constant or (n_times,)."""
@@ -81,17 +82,6 @@ def _together(left: Mapping[int, Row], right: np.ndarray, solver: Solver) -> dic
     return dict(zip(unknowns, solver(matrix, right[list(left)].T).T, strict=True))
 
 
-def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
-    """Joint or drive -> names of its reactions in the motion's scalars."""
-    rows = {}
-    for name, joint in model.scene.joints.items():
-        kinds = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment")}
-        rows[name] = tuple(f"{name}.{row}" for row in kinds.get(joint.kind, ("normal", "moment")))
-    for name in model.scene.drives:
-        rows[f"{name}.drive"] = (f"{name}.drive",)
-    return rows
-
-
 def consistent_reactions(
     model: Model, rigid: RigidMotion, attached: Mapping[Site, np.ndarray], deformed: Mapping[str, Deformation],
     solver: Solver | None = None,
@@ -105,84 +95,44 @@ def consistent_reactions(
     dict
         Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
     """
-    names = [row for rows in reaction_rows(model).values() for row in rows]
+    joints, drives = mechanism_of(model.scene).joints, model.scene.drives
+    names = [f"{name}.{row}" for name, joint in joints.items() for row in joint.rows]
+    names += [f"{name}.drive" for name in drives]
+    sites: list[Site] = [(name, None) for name in model.scene.bodies if name not in deformed]
+    sites += model.interfaces.displaced
+    rows: list[Row] = [{} for _ in range(3 * len(sites))]
+    right = np.zeros((len(rows), len(rigid.times)), rigid.values.dtype)
     # consistent, but more equations than unknowns: moments are divided by a length to weigh alike
-    rows, right = _Balances(model, rigid, names, deformed).assemble(attached)
+    scale = 1.0 / max(body.length for body in model.scene.bodies.values() if body.length)
+    for k, (name, node) in enumerate(sites):
+        if node is not None:
+            local = deformed[name].at_nodes[node]
+            right[3 * k : 3 * k + 3] = *rigid.frame(name).to_global(local[:2]), local[2]
+        right[3 * k : 3 * k + 3] += attached.get((name, node), 0.0)
+    right[2::3] *= scale
+    for name, joint in joints.items():
+        own = [names.index(f"{name}.{row}") for row in (*joint.rows, *["drive"] * (name in drives))]
+        for site, exerted in _exerted(rigid, deformed, joint, name in drives):
+            for row, values in enumerate(exerted, 3 * sites.index(site)):
+                weight = scale if row % 3 == 2 else 1.0
+                rows[row] |= {k: weight * value for k, value in zip(own, values, strict=True) if np.any(value)}
     solved = least_squares(rows, right, solver or normal_equations)
     return {name: solved[k] for k, name in enumerate(names)}
 
 
-class _Balances:
-    """Equations 'sum of joint forces = residual' with the coefficients of the joint forces, at all times."""
-
-    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], deformed: Mapping[str, Deformation]):
-        self.model, self.rigid, self.deformed = model, rigid, deformed
-        self.index = {name: k for k, name in enumerate(names)}
-        self.scale = 1.0 / max(body.length for body in model.scene.bodies.values() if body.length)
-
-    def assemble(self, attached: Mapping[Site, np.ndarray]) -> tuple[list[Row], np.ndarray]:
-        """Coefficients of the reactions, and residuals (n_balances, n_times)."""
-        bodies = self.model.scene.bodies
-        sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
-        rows: list[Row] = [{} for _ in range(3 * len(sites))]
-        residual = np.zeros((len(rows), len(self.rigid.times)), self.rigid.values.dtype)
-        for k, (name, node) in enumerate(sites):
-            for row, reaction, value in self._of_joints(name, node):
-                scaled = value * self.scale if row == 2 else value
-                rows[3 * k + row][reaction] = rows[3 * k + row].get(reaction, 0.0) + scaled
-            if node is not None:
-                local = self.deformed[name].at_nodes[node]
-                residual[3 * k : 3 * k + 3] = *self.rigid.frame(name).to_global(local[:2]), local[2]
-            residual[3 * k : 3 * k + 3] += attached.get((name, node), 0.0)
-        residual[2::3] *= self.scale
-        return rows, residual
-
-    def _nodes(self, link: str) -> list[int]:
-        return [node for name, node in self.model.interfaces.displaced if name == link]
-
-    def _of_joints(self, body: str, node: int | None) -> Iterator[tuple[int, int, float | np.ndarray]]:
-        """Coefficients of reactions in the equilibrium of a body or node: rows 0, 1 the global force, 2 the moment
-        about its start."""
-        for name, joint in self.model.scene.joints.items():
-            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-                if address.body == body and (node is None or self._node(address) == node):
-                    for row, reaction, value in self._of_joint(name, joint, address, node):
-                        yield row, self.index[f"{name}.{reaction}"], sign * value
-
-    def _node(self, address: Address) -> int | None:
-        return self.deformed[address.body].link.node_at(self.model.scene.point(address)[0])
-
-    def _of_joint(
-        self, name: str, joint: Joint, address: Address, node: int | None
-    ) -> Iterator[tuple[int, str, float | np.ndarray]]:
-        """Coefficients of a joint's reactions on its second side, by their names."""
-        driven, pushes = name in self.model.scene.drives, {"force_x": (1.0, 0.0), "force_y": (0.0, 1.0)}
-        if joint.kind == "prismatic":
-            t = self._guide(joint)
-            pushes = {"normal": normal(t)} | ({"drive": t} if driven else {})
-        elif driven:
-            yield 2, "drive", 1.0
-        if joint.kind != "revolute":
-            yield 2, "moment", 1.0
-        arm = None if node is not None else self._arm(joint, address)
-        for reaction, direction in pushes.items():
-            yield from ((row, reaction, part) for row, part in enumerate(direction) if np.any(part))
-            if arm is not None:
-                yield 2, reaction, cross(arm, direction)
-
-    def _guide(self, joint: Joint) -> Vector:
-        """Global direction of a guide, which turns with the body that carries it."""
-        carrier = joint.addresses[0].body
-        return joint.direction if carrier == GROUND else self.rigid.frame(carrier).to_global(joint.direction)
-
-    def _arm(self, joint: Joint, address: Address) -> Vector | None:
-        """Arm of a joint's force on a rigid body, from the body's start, global components, each (n_times,).
-
-        None for the start itself.
-        """
-        # a guide's force acts at the point of the sliding body
-        touches = joint.addresses[1] if joint.kind == "prismatic" else address
-        if touches.body == address.body and self.model.scene.point(touches) == (0.0, 0.0):
-            return None
-        arm = self.rigid.frame(touches.body).to_global(self.model.scene.point(touches))
-        return arm + self.rigid.frame(touches.body).origin - self.rigid.frame(address.body).origin
+def _exerted(
+    rigid: RigidMotion, deformed: Mapping[str, Deformation], joint: Joint, driven: bool
+) -> Iterator[tuple[Site, list[list[Number]]]]:
+    """Global force x, y and moment by each of a joint's unit reactions on its sites, about these."""
+    stands, sites, sides = {GROUND: Pose(0.0, 0.0, 1.0, 0.0)}, dict[str, Site](), []
+    for side in joint.sides:
+        if side.body != GROUND:
+            frame, link = rigid.frame(side.body), deformed.get(side.body)
+            x, y = frame.origin
+            stands[side.body] = Pose(x, y, frame.c, frame.s)
+            sites[side.body] = side.body, None if link is None else link.link.node_at(side.at[0])
+            if link is not None:
+                stands[side.body], side = stands[side.body].section(side.at), replace(side, at=(0.0, 0.0))
+        sides.append(side)
+    for body, exerted in derivatives_of(replace(joint, first=sides[0], second=sides[1]), stands, driven, sites):
+        yield sites[body], exerted
