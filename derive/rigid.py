@@ -80,7 +80,7 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         if load.joint is not None:
             free.turn(mechanism.joints[load.joint], magnitude[name])
             continue
-        for at, share in load.pushes():
+        for at, share in load.pushes:
             frame, point = free.point(at, f"{name}_{at.name}")
             axes = ground if load.axes == "global" else frame
             along = load.direction[0] * axes.x + load.direction[1] * axes.y

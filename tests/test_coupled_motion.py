@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from runs import STENCIL, model, run
 
+from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion
@@ -78,7 +79,8 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
         return [-part.integ()(1.0) + part.integ()(x) for part in parts]
 
     N, V, M = beyond(0.0)
-    balance = Balance(motion, "strip", {0.0: (np.array([[-N], [-V]]), np.array([-M]))})
+    hub = Wrench("hub", (0.0, 0.0), np.zeros((2, 1)), np.array([[-N], [-V]]), np.array([-M]))
+    balance = Balance(motion, "strip", (hub,))
     for x in (0.0, 0.07, 0.5, 0.63, 1.0):
         assert balance.section(x)[:, 0] == pytest.approx(beyond(x), rel=1e-12, abs=1e-12), x
 

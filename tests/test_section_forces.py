@@ -119,6 +119,36 @@ def at_joints(scene):
                 yield name, address, sign
 
 
+GUIDE = """
+schema = 1
+[ground]
+pivot = ["100 mm", "40 mm"]
+[bodies]
+arm = {length = "400 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 2}}
+block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+rod = {length = "250 mm", mass = "1 kg"}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+wrist = {revolute = ["rod.end", "block"]}
+foot = {revolute = ["ground.pivot", "rod.start"]}
+slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
+[drives]
+main = {speed = "20 rad/s", cycle = "360 deg"}
+[sensors]
+free_end = {bending_moment = "arm.end"}
+torque = {drive_torque = "main"}
+[solve]
+preset = "rigid"
+"""
+
+
+def test_a_beam_with_a_guide_is_pushed_where_the_slider_is():
+    """Nothing acts at its free end."""
+    series = solved(scene_of(GUIDE)).series
+    assert np.abs(series["torque"].values).max() > 5
+    assert np.abs(series["free_end"].values).max() < 1e-12
+
+
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("name", "preset"), CASES)
 def test_section_forces_at_a_joint_are_the_joints_reaction(name, preset):

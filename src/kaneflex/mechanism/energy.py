@@ -133,7 +133,7 @@ def _supply(mechanism: Mechanism, rigid: RigidMotion) -> np.ndarray:
     """Power of loads and prescribed drives [W]."""
     total = np.zeros(len(rigid.times))
     for name, load in mechanism.loads.items():
-        for point, share in load.pushes():
+        for point, share in load.pushes:
             axes = rigid.frame(GROUND if load.axes == "global" else point.body)
             velocity = rigid.frame(point.body).velocity(point.at)
             total += share * rigid[name] * dot(axes.to_global(load.direction), velocity)

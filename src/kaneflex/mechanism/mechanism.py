@@ -27,6 +27,10 @@ class NumericMechanism(Mechanism):
     size: float
     frictions: Mapping[str, Friction] = field(default_factory=dict)
 
+    def exerting(self, joint: str) -> list[str]:
+        """Names of the reactions along a joint's freedom."""
+        return ["friction"] * (joint in self.frictions) + ["drive"] * (joint in self.drives)
+
 
 def mechanism_of(scene: Scene) -> NumericMechanism:
     """Mechanism of a scene; made once, since scenes are immutable."""

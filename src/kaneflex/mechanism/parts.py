@@ -140,6 +140,12 @@ class Load:
     def unit(self) -> str:
         return "N m" if self.joint is not None else "N" if self.spread is None else "N/m"
 
+    @property
+    def in_body(self) -> bool:
+        """True if its direction turns with the body."""
+        return self.axes == "body"
+
+    @property
     def pushes(self) -> tuple[tuple[BodyPoint, Number], ...]:
         """Statically equivalent point forces: position and share of the magnitude; none for a torque.
 

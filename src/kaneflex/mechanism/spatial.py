@@ -75,9 +75,14 @@ class SpatialJoint:
         return 3 if self.kind == "spherical" else len(self.moves)
 
     @property
+    def slides(self) -> bool:
+        """True if its second point moves along its axis."""
+        return self.kind in ("prismatic", "cylindrical")
+
+    @property
     def across(self) -> list[np.ndarray] | None:
         """Axes of the first body along which the second point can't move; None if the two points coincide."""
-        return across(self.axes[0]) if self.kind in ("prismatic", "cylindrical") else None
+        return across(self.axes[0]) if self.slides else None
 
     @property
     def parallel(self) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
@@ -13,8 +13,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.body_frame import BodyFrame
-from kaneflex.mechanism.planar import cross
-from kaneflex.response.section_forces import Forces, LinkForces, spread_loads
+from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.wrenches import Wrench, moment_of
+from kaneflex.response.section_forces import LinkForces, spread_loads
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
@@ -69,19 +70,46 @@ class DAlembert(ABC):
 
     @cached_property
     def _acting(self) -> list[tuple[float, np.ndarray]]:
-        return list(self._pushing())
+        """Positions [m] of loads, and their sums."""
+        return [(each.on[0], each.about_start) for each in self._wrenches()]
 
     @property
     @abstractmethod
     def _link(self) -> Link: ...
 
     @abstractmethod
-    def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
-        """Positions [m] of loads, and their sums."""
+    def _wrenches(self) -> Iterable[Wrench]:
+        """All but inertia, weight and distributed loads."""
 
     @abstractmethod
+    def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Slice of an element at x [m] from the start: place, acceleration less gravity, and rate of the moment of
+        momentum about its own centre per length."""
+
+    @property
+    @abstractmethod
+    def _spread(self) -> Iterable[tuple[np.ndarray, np.ndarray]]:
+        """Distributed loads in the link's axes: load at its start [N/m], and its slope [N/m^2]."""
+
+    def section(self, x: float, after: bool = False) -> np.ndarray:
+        """Section forces: axial force N [N, tension positive], shear force V [N] and bending moment M [N m], or N, V_y,
+        V_z, T, M_y, M_z; (3 or 6, n_times). Components are those along the floating frame's axes."""
+        total = self.before(x, after)
+        n = len(total) // 2 + len(total) % 2
+        total[n:] -= moment_of(self._slice(self._link.locate(x)[0], x)[0], total[:n])
+        return total
+
     def _sums(self, e: int, x: float) -> np.ndarray:
         """Rate of momentum of an element up to x [m], less its distributed loads."""
+        own, reach, total = self._link, float(x - self._link.nodes[e]), np.zeros(())
+        for point, weight in zip(*GAUSS, strict=True) if reach else ():
+            local = 0.5 * reach * (1 + point)
+            at, share = own.nodes[e] + local, local / own.length_of(e) - 0.5
+            place, specific_force, moment = self._slice(e, at)
+            force = (own.parameters["rho_A"][e] + share * own.parameters["rho_A_rise"][e]) * specific_force
+            force = force - sum(first + at * rise for first, rise in self._spread)
+            total = total + 0.5 * reach * weight * np.vstack([force, moment_of(place, force) + moment])
+        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,59 +118,34 @@ class Balance(DAlembert):
 
     Attributes
     ----------
-    forces : mapping of float to (ndarray (2, n_times), ndarray (n_times,))
-        Distance from the start [m] -> force and moment there by joints, loads, springs and lumped masses, in the axes
-        of the floating frame.
+    wrenches : tuple of Wrench
+        Forces and moments of joints, loads, springs, contacts and lumped masses.
     """
 
     motion: FloatingMotion
     link: str
-    forces: Mapping[float, tuple[np.ndarray, np.ndarray]]
-
-    def section(self, x: float, after: bool = False) -> np.ndarray:
-        """Axial force N [N, tension positive], shear force V [N] and bending moment M [N m]; (3, n_times).
-
-        N and V are components along the floating frame's axes.
-        """
-        total = self.before(x, after)
-        total[2] -= cross(self._place(x), total)
-        return total
+    wrenches: tuple[Wrench, ...]
 
     @property
     def _link(self) -> Link:
         return self.motion.system.links[self.link]
 
-    def _pushing(self) -> Iterator[tuple[float, np.ndarray]]:
-        for at, (force, moment) in self.forces.items():
-            yield at, np.array([*force, cross(self._place(at), force) + moment])
-
-    def _place(self, x: float) -> np.ndarray:
-        """Position of a point of the deflected axis in the floating frame, (2, n_times)."""
-        return self._axes.to_body(self.motion.moving_place(self.link, (x, 0.0))[0][:2] - self._axes.origin)
+    def _wrenches(self) -> Iterable[Wrench]:
+        return self.wrenches
 
     @cached_property
     def _axes(self) -> BodyFrame:
         return self.motion.floating.frame(self.link)
 
-    def _sums(self, e: int, x: float) -> np.ndarray:
-        own, reach = self._link, float(x - self._link.nodes[e])
-        start, gravity = self._axes.origin, np.array(self.motion.model.scene.gravity)[:, None]
-        total = np.zeros((3, len(self.motion.times)))
-        for point, weight in zip(*GAUSS, strict=True) if reach else ():
-            local = 0.5 * reach * (1 + point)
-            share = local / own.length_of(e) - 0.5
-            density, rotary = (
-                own.parameters[key][e] + share * own.parameters[f"{key}_rise"][e] for key in ("rho_A", "rho_I")
-            )
-            place, _, accel = self.motion.moving_place(self.link, (own.nodes[e] + local, 0.0))
-            r, a = self._axes.to_body(place[:2] - start), density * self._axes.to_body(accel[:2] - gravity)
-            a -= sum(first + (own.nodes[e] + local) * rise for first, rise in self._spread)
-            total += 0.5 * reach * weight * np.array([*a, cross(r, a) + rotary * accel[2]])
-        return total
+    def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        own, axes, gravity = self._link, self._axes, np.array(self.motion.model.scene.gravity)[:, None]
+        share = (x - own.nodes[e]) / own.length_of(e) - 0.5
+        rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
+        place, _, accel = self.motion.moving_place(self.link, (x, 0.0))
+        return axes.to_body(place[:2] - axes.origin), axes.to_body(accel[:2] - gravity), rotary * accel[2]
 
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Distributed loads of the link, in the floating frame's axes."""
         return list(spread_loads(self.motion.model.scene, self.motion.floating, self.link))
 
 
@@ -160,7 +163,7 @@ class Balanced:
     quiet: Balance
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
-        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
+        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`DAlembert.section`."""
         N, V, M = self.loud.section(x, after)
         stops = self._stops
         if np.min(abs(stops - x)) > _SAME * stops[-1]:
@@ -193,8 +196,14 @@ class FloatingForces(LinkForces):
     """Forces on the links of a coupled motion in their floating frames, with lumped masses on the deflected axis."""
 
     def __init__(self, motion: FloatingMotion):
-        super().__init__(motion.model.scene, motion.floating)
+        super().__init__(motion.model.scene, motion.floating, self._deflected)
         self.motion = motion
+
+    def _deflected(self, side: BodyPoint) -> tuple[BodyFrame, BodyPoint]:
+        """Floating axes of a point's body, and the displaced point in these."""
+        frame, place = self.rigid.frame(side.body), self.motion.moving_place(side.body, side.at)[0][:2]
+        x, y = frame.to_body(place - frame.origin)
+        return frame, replace(side, at=(x, y))
 
     def specific_force(self, address: Address) -> np.ndarray:
         g_x, g_y = self.scene.gravity
@@ -202,11 +211,7 @@ class FloatingForces(LinkForces):
 
     def balance(self, link: str) -> Balance:
         """Equilibrium of a link with all forces on it."""
-        forces: dict[float, Forces] = {}
-        for point, (x, _) in self.scene.bodies[link].points_all.items():
-            before, more = forces.get(x, (0.0, 0.0)), self.forces_at(Address(link, point))
-            forces[x] = before[0] + more[0], before[1] + more[1]
-        return Balance(self.motion, link, forces)
+        return Balance(self.motion, link, tuple(self.wrenches(link)))
 
 
 def balanced(motion: FloatingMotion) -> dict[str, Balanced]:

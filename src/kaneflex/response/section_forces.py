@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import normal
-from kaneflex.mechanism.planar import cross
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.wrenches import Wrench, moment_of, parts_of, wrenches_on
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sections import Inertia
 
-Forces = tuple[np.ndarray, np.ndarray]
-"""Force (2, n_times) and moment (n_times,) at a point."""
+if TYPE_CHECKING:
+    from kaneflex.mechanism.wrenches import Carried
 
 
 class LinkForces:
-    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars."""
+    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars; ``carried`` gives
+    points of deformed bodies."""
 
-    def __init__(self, scene: Scene, rigid: RigidMotion):
-        self.scene, self.rigid, self.steps = scene, rigid, len(rigid.times)
-        self._known: dict[str, list[tuple[float, np.ndarray, np.ndarray]]] = {}
+    def __init__(self, scene: Scene, rigid: RigidMotion, carried: Carried | None = None):
+        self.scene, self.rigid, self.carried = scene, rigid, carried
+        self._known: dict[str, list[tuple[float, np.ndarray]]] = {}
 
     def section(self, name: str, x: float, after: bool = False) -> np.ndarray:
         """Section forces of the rigid link at x, from the equilibrium of the part before x under inertia, weight and
@@ -43,70 +45,31 @@ class LinkForces:
             # int_0^x q and int_0^x (x - X) q of the linear profile
             force = force - (start * x + rise * x**2 / 2)
             moment = moment + moment_of(along, start * x**2 / 2 + rise * x**3 / 6)
-        for at, push, about_start in self._acting(name):
+        for at, push in self._acting(name):
             if at < x or at == 0.0 or (after and at == x < body.length):
-                force = force - push
-                moment = moment - about_start + x * moment_of(along, push)
+                force = force - push[: len(along)]
+                moment = moment - push[len(along) :] + x * moment_of(along, push[: len(along)])
         return np.vstack([force, moment])
 
-    def _acting(self, name: str) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        """Distance [m], force and moment about the link's start of all that acts at its points, in its axes."""
+    def _acting(self, name: str) -> list[tuple[float, np.ndarray]]:
+        """Distance [m], and force with its moment about the link's start, of all that acts at its points."""
         if name not in self._known:
-            self._known[name] = list(self._in_plane(name) if self.rigid.freedoms == 3 else self._in_space(name))
+            self._known[name] = [(each.on[0], each.about_start) for each in self.wrenches(name)]
         return self._known[name]
 
-    def _in_plane(self, name: str) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-        for point, at in self.scene.bodies[name].points_all.items():
-            force, moment = self.forces_at(Address(name, point))
-            yield at[0], force, moment_of(np.array(at), force) + moment
-
-    def _in_space(self, name: str) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-        from kaneflex.mechanism.spatial import spatial_mechanism_of
-        from kaneflex.mechanism.spatial_wrenches import wrenches_on
-
-        for each in wrenches_on(spatial_mechanism_of(self.scene), self.rigid, name):
-            if each.by not in self.scene.spreads:
-                yield each.on[0], each.force, each.moment + moment_of(each.at, each.force)
-
-    def forces_at(self, address: Address) -> Forces:
-        """Force (2, n_times) in link axes and moment on a rigid link at one of its points."""
-        link = address.body
-        force, moment = np.zeros((2, self.steps)), np.zeros(self.steps)
-        for name, joint in self.scene.joints.items():
-            if address not in joint.addresses:
-                continue
-            sign = 1.0 if joint.addresses[1] == address else -1.0
-            force = force + sign * joint_force(self.scene, self.rigid, name, self.rigid.__getitem__)
-            if joint.kind != "revolute":
-                moment = moment + sign * self.rigid[f"{name}.moment"]
-            elif name in self.scene.drives:
-                moment = moment + sign * self.rigid[f"{name}.drive"]
-            if joint.kind == "revolute" and joint.friction is not None:
-                moment = moment + sign * self.rigid[f"{name}.friction"]
-        for name, load in self.scene.forces.items():
-            if load.force_on == address:
-                pushing = self.rigid.frame("ground" if load.axes == "global" else link)
-                force = force + self.rigid[name] * pushing.to_global(load.direction)
-        between = {name: spring.ends for name, spring in self.scene.springs.items()}  # none of a torsional one
-        between |= {name: contact.sides for name, contact in self.scene.contacts.items()}
-        for name, ends in between.items():
-            for end, sign in zip(ends, (-1.0, 1.0), strict=False):
-                if end == address:
-                    force = force + sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
-        for name, contact in self.scene.contacts.items():
-            for side, key in zip(contact.sides, ("moment", "moment_second"), strict=True):
-                if side == address:
-                    moment = moment + self.rigid[f"{name}.{key}"]
-        for name, (at, on_second) in self.scene.joint_torques.items():
-            for side, sign in zip(self.scene.joints[at].addresses, (-on_second, on_second), strict=True):
-                if side == address:
-                    moment = moment + sign * self.rigid[name]
-        for mass in self.scene.masses.values():
-            if mass.at == address:
-                specific_force = self.specific_force(address)
-                force = force - mass.mass * specific_force[:2]
-                moment = moment - mass.inertia * specific_force[2]
-        return self.rigid.frame(link).to_body(force), moment
+    def wrenches(self, link: str) -> Iterator[Wrench]:
+        """All that acts at points of a link, lumped masses of the plane included; in space these are bodies."""
+        scene, rigid = self.scene, self.rigid
+        for each in wrenches_on(parts_of(scene), rigid, link, self.carried):
+            if each.by not in scene.spreads:
+                yield each
+        for name, mass in scene.masses.items() if not scene.is_spatial else ():
+            if mass.at.body == link:
+                x, y, epsilon = self.specific_force(mass.at)
+                side = BodyPoint(link, mass.at.point, scene.point(mass.at))
+                at = side.at if self.carried is None else self.carried(side)[1].at
+                force = -mass.mass * rigid.frame(link).to_body(np.array([x, y]))
+                yield Wrench(name, side.at, np.reshape(at, (2, -1)), force, -mass.inertia * epsilon)
 
     def specific_force(self, address: Address) -> np.ndarray:
         """Acceleration a - g of a point of the rigid mechanism, global, and angular acceleration, (3, n_times)."""
@@ -147,15 +110,6 @@ def _of_sections(before: Inertia, rotary: bool, omega: np.ndarray, epsilon: np.n
     return own * epsilon + moment_of(omega, own * omega)
 
 
-def moment_of(arm: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Moment of a force at an arm: arm x force, in the plane about z."""
-    if len(force) == 2:
-        return np.asarray(cross(arm, force))
-    from kaneflex.mechanism import spatial_frame
-
-    return spatial_frame.cross(arm, force)
-
-
 def spread_loads(
     scene: Scene, rigid: RigidMotion, link: str, carry: Callable[[np.ndarray], np.ndarray] = np.asarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -169,15 +123,3 @@ def spread_loads(
             push = carry(direction) if load.axes == "body" else rigid.frame(link).to_body(direction)
             first, last = load.profile
             yield first * push, (last - first) / scene.bodies[link].length * push
-
-
-def joint_force(scene: Scene, rigid: RigidMotion, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-    """Global force of a joint on its second body, (2, n_times), from its reactions by name."""
-    joint = scene.joints[name]
-    if joint.kind != "prismatic":
-        return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
-    t = rigid.frame(joint.addresses[0].body).to_global(joint.direction)
-    force = reaction(f"{name}.normal") * normal(t)
-    if joint.friction is not None:
-        force = force + reaction(f"{name}.friction") * t
-    return force + reaction(f"{name}.drive") * t if name in scene.drives else force

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate_back
+from kaneflex.mechanism.wrenches import joint_force, joint_moment, parts_of
 from kaneflex.response.motion import Motion, Section
-from kaneflex.response.section_forces import joint_force
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import (
@@ -321,15 +321,6 @@ class Reader:
         address = address_of(sensor)
         return address.body, self.scene.point(address)[0], sensor.cut == "after"
 
-    def _pin_moment(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-        """Torque of a pin's drive and friction on the second body: the pin itself exerts no moment."""
-        exerted = np.zeros(self.steps)
-        if name in self.scene.drives:
-            exerted = exerted + reaction(f"{name}.drive")
-        if self.scene.joints[name].friction is not None:
-            exerted = exerted + reaction(f"{name}.friction")
-        return exerted
-
     def _joint_component(
         self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
     ) -> np.ndarray:
@@ -346,11 +337,7 @@ class Reader:
 
     def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
         """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
-        name = str(sensor.joint_force)
-        if self.rigid.freedoms == 6:
-            part = "moment" if sensor.component.startswith("angle") else "force"
-            return np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
-        if sensor.component != "angle":
-            return joint_force(self.scene, self.rigid if of_rigid else self.motion.scalars, name, reaction)
-        pinned = self.scene.joints[name].kind == "revolute"
-        return self._pin_moment(name, reaction) if pinned else reaction(f"{name}.moment")
+        name, mechanism = str(sensor.joint_force), parts_of(self.scene)
+        if sensor.component.startswith("angle"):
+            return joint_moment(mechanism, name, reaction)
+        return joint_force(mechanism, self.rigid if of_rigid else self.motion.scalars, name, reaction)

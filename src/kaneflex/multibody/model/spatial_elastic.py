@@ -21,7 +21,7 @@ from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
-from kaneflex.mechanism.spatial_wrenches import wrenches_on
+from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Stage, count_of_modes
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches, without_work

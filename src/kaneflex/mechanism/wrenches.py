@@ -1,0 +1,175 @@
+"""Forces and moments of joints, drives, loads, springs and contacts on a body, in its own axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import BodyFrame, normal
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.planar import BodyPoint, cross
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.scene import Scene
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.spatial import Side, SpatialMechanism
+    from kaneflex.mechanism.spatial_frame import SpatialFrame
+
+    Parts = NumericMechanism | SpatialMechanism
+    Point = Side | BodyPoint
+    Reactions = Callable[[str], np.ndarray]
+    """Function from the name of a reaction to its series (n_times,)."""
+    Carried = Callable[[Any], tuple[BodyFrame | SpatialFrame, Point]]
+    """Function from a point of a body to the axes that it rotates with, and its position in them."""
+_SIGNS = (-1.0, 1.0)
+"""Signs of what a joint, spring or contact exerts on its first and second body."""
+
+
+class Wrench(NamedTuple):
+    """Point of a force in the body's axes [m], the force [N] and the moment about that point [N m], (3, n_times) each;
+    in the plane (2, n_times) and a moment (n_times,).
+
+    ``by``: the joint, load, spring or contact that exerts it; ``on``: its point of the body in the scene [m].
+    """
+
+    by: str
+    on: tuple[float, ...]
+    at: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+
+    @property
+    def about_start(self) -> np.ndarray:
+        """Force and its moment about the body's start, (3 or 6, n_times)."""
+        return np.vstack([self.force, moment_of(self.at, self.force) + self.moment])
+
+
+def parts_of(scene: Scene) -> Parts:
+    """Mechanism of a scene in the plane or in space."""
+    if not scene.is_spatial:
+        return mechanism_of(scene)
+    from kaneflex.mechanism.spatial import spatial_mechanism_of
+
+    return spatial_mechanism_of(scene)
+
+
+def joint_force(mechanism: Parts, motion: RigidMotion, name: str, reaction: Reactions) -> np.ndarray:
+    """Global force of a joint on its second body, (2 or 3, n_times), from its reactions by name."""
+    if not isinstance(mechanism, NumericMechanism):
+        return np.array([reaction(f"{name}.force_{axis}") for axis in "xyz"])
+    joint = mechanism.joints[name]
+    if not joint.slides:
+        return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
+    t = motion.frame(joint.first.body).to_global(joint.direction)
+    along = sum(reaction(f"{name}.{by}") * t for by in mechanism.exerting(name))
+    return np.asarray(reaction(f"{name}.normal") * normal(t) + along)
+
+
+def joint_moment(mechanism: Parts, name: str, reaction: Reactions) -> np.ndarray:
+    """Moment of a joint on its second body, global (3, n_times), in the plane (n_times,), by names of reactions."""
+    if not isinstance(mechanism, NumericMechanism):
+        return np.array([reaction(f"{name}.moment_{axis}") for axis in "xyz"])
+    if mechanism.joints[name].kind != "revolute":
+        return reaction(f"{name}.moment")
+    exerted = [reaction(f"{name}.{by}") for by in mechanism.exerting(name)]  # the pin itself exerts no moment
+    return np.asarray(sum(exerted) if exerted else np.zeros_like(reaction(f"{name}.force_x")))
+
+
+def moment_of(arm: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Moment of a force at an arm: arm x force, in the plane about z."""
+    if len(force) == 2:
+        return np.asarray(cross(arm, force))
+    from kaneflex.mechanism import spatial_frame
+
+    return spatial_frame.cross(arm, force)
+
+
+def wrenches_on(
+    mechanism: Parts, motion: RigidMotion, body: str, carried: Carried | None = None
+) -> Iterator[Wrench]:
+    """Wrenches on a body except inertia and weight; ``carried`` gives points of deformed bodies."""
+    parts: Any = mechanism
+    on = _Body(mechanism, motion, body, carried or (lambda side: (motion.frame(side.body), side)))
+    for name, joint in parts.joints.items():
+        for side, sign in zip(joint.sides, _SIGNS, strict=True):
+            if side.body == body:
+                force = joint_force(mechanism, motion, name, motion.__getitem__)
+                moment = joint_moment(mechanism, name, motion.__getitem__)
+                # a guide's force acts at the second point, as the first one slides along it
+                yield on.wrench(name, side, sign * force, sign * moment, joint.sides[1] if joint.slides else side)
+    for name, load in parts.loads.items():
+        for side, share in load.pushes:
+            if side.body == body:
+                force = np.outer(load.direction, share * motion[name])
+                yield on.wrench(name, side, on.carried(side)[0].to_global(force) if load.in_body else force)
+        if load.joint is not None:
+            yield from on.torque(name, load.joint, motion[name])
+    for name, spring in parts.springs.items():
+        if spring.joint is not None:
+            yield from on.torque(name, spring.joint, -motion[f"{name}.torque"])
+            continue
+        for side, sign in zip(spring.sides, _SIGNS, strict=True):
+            if side.body == body:
+                yield on.of_spring(name, spring, side, sign)
+    if isinstance(mechanism, NumericMechanism):
+        for name, contact in mechanism.contacts.items():
+            force = np.array([motion[f"{name}.force_x"], motion[f"{name}.force_y"]])
+            for side, sign, turns in zip(contact.sides, _SIGNS, ("moment", "moment_second"), strict=True):
+                if side.body == body:
+                    yield on.wrench(name, side, sign * force, motion[f"{name}.{turns}"])
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Body on which wrenches act."""
+
+    mechanism: Parts
+    motion: RigidMotion
+    body: str
+    carried: Carried
+
+    @property
+    def frame(self) -> BodyFrame:
+        return self.motion.frame(self.body)
+
+    def place(self, side: Point) -> np.ndarray:
+        """Global position of a point."""
+        axes, there = self.carried(side)
+        return axes.place(there.at)
+
+    def wrench(
+        self, by: str, side: Point, force: np.ndarray, moment: np.ndarray | None = None, at: Point | None = None
+    ) -> Wrench:
+        """Wrench of a global force and moment; ``at``: point of the force, if not that of the body."""
+        local, no_moment = self.frame.to_body, np.zeros_like(force[0] if len(force) == 2 else force)
+        moment = no_moment if moment is None else moment if len(force) == 2 else local(moment)
+        return Wrench(by, side.at, local(self.place(at or side) - self.frame.origin), local(force), moment)
+
+    def torque(self, by: str, joint: str, torque: np.ndarray) -> Iterator[Wrench]:
+        """Torque about a joint's axis, on its second body."""
+        of: Any = self.mechanism.joints[joint]
+        moment = torque
+        if not isinstance(self.mechanism, NumericMechanism):
+            moment = torque * self.carried(of.sides[0])[0].to_global(of.axes[0])
+        for side, sign in zip(of.sides, _SIGNS, strict=True):
+            if side.body == self.body:
+                yield self.wrench(by, side, np.zeros_like(self.frame.origin), sign * moment)
+
+    def of_spring(self, name: str, spring: Any, side: Point, sign: float) -> Wrench:
+        """Wrench of a spring between two points, or of a bushing, on one of them."""
+        motion, (first, second) = self.motion, spring.sides
+        if isinstance(self.mechanism, NumericMechanism):
+            return self.wrench(name, side, sign * np.array([motion[f"{name}.force_x"], motion[f"{name}.force_y"]]))
+        if spring.is_bushing:
+            axes = self.carried(first)[0]
+            force, moment = (axes.to_global(np.array([motion[f"{name}.{part}_{axis}"] for axis in "xyz"]))
+                             for part in ("force", "moment"))  # fmt: skip
+            return self.wrench(name, side, -sign * force, -sign * moment, second)  # at the second point, as of a guide
+        along = self.place(first) - self.place(second)
+        pull = spring.numbers[0] * along
+        if spring.is_directed:
+            pull = motion[f"{name}.tension"] * along / np.hypot(np.hypot(along[0], along[1]), along[2])
+        return self.wrench(name, side, sign * pull)
