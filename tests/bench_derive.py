@@ -67,13 +67,13 @@ COUPLED_HEAD = """
 ## The coupled equations
 
 Runs of 1 s of the open chains under preset `coupled`, with 1 to 6 modes per link. The first row includes compiling
-the engine that all scenes share.
+the `coupled` solver, which all scenes share.
 
 """
 COUPLED_COLUMNS = ("links", "modes", "coordinates", "derive [s]", "compile [s]", "a step [us]", "steps", "rejected")
 FOOT = """
-{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries} tries; the coupled
-equations were timed once. Made by `make bench-derive`; do not edit.
+{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}. Times are the smallest of {tries} tries, for the
+coupled equations single ones. Made by `make bench-derive`; do not edit.
 """
 
 

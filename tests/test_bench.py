@@ -263,8 +263,8 @@ def test_impacts_that_are_timed_happen(task):
 
 
 ASKED = {
-    ("install", "as make run does"): (20.0, "s"),
-    ("install", "as make run does, no bytecode"): (450.0, "MB"),
+    ("install", "by make run"): (20.0, "s"),
+    ("install", "by make run, no bytecode"): (450.0, "MB"),
     ("make run on a fresh clone", "clock"): (40.0, "s"),
     ("cold", "engine"): (5.0, "s"),
     ("cold", "four-bar-motor"): (8.0, "s"),
@@ -303,7 +303,7 @@ def test_latency_measures_all_that_is_asked_of_it_beside_a_fixed_piece_of_work(m
     assert found["make run on a fresh clone", "clock"].time.median == 14.0
     assert found["make test", "clock, without compiling"].verdict() == "met"
     in_seconds = {name for name in found if name[0] in ("install", "cold", "cold, from a wheel", "warm")}
-    in_seconds -= {name for name in found if found[name].unit} | {("warm", "the fixed piece of work")}
+    in_seconds -= {name for name in found if found[name].unit} | {("warm", "reference computation")}
     assert {found[name].ratio for name in in_seconds} == {6.0}
     assert ["make", "run"] in ran and any("import kaneflex" in command[-1] for command in ran)
 

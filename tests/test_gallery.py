@@ -265,9 +265,10 @@ def test_the_page_has_an_entry_for_each_scene():
     text = page.read_text(encoding="utf-8")
     assert sorted(re.findall(r"^## (\S+)$", text, flags=re.MULTILINE)) == sorted(shipped_scenes())
     rows = re.findall(
-        r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\) \| [^|]+ \| [^|]+ \|$", text, flags=re.MULTILINE
-    )
-    assert sorted(rows) == sorted(shipped_scenes())
+        r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\) \| `(\w+)` \| [^|]+ \| [^|]+ \|$", text,
+        flags=re.MULTILINE,
+    )  # fmt: skip
+    assert sorted(rows) == [(name, read_scene(name).solve.preset) for name in sorted(shipped_scenes())]
 
 
 def test_the_page_has_a_picture_of_every_scene():

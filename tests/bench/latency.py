@@ -23,7 +23,7 @@ FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
 ABOUT = f"""\
 Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
-Ratios are relative to the time of `{FIXED}`.
+Ratios are relative to the time of a *reference computation*, `{FIXED}`.
 
 - *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
 - *Cold*: first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
@@ -78,8 +78,8 @@ def rows() -> Iterator[Row]:
 def fresh_clone(folder: Path, clone: Path, empty: Path) -> Iterator[Row]:
     """`make run`, first what it installs, then the rest."""
     install, ratio = beside_fixed(folder, ["make", ".build/venv/ready"], clone)
-    yield single("install", "as make run does", install.cpu, ratio, Target(INSTALL))
-    yield size("as make run does, no bytecode", added(clone / ".build" / "venv", empty, bytecode=False))
+    yield single("install", "by make run", install.cpu, ratio, Target(INSTALL))
+    yield size("by make run, no bytecode", added(clone / ".build" / "venv", empty, bytecode=False))
     run = execute(folder, ["make", "run"], clone)
     yield single("make run on a fresh clone", "clock", install.clock + run.clock, None, Target(FRESH))
     fixed = execute(folder, [sys.executable, "-c", FIXED]).cpu
@@ -104,7 +104,7 @@ def first_run(
 def warm(folder: Path, tools: Path) -> Iterator[Row]:
     (folder / "crank.toml").write_text(readme("toml"), encoding="utf-8")
     commands: dict[str, tuple[Sequence[str | Path], Target | None]] = {
-        "the fixed piece of work": ([sys.executable, "-c", FIXED], None),
+        "reference computation": ([sys.executable, "-c", FIXED], None),
         "python alone": ([tools / "python", "-c", ""], None),
     }
     for command, most in WARM.items():

@@ -50,7 +50,7 @@ class Instant(PlainTable):
 class SensorError(PlainTable):
     """Largest estimated error of a sensor over the run by cause, in SI."""
 
-    total: float = Field(description="all parts together")
+    total: float = Field(description="change by all refinements at once, not the sum of the parts")
     time: float = Field(description="discretisation in time")
     modes: float = Field(description="modes left out")
     terms: float = Field(description="terms left out")
@@ -94,8 +94,8 @@ class Timing(PlainTable):
 class Operations(PlainTable):
     """Arithmetic operations of one kernel call."""
 
-    written_out: int = Field(description="without shared subexpressions")
-    shared: int = Field(description="with shared subexpressions, as generated")
+    written_out: int = Field(description="if no subexpression were shared")
+    shared: int = Field(description="as generated, with shared subexpressions")
 
 
 class EnergyBalance(PlainTable):
@@ -115,7 +115,7 @@ class Summary(PlainTable):
     kaneflex: str = Field(description="version")
     scene: str = Field(description="name")
     settings: list[str] = Field(description="changes by the command line, as path=value")
-    structure: str = Field(description="hash of the structure")
+    structure: str = Field(description="hash of topology and laws; equal hashes share generated code")
     preset: str = Field(description="preset")
     options: dict[str, Any] = Field(description="all options, SI")
     elements: dict[str, int] = Field(description="by elastic link")
@@ -126,7 +126,7 @@ class Summary(PlainTable):
     warnings: list[str] = Field(description="warnings")
     duration_s: float = Field(description="from the first to the last stored instant, s")
     step_s: float = Field(description="time step, s")
-    steps: int = Field(description="steps requested")
+    steps: int = Field(description="value of solve.steps, or its default")
     stored: int = Field(description="stored instants, over which statistics are computed")
     sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid: value in the rigid mechanism")
     mode_angle_spread: dict[str, PeakSpread] = Field(
@@ -136,7 +136,8 @@ class Summary(PlainTable):
         description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic ones before reduction; shapes of modal data; of rigid bodies under coupled the free ones"
+        description="elastic ones before reduction, of modal data the shapes; in coupled scenes of rigid bodies only, "
+        "and in space under coupled: coordinates solved for"
     )
     modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(
@@ -147,7 +148,7 @@ class Summary(PlainTable):
     contacts: dict[str, ContactSummary] = Field(description="by name")
     frictions: dict[str, FrictionSummary] = Field(description="by joint or contact")
     stresses: dict[str, StressSummary] = Field(description="by elastic link with a section shape")
-    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled")
+    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: fewer than 3 steps per period")
     choice: Choice | None = Field(description="by --tolerance")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
