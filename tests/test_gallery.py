@@ -265,7 +265,7 @@ def test_the_page_has_an_entry_for_each_scene():
     text = page.read_text(encoding="utf-8")
     assert sorted(re.findall(r"^## (\S+)$", text, flags=re.MULTILINE)) == sorted(shipped_scenes())
     rows = re.findall(
-        r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\) \| `(\w+)` \| [^|]+ \| [^|]+ \|$", text,
+        r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\)<br>`(\w+)` \| [^|]+ \| [^|]+ \|$", text,
         flags=re.MULTILINE,
     )  # fmt: skip
     assert sorted(rows) == [(name, read_scene(name).solve.preset) for name in sorted(shipped_scenes())]

@@ -136,8 +136,7 @@ class Summary(PlainTable):
         description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic ones before reduction, of modal data the shapes; in coupled scenes of rigid bodies only, "
-        "and in space under coupled: coordinates solved for"
+        description="elastic ones before reduction, or shapes of modal data; coupled in space or rigid: solved for"
     )
     modes_kept: int = Field(description="coordinates solved for")
     floquet_multiplier_max: float | None = Field(

@@ -60,7 +60,7 @@ class Attempt(PlainTable):
     error: float | None = Field(description="largest error of a sensor as a share of its peak")
     worst_sensor: str | None = Field(description="sensor with that error")
     within: bool = Field(description="whether error plus doubt are within the tolerance")
-    priced: bool = Field(description="whether the error is a price: computed from another model's residual, without a run")
+    priced: bool = Field(description="whether the error is a price, computed without a run")
     reason: str = Field(description="why it was not run, or which loads its steps do not resolve")
 
 
@@ -79,7 +79,7 @@ class Choice(PlainTable):
     doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
     indicators: dict[str, float | None] = Field(
         description="by group of terms: first-order change of quasi-static displacements without it; "
-        "speed_ratio: drive speed over lowest natural frequency, both in rad/s; buckling_ratio: axial force over buckling load"
+        "speed_ratio: drive speed over lowest frequency (both rad/s); buckling_ratio: axial force over buckling load"
     )
     attempts: list[Attempt] = Field(description="models in the order of trial")
     seconds: float = Field(description="wall time of the choice, s")
