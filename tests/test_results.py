@@ -323,5 +323,5 @@ def test_fields_of_the_summary_change_only_with_its_version():
     promised = """schema_version kaneflex scene settings structure preset options elements outcome message warnings
     duration_s step_s steps stored sensors mode_angle_spread frequencies_hz degrees_of_freedom modes_kept
     floquet_multiplier_max timing operations"""
-    version = re.search(r"This is version (\d+) of the", documentation())[1]
+    version = re.search(r"has version (\d+)\.", documentation())[1]
     assert (version, set(promised.split()) - set(Summary.model_fields)) == ("1", set())
