@@ -48,7 +48,7 @@ class Messages(SphinxDirective):
         found = set(messages())
         lines = []
         for topic in TOPICS:
-            rows = sorted(row for of, *row in found if of == topic)
+            rows = sorted(row for of, *row in found if of == topic and _tells(row[1]))
             lines += [f"\n## {topic}\n", "| entry | problem | what to do |", "| --- | --- | --- |"]
             lines += [f"| {' | '.join(map(_cell, row))} |" for row in rows]
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
@@ -79,7 +79,17 @@ def _refused_by(made: ast.FunctionDef) -> Iterator[tuple[str, str, str]]:
         words = [_said(each, before) for each in call.args]
         said = words[_WORDS[kind] - 2 :][:2]
         if len(said) == 2 and all(each.strip(". ") for each in said):  # else its words are elsewhere
-            yield words[0] if kind == "SceneError" else "the entry", *said
+            yield _entry(words[0]) if kind == "SceneError" else "-", *said
+
+
+def _tells(problem: str) -> bool:
+    """True if a problem has two words, or three after a computed part."""
+    return len(re.findall(r"[A-Za-z]{2,}", problem)) > 1 + problem.startswith("...")
+
+
+def _entry(key: str) -> str:
+    """A key with NAME for a part's name; a dash if all of it is computed."""
+    return "-" if key.strip(".") == "" else re.sub(r"\.\.{3}(?=\.|$)", ".NAME", key)
 
 
 def _said(node: ast.expr, named: dict[str, ast.expr]) -> str:

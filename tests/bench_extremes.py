@@ -47,7 +47,7 @@ RULES = """
 - **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
   `coupled` works.
 - **Excited vibrations with periods shorter than a step**: only `exact-modal` (preset `paper`) stays accurate; a run
-  warns. Without excitation see *slow motions*.
+  warns.
 - **Elements**: rounding errors grow with about the fourth power of the number of elements, to 5e-4 with 1024.
 - **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank.
 """
@@ -55,9 +55,9 @@ CYCLES_HEAD = f"""
 ## A million cycles
 
 $\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error in a cycle, and the part
-of the final phase error that the stability function does not explain.
+of the final phase error that is rounding.
 
-| integrator | amplitude | phase in a cycle [rad] | unexplained [rad] |
+| integrator | amplitude | phase in a cycle [rad] | rounding [rad] |
 | --- | --- | --- | --- |
 """
 SINGLE_HEAD = """
