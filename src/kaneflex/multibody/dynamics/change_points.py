@@ -24,6 +24,7 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     CROSSING,
     DEPENDENT,
+    GRADIENT,
     KEPT,
     LEAST,
     MEASURE,
@@ -98,7 +99,7 @@ def strays(m, table, h, here):
     """True if closing the loops at a step's end changes the dependent rates as much as another branch would."""
     apart()
     plan, w, b = m.plan, m.w, table.b_1
-    n, of, fastest = plan[COORDINATES], plan[STAGE_A], _fastest(m)
+    n, of, fastest = plan[COORDINATES], plan[STAGE_A], _fastest(m, -1)
     for k in range(plan[KEPT]):
         i = plan[plan[DEPENDENT] + k]
         rate = here[1 + n + i] + h * (b[0] * w[of + i] + b[1] * w[of + n + i] + b[2] * w[of + 2 * n + i])
@@ -109,11 +110,12 @@ def strays(m, table, h, here):
 
 
 @njit(**OPTIONS)
-def _fastest(m):
-    """Largest rate in units of each coordinate [1/s]."""
-    fastest = 0.0
-    for i in range(m.plan[COORDINATES]):
-        fastest = larger(fastest, abs(m.w[m.plan[RATE] + i]) / m.w[m.plan[MEASURE] + i])
+def _fastest(m, row):
+    """Largest rate in units of each coordinate [1/s], of coordinates that move a kept row; of all if it is -1."""
+    plan, w, fastest = m.plan, m.w, 0.0
+    for i in range(plan[COORDINATES]):
+        if row < 0 or w[plan[GRADIENT] + plan[COORDINATES] * row + i] != 0.0:
+            fastest = larger(fastest, abs(w[plan[RATE] + i]) / w[plan[MEASURE] + i])
     return fastest
 
 
@@ -122,12 +124,14 @@ def end(m, t, h):
     """Predict the next change point at a step's end, from the decrease of the least pivot."""
     apart()
     w, shared = m.w, m.plan[CROSSING]
-    before, now = w[shared + LEAST], 0.0 if crosses(m, t) else margin(m)
+    before, now, row = w[shared + LEAST], 0.0, 0
+    if not crosses(m, t):
+        now, row = margin(m)
     w[shared + LEAST] = now
     if t - h < w[shared + WHEN] <= t:
         w[shared + PASSED] = w[shared + WHEN]
     elif 0.0 < now < before:
         ahead, reach = h * now / (before - now), REGULAR * h / (before - now)
-        near = ahead < 2.0 * (_BESIDE * h + reach) and SIDES * reach * _fastest(m) < _FAR
+        near = ahead < 2.0 * (_BESIDE * h + reach) and SIDES * reach * _fastest(m, row) < _FAR
         w[shared + WHEN] = t + ahead if near and determined(m) else -math.inf
         w[shared + REACH] = reach

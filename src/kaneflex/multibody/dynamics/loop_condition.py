@@ -33,7 +33,6 @@ from kaneflex.multibody.model.layout import (
     SIDE,
     apart,
     larger,
-    smaller,
 )  # fmt: skip
 from kaneflex.support.inner import once
 
@@ -76,9 +75,10 @@ def _pushes(m, r):
 
 @njit(**OPTIONS)
 def margin(m):
-    """Least pivot of these derivatives, as a share of its coordinate's largest derivative: 0 at a singular position."""
+    """Least pivot of these derivatives, as a share of its coordinate's largest derivative: 0 at a singular
+    position; and the number of its row."""
     apart()
-    plan, w, least = m.plan, m.w, 1.0
+    plan, w, least, of_least = m.plan, m.w, 1.0, 0
     of_forces = of_moments = 1e-300
     for r in range(plan[KEPT]):
         size = _largest(m, plan[GRADIENT] + plan[COORDINATES] * r)
@@ -97,8 +97,10 @@ def margin(m):
             if _pushes(m, r) == pushes:
                 derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
                 size = larger(size, abs(derivative) * w[plan[MEASURE] + i])
-        least = smaller(least, w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k])))
-    return least
+        share = w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k]))
+        if share < least:
+            least, of_least = share, row
+    return least, of_least
 
 
 @njit(**OPTIONS)
