@@ -106,9 +106,8 @@ def entries(run, compiler, folder, every):
         of_c = [addresses.C_TYPES.get(each, ctypes.c_void_p) for each in kind.args]
         printed_one = getattr(shared, f"wrapped_{name}")
         printed_one.restype, printed_one.argtypes = None, of_c
-        names = ["act" if function.__name__ == "load_direction" and each == "n" else each
-                 for each in signature(function.py_func).parameters]  # fmt: skip
-        made[name] = dict(zip(names, kinds, strict=True)), ctypes.CFUNCTYPE(None, *of_c)(address), printed_one
+        by_name = dict(zip(signature(function.py_func).parameters, kinds, strict=True))
+        made[name] = by_name, ctypes.CFUNCTYPE(None, *of_c)(address), printed_one
     return made
 
 

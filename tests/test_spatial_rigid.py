@@ -12,7 +12,8 @@ from runs import solved
 from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.model.spatial_layout import ROWS, WHAT
+from kaneflex.multibody.model.layout import WHAT
+from kaneflex.multibody.model.spatial_layout import ROWS
 from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.time import spatial_curves

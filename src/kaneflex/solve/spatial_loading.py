@@ -124,7 +124,7 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
     system = motion.module.system
     if len(system.tables.bushings):
         times = np.linspace(0.0, options.duration, SWEEP + 1)
-        far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).bushings)
+        far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).springs)
         if far:
             cure = "Limit the rotation, or use loads with laws"
             raise SceneError(f"springs.{far[0]}.bushing", None, far[1], cure)

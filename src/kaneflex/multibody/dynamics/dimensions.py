@@ -9,7 +9,6 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.dynamics import (
-    forces,
     kinematics,
     planar_tree,
     spatial_forces,
@@ -44,10 +43,7 @@ move = by_size(kinematics.move, spatial_kinematics.move)
 accelerate = by_size(kinematics.accelerate, spatial_kinematics.accelerate)
 cut_rows = by_size(kinematics.cut_rows, spatial_kinematics.cut_rows)
 demand = by_size(kinematics.demand, spatial_forces.demand)
-load_sizes = by_size(forces.load_sizes, spatial_forces.load_sizes)
 bent = by_size(planar_tree.bent, _nothing)
-gradient = by_size(planar_tree.gradient, spatial_tree.gradient)
 assemble = by_size(planar_tree.assemble, spatial_tree.assemble)
 stiffen = by_size(planar_tree.stiffen, spatial_tree.stiffen)
 resist = by_size(planar_tree.resist, spatial_tree.resist)
-fill_ways = by_size(planar_tree.fill_ways, spatial_tree.fill_ways)

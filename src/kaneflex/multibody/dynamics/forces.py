@@ -1,4 +1,4 @@
-"""Compiled forces on the bodies of a tree: loads, springs and contacts at their sections.
+"""Compiled forces on the bodies of a tree: sizes of loads, forces and contacts at sections in the plane.
 
 They are subtracted from the inertia forces of the motion (:mod:`kaneflex.multibody.dynamics.kinematics`).
 """
@@ -11,14 +11,13 @@ from kaneflex.generated import body
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
+from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.model.layout import (
-    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
-    FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
-    NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
-    ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
-    Y, apart, kernel, shifted, turned,
+    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FORCE,
+    FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X, NORMAL_Y,
+    NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSH_NOW, RATE, ROOM, ROW, ROW_AT, ROW_SIZE, SEC,
+    SECTION, SIZE, SPRINGS, STAYS, SUMS, SWITCH, TURN, WHAT, X, Y, apart, kernel, shifted,
 )  # fmt: skip
 
 
@@ -63,31 +62,39 @@ def lean(m, n):
 
 
 @njit(**OPTIONS)
-def load_sizes(m, t):
-    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
+def joint_row(m, n):
+    """Row of a joint in laws that is a cut, at SUMS: its coordinate and two rates, then its Jacobian; in space zero."""
     apart()
-    plan, w, acts = m.plan, m.w, m.acts
-    sec = shifted(w, plan[SECTION])
-    for n in range(plan[DRIVES], plan[LOADS]):
-        k, i = plan[X] + 2 * (n - plan[DRIVES]), acts[n, COURSE_AT]
-        second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
-        first, second, j, row = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT], plan[SUMS]
-        if i >= 0:
-            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
-            continue
-        if acts[n, WHAT] == TURN:
-            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, row)
-        else:
-            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
-        w[k], w[k + 1], w[second_rate] = w[row], w[row + 1], w[row + 2]
-    if plan[LOADS] < plan[SPRINGS]:
-        sizes_by_laws(m, t)
+    w, sec, j = m.w, shifted(m.w, m.plan[SECTION]), m.acts[n, NUMBERS_AT]
+    if m.acts[n, WHAT] == TURN:
+        laws.turn(sec, m.acts[n, AT], m.acts[n, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
+    else:
+        laws.slide(sec, m.acts[n, AT], m.acts[n, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
 
 
 @njit(**OPTIONS)
-def sizes_by_laws(m, t):
-    """Magnitudes of the loads by the laws' joint coordinates, and the inputs added to them."""
+def _unknown(m, n):
+    inside()
+
+
+joint_row = by_size(joint_row, _unknown)
+
+
+@njit(**OPTIONS)
+def load_sizes(m, t):
+    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
+    apart()
     plan, w = m.plan, m.w
+    for n in range(plan[DRIVES], plan[LOADS]):
+        k, i = plan[X] + 2 * (n - plan[DRIVES]), m.acts[n, COURSE_AT]
+        second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
+        if i >= 0:
+            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+        else:
+            joint_row(m, n)
+            w[k], w[k + 1], w[second_rate] = w[plan[SUMS]], w[plan[SUMS] + 1], w[plan[SUMS] + 2]
+    if plan[LOADS] == plan[SPRINGS]:
+        return
     take_sides(m)
     kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
     for k in range(plan[SPRINGS] - plan[LOADS]):
@@ -138,56 +145,16 @@ def meet_switch(m, n, k):
 
 
 @njit(**OPTIONS)
-def push(m, n, x, z, turn):
-    """Subtract a force and a moment on a section from the inertia forces of its body."""
+def push(m, n, wrench):
+    """Subtract a wrench on a section from the inertia forces of its body."""
     apart()
     b = m.sections[n, OWNER]
     if b >= 0:
         w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
         body.push(
-            w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -x, -z, -turn,
-            w, m.plan[FORCE] + m.bodies[b, ROW],
+            w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -wrench[0], -wrench[1],
+            -wrench[2], w, m.plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def load_direction(m, n):
-    """Global direction of a load."""
-    w, j = m.w, m.acts[n, NUMBERS_AT]
-    if m.acts[n, WHAT] == FOLLOWER:
-        return turned(w, w[m.plan[SECTION] + SEC * m.acts[n, ON] + 2], j)
-    return w[j], w[j + 1]
-
-
-@njit(**OPTIONS)
-def act(m, t):
-    """Subtract loads and springs from the inertia forces."""
-    apart()
-    plan, w, acts = m.plan, m.w, m.acts
-    load_sizes(m, t)
-    for n in range(plan[LOADS], plan[SPRINGS]):
-        size = w[plan[SIZE] + n - plan[LOADS]]
-        if acts[n, WHAT] == TORQUE:
-            push(m, acts[n, AT], 0.0, 0.0, -size)
-            push(m, acts[n, ON], 0.0, 0.0, size)
-        else:
-            x, z = load_direction(m, n)
-            push(m, acts[n, AT], size * x, size * z, 0.0)
-    sec = shifted(w, plan[SECTION])
-    for n in range(plan[SPRINGS], plan[CONTACTS]):
-        first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
-        k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
-        if acts[n, WHAT] == TORSIONAL:
-            laws.twist(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
-            push(m, first, 0.0, 0.0, w[k + 1])
-            push(m, second, 0.0, 0.0, -w[k + 1])
-        else:
-            laws.pull(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
-            push(m, first, -w[k + 2], -w[k + 3], 0.0)
-            push(m, second, w[k + 2], w[k + 3], 0.0)
-    for n in range(plan[CONTACTS], plan[ACTS]):
-        press(m, n)
-    dry_friction.exert(m)
 
 
 @of_contacts(None)
@@ -203,7 +170,7 @@ def press(m, n):
             at, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
             turn = (w[k + PLACE_X] - w[at]) * z - (w[k + PLACE_Y] - w[at + 1]) * x
             turn += w[k + PUSH_NOW] * w[k + NORMAL_TURN]
-            push(m, m.acts[n, AT + side], sign * x, sign * z, sign * turn)
+            push(m, m.acts[n, AT + side], (sign * x, sign * z, sign * turn))
 
 
 @njit(**OPTIONS)

@@ -13,13 +13,14 @@ from numba import njit
 
 from kaneflex.generated import body
 from kaneflex.generated import joints as laws
-from kaneflex.multibody.dynamics.forces import act, push, rest_rows
+from kaneflex.multibody.dynamics.forces import rest_rows
+from kaneflex.multibody.dynamics.interactions import act, push, react
 from kaneflex.support.inner import once
 from kaneflex.multibody.model.layout import (
-    ACCEL, AT, BLOCK, BODIES, COURSE, COURSE_AT, CUT, CUTS, CUT_ROWS, DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE,
-    FREE, GRAVITY, HOLDS, INBOARD, JOINT, JOINTS, LAST, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT,
-    POINT, PRISMATIC, RATE, REVOLUTE, RIGID, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, TURN, WELD,
-    WHAT, Y, apart, shifted, turned,
+    ACCEL, AT, BLOCK, BODIES, COURSE, COURSE_AT, CUT, CUTS, DEMAND, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY,
+    HOLDS, INBOARD, JOINT, JOINTS, LAST, LOCAL, MODAL, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT, POINT, PRISMATIC, RATE,
+    REVOLUTE, RIGID, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, TURN, WELD, WHAT, Y, apart, shifted,
+    turned,
 )  # fmt: skip
 
 
@@ -188,7 +189,7 @@ def resist(m, t):
     reactions.
     """
     apart()
-    plan, w, acts = m.plan, m.w, m.acts
+    plan, w = m.plan, m.w
     for k in range(plan[SPEEDS]):
         w[plan[FORCE] + k] = 0.0
     for b in range(plan[BODIES]):
@@ -199,16 +200,7 @@ def resist(m, t):
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
     act(m, t)
-    for n in range(plan[CUTS], plan[DRIVES]):
-        end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
-        for side in range(2):
-            x = z = turn = 0.0
-            for row in range(acts[n, ROW_AT], end):
-                size, j = w[plan[NOW] + row], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-                x += size * w[j]
-                z += size * w[j + 1]
-                turn += size * w[j + 2]
-            push(m, acts[n, AT + side], x, z, turn)
+    react(m)
 
 
 @njit(**OPTIONS)
@@ -229,11 +221,11 @@ def demand(m, t):
         turn += (w[f] - w[own]) * z - (w[f + 1] - w[own + 1]) * x
         w[k], w[k + 1], w[k + 2] = x, z, turn
         if m.bodies[b, SHAPES]:
-            push(m, inboard, x, z, turn)
+            push(m, inboard, (x, z, turn))
             n = plan[DEMAND] + m.bodies[b, MODAL]
             for l in range(m.bodies[b, SHAPES]):
                 w[n + l] = w[r + 3 + l]
-        push(m, parent, -x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x)
+        push(m, parent, (-x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x))
         if kind == REVOLUTE:
             w[i] = w[j] * turn
         elif kind == PRISMATIC:

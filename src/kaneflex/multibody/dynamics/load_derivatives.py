@@ -15,15 +15,19 @@ from __future__ import annotations  # noqa: I001, names of the tables' places st
 
 from numba import njit
 
+from kaneflex.multibody.compile.values import twists
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import product
-from kaneflex.multibody.dynamics.dimensions import deform, fill_ways, load_sizes, move
+from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.dimensions import bent, deform, move
+from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
+from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
 from kaneflex.multibody.model.layout import (
-    COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, OPTIONS,
-    RATE, REACTION, SIZE, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, TOUCH, VARIED,
-    WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
+    AT, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT,
+    OPTIONS, PUSHED, PUSHES, RATE, REACTION, SIZE, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE,
+    SPEEDS, SPRINGS, SUMS, TOUCH, VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
 )  # fmt: skip
 
 STIFF, DAMPED = 1.0, 2.0
@@ -74,6 +78,31 @@ def _derive_sizes(m, t, h):
 
 
 @njit(**OPTIONS)
+def _fill_ways(m):
+    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
+    apart()
+    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
+    if bends:
+        bent(m)
+    for k in range(plan[COORDINATES] * (plan[CONTACTS] - plan[DRIVES])):
+        w[plan[WAYS] + k] = 0.0
+    for act in range(plan[DRIVES], plan[LOADS]):
+        if m.acts[act, COURSE_AT] >= 0:
+            w[_way(m, act) + m.acts[act, COURSE_AT]] = 1.0
+        else:
+            joint_row(m, act)
+            for side in range(2):
+                wrench = twists(m, shifted(w, plan[SUMS] + 3))[side]
+                along(m, m.acts[act, AT + side], wrench, bends, _way(m, act))
+        leave_out(m, _way(m, act))
+    for act in range(plan[PUSHES], plan[PUSHED]):
+        along_both(m, act, unit_wrench(m, act), bends, _way(m, plan[LOADS] + m.acts[act, COURSE_AT]))
+    for act in range(plan[SPRINGS], plan[CONTACTS]):
+        along_both(m, act, unit_wrench(m, act), bends, _way(m, act))
+        leave_out(m, _way(m, act))
+
+
+@njit(**OPTIONS)
 def find(m, t, h, here):
     """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
     apart()
@@ -82,7 +111,7 @@ def find(m, t, h, here):
         w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
     deform(m)
     move(m, 0)
-    fill_ways(m)
+    _fill_ways(m)
     _derive_sizes(m, t, h)
     for act in range(plan[LOADS], plan[CONTACTS]):
         k, size = _slope(m, act), 0.0

@@ -14,6 +14,7 @@ from numba import njit
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import meet
+from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
@@ -31,7 +32,6 @@ from kaneflex.multibody.dynamics.dimensions import (
     cut_rows,
     deform,
     demand,
-    gradient,
     move,
     place,
 )  # fmt: skip

@@ -6,7 +6,7 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, row_length, width
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.dynamics.dimensions import gradient
+from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.model.layout import (
     BENDS,
     BODIES,

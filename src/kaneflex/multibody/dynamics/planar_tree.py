@@ -6,25 +6,20 @@ between its ends does, are described by the twists of the other sections from th
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 from kaneflex.generated import body
-from kaneflex.generated import joints as laws
 from kaneflex.multibody.compile.values import copy, inside, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, plus, scaled, times, twist_at
 from kaneflex.multibody.dynamics.articulated import transport
-from kaneflex.multibody.dynamics.courses import leave_out
-from kaneflex.multibody.dynamics.forces import load_direction
 from kaneflex.support.inner import once
 from kaneflex.multibody.model.layout import (
-    ACTS, ARMS, AT, AXES, BLOCK, BODIES, CONTACTS, COORDINATES, COUPLING, COUPLINGS, CUT, CUT_ROWS, DAMPING, DOF,
-    DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, INBOARD, INERTIAS, IN_ORDER, JOINT, LAST, LOADS, MASSES, MIDDLE, MIDDLE_CUT,
-    MODAL, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PHI, PHI_NOW, PHI_ROW, PLACES, POINT, PRISMATIC, REVOLUTE,
-    ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SLIDE, SPEEDS, SPRINGS, SQUARE, STIFFNESS, TORQUE, TORSIONAL, WAYS, WHAT,
-    Y, apart, larger, shifted, turned,
+    ACTS, ARMS, AXES, BLOCK, BODIES, CONTACTS, COORDINATES, COUPLING, COUPLINGS, CUT, CUT_ROWS, DAMPING, DOF, FIRST,
+    FRAME, FRAME_SIZE, FREE, INBOARD, INERTIAS, IN_ORDER, JOINT, LAST, MASSES, MIDDLE, MIDDLE_CUT, MODAL, NUMBERS,
+    OPTIONS, OWNER, PARENT, PHI, PHI_NOW, PHI_ROW, PLACES, POINT, PRISMATIC, REVOLUTE, ROW_SIZE, SEC, SECTION, SECTIONS,
+    SHAPES, SQUARE, STIFFNESS, Y, apart, shifted, turned,
 )  # fmt: skip
+
 
 @njit(**OPTIONS)
 def _by_frame(m, b, n, place):
@@ -176,85 +171,40 @@ def add_force(m, t, n, force):
 
 @once
 @njit(**OPTIONS)
-def gradient(m, row, cut, bends, out):
-    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested.
+def along(m, n, wrench, bends, out):
+    """Add the generalised forces of a section's wrench along all coordinates at ``out``; shapes only if requested.
 
-    A section's force is passed inwards from body to body unchanged, its moment changes with the point.
+    A force is passed inwards from body to body unchanged, its moment changes with the point.
     """
     apart()
     plan, w = m.plan, m.w
-    for side in range(2):
-        n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-        x, z, turn = w[k], w[k + 1], w[k + 2]
-        while m.sections[n, OWNER] >= 0:
-            b = m.sections[n, OWNER]
-            inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
-            own, share = plan[SECTION] + SEC * inboard, w[m.sections[n, POINT]]
-            arm = away(m, plan[SECTION], n, inboard, share)
-            if bends and n != inboard:
-                phi, i = vectors(shifted(w, plan[PHI_NOW] + 3 * m.sections[n, PHI_ROW])), out + m.bodies[b, MODAL]
-                for j in range(m.bodies[b, SHAPES]):
-                    w[i + j] += dot(phi[j], (x, z, turn))
-            x, z, turn = share * x, share * z, turn + arm[0] * z - arm[1] * x
-            n = m.bodies[b, PARENT]
-            up = plan[SECTION] + SEC * n
-            if kind == REVOLUTE:
-                w[first] += w[m.bodies[b, NUMBERS]] * turn
-            elif kind == PRISMATIC:
-                d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
-                w[first] += x * d_x + z * d_y
-            elif kind == FREE:
-                w[first] += x
-                w[first + 1] += z
-                w[first + 2] += turn
-                break
-            turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
+    x, z, turn = wrench
+    while m.sections[n, OWNER] >= 0:
+        b = m.sections[n, OWNER]
+        inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
+        own, share = plan[SECTION] + SEC * inboard, w[m.sections[n, POINT]]
+        arm = away(m, plan[SECTION], n, inboard, share)
+        if bends and n != inboard:
+            phi, i = vectors(shifted(w, plan[PHI_NOW] + 3 * m.sections[n, PHI_ROW])), out + m.bodies[b, MODAL]
+            for j in range(m.bodies[b, SHAPES]):
+                w[i + j] += dot(phi[j], (x, z, turn))
+        x, z, turn = share * x, share * z, turn + arm[0] * z - arm[1] * x
+        n = m.bodies[b, PARENT]
+        up = plan[SECTION] + SEC * n
+        if kind == REVOLUTE:
+            w[first] += w[m.bodies[b, NUMBERS]] * turn
+        elif kind == PRISMATIC:
+            d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
+            w[first] += x * d_x + z * d_y
+        elif kind == FREE:
+            w[first] += x
+            w[first + 1] += z
+            w[first + 2] += turn
+            return
+        turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
 
 
 @njit(**OPTIONS)
 def bent(m):
     """Twists of all sections by shapes at the current state."""
     shape_twists(m, m.plan[PHI_NOW])
-
-
-@njit(**OPTIONS)
-def _row(m, act):
-    """Jacobian of an act by the twists of its sections, at the current position; returns the number of that row."""
-    apart()
-    plan, w, sec = m.plan, m.w, shifted(m.w, m.plan[SECTION])
-    kind, first, second, j = m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
-    row = plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]
-    k = plan[CUT] + ROW_SIZE * row + 3
-    for i in range(6):
-        w[k + i] = 0.0
-    if act < plan[LOADS]:
-        if kind == SLIDE:
-            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
-        else:
-            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, k - 3)
-    elif act < plan[SPRINGS] and kind != TORQUE:
-        w[k], w[k + 1] = load_direction(m, act)
-    elif act < plan[SPRINGS] or kind == TORSIONAL:
-        w[k + 2], w[k + 5] = -1.0, 1.0
-    else:
-        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
-        length = larger(math.sqrt(x * x + z * z), 1e-300)
-        w[k + 3], w[k + 4] = x / length, z / length
-        w[k], w[k + 1] = -w[k + 3], -w[k + 4]
-    return row
-
-
-@njit(**OPTIONS)
-def fill_ways(m):
-    """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
-    apart()
-    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
-    if bends:
-        bent(m)
-    for act in range(plan[DRIVES], plan[CONTACTS]):
-        out = plan[WAYS] + plan[COORDINATES] * (act - plan[DRIVES])
-        for i in range(plan[COORDINATES]):
-            w[out + i] = 0.0
-        gradient(m, _row(m, act), act, bends, out)
-        if not plan[LOADS] <= act < plan[SPRINGS]:
-            leave_out(m, out)

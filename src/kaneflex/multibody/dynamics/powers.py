@@ -6,14 +6,13 @@ from numba import njit
 
 from kaneflex.generated import body
 from kaneflex.multibody.unilateral import friction_powers, lugre_step
-from kaneflex.multibody.dynamics.forces import load_direction
-from kaneflex.multibody.compile.values import by_size
-from kaneflex.multibody.dynamics import spatial_tree
+from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.courses import courses
+from kaneflex.multibody.dynamics.interactions import spring_size, twist_at_section, unit_wrench
 from kaneflex.multibody.model.layout import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, ELASTIC,
-    FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSH_NOW, RATE,
-    ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE, SUMS, TORQUE, WHAT, WORKS, Y, apart, shifted,
+    FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES,
+    PUSH_NOW, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, SUMS, WORKS, Y, apart, shifted,
 )  # fmt: skip
 
 
@@ -34,7 +33,7 @@ def energies(m):
         )  # fmt: skip
         w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
     for n in range(plan[CONTACTS] - plan[SPRINGS]):
-        k = plan[SPRING] + SPRING_SIZE * n
+        k = plan[SPRING] + spring_size(m) * n
         w[at + 1] += w[k + 4]
         w[at + 2] += w[k + 5]
     for n in range(plan[ACTS] - plan[CONTACTS]):
@@ -56,32 +55,26 @@ def losses(m, out):
     plan, w, acts = m.plan, m.w, m.acts
     lost = 0.0
     for b in range(plan[BODIES]):
-        size, rates, c = m.bodies[b, SHAPES], plan[RATE] + m.bodies[b, MODAL], m.bodies[b, DAMPED]
+        size, rates, c = m.bodies[b, SHAPES], plan[RATE] + m.bodies[b, MODAL], plan[DAMPED] + m.bodies[b, SQUARE]
         for i in range(size):
             total = 0.0
             for j in range(size):
                 total += w[c + size * i + j] * w[rates + j]
             lost += w[rates + i] * total
-    for n in range(plan[CONTACTS] - plan[SPRINGS]):
-        lost += w[plan[SPRING] + SPRING_SIZE * n + 5]
+    for n in range(plan[SPRINGS], plan[CONTACTS]):
+        lost += w[plan[SPRING] + spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
     contacts = plan[ACTS] - plan[CONTACTS]
     for n in range(contacts):
         k = plan[CONTACT] + CONTACT_SIZE * n
         w[out + plan[WORKS] - contacts + n] = -w[k + PUSH_NOW] * w[k + GAP_RATE]
     friction_powers.losses(m, out + plan[WORKS] - contacts)
     w[out] = lost
-    for n in range(plan[LOADS], plan[SPRINGS]):
-        size = w[plan[SIZE] + n - plan[LOADS]]
-        one, two = plan[SECTION] + SEC * acts[n, AT], plan[SECTION] + SEC * acts[n, ON]
-        if acts[n, WHAT] == TORQUE:
-            rate = w[two + 5] - w[one + 5]
-        else:
-            x, z = load_direction(m, n)
-            rate = x * w[one + 3] + z * w[one + 4]
-        w[out + 1 + n - plan[LOADS]] = size * rate
-
-
-losses = by_size(losses, spatial_tree.losses)
+    for n in range(plan[SPRINGS] - plan[LOADS]):
+        w[out + 1 + n] = 0.0
+    for n in range(plan[PUSHES], plan[PUSHED]):
+        unit, load = unit_wrench(m, n), acts[n, COURSE_AT]
+        rate = dot(unit, twist_at_section(m, acts[n, ON])) - dot(unit, twist_at_section(m, acts[n, AT]))
+        w[out + 1 + load] += w[plan[SIZE] + load] * rate
 
 
 @njit(**OPTIONS)

@@ -10,7 +10,8 @@ from numba import njit
 from numba.types import CPointer, int64, void
 
 from kaneflex.multibody.compile.values import by_size, inside
-from kaneflex.multibody.dynamics.dimensions import bent, demand, gradient
+from kaneflex.multibody.dynamics.dimensions import bent, demand
+from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics import dense_lu, spatial_tree
 from kaneflex.multibody.dynamics.loop_closure import follow, gradients
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN

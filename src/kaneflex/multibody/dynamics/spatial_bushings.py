@@ -8,14 +8,13 @@ import numpy as np
 from numba import njit
 
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.compile.values import after
-from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, minus, plus, scaled, store, turned
-from kaneflex.multibody.model.layout import OPTIONS, apart, larger
+from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, minus, plus, scaled, turned
+from kaneflex.multibody.model.layout import AT, NUMBERS_AT, ON, OPTIONS, ROW_AT, apart, larger
 from kaneflex.support.inner import once
 
-FORCE, MOMENT, ENERGY, POWER, ANGLE = 0, 3, 6, 7, 8
-"""Places in a bushing's row: force and moment along and about its axes [N, N m]; energy [J], dissipated power [W],
-angle of rotation [rad]."""
+SIZE = 7
+"""Numbers of a spring's row. A bushing has six, with its forces and moments along and about its axes [N, N m] for
+tensions; the first one has its angle of rotation [rad] for a length, its energy [J] and dissipated power [W]."""
 _NO_ANGLE = 1e-8
 _HALF_TURN = 1e-6
 """Cosine of half the largest rotation, which is just below half a turn."""
@@ -24,9 +23,10 @@ MOST = 3.0
 
 
 def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str] | None:
-    """First bushing with too large a rotation, by rows of one or many instants, (..., n_bushings, 9), and a message."""
+    """First bushing with too large a rotation, by springs of one or many instants, (..., n_springs, 7), and a
+    message."""
     names = [name for name, spring in mechanism.springs.items() if spring.is_bushing]
-    angles = rows[..., ANGLE].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
+    angles = rows[..., -6 * len(names) :: 6, 0].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
     for name, angle in zip(names, angles, strict=True):
         if angle > MOST:
             return name, f"bushing {name} is rotated by {math.degrees(angle):.0f} deg, too close to half a turn"
@@ -35,8 +35,8 @@ def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str]
 
 @once
 @njit(**OPTIONS)
-def cushion(m, n):
-    """Fill the row of a bushing, where ``move`` was.
+def cushion(m, act, row):
+    """Fill the rows of a bushing at w[row], where ``move`` was.
 
     d is where the second point is against the first, and phi the rotation vector of the second side's axes, both in
     those of the first, E; phi' = H omega with the relative angular velocity omega there, and (Sola,
@@ -48,8 +48,8 @@ def cushion(m, n):
     proportional to d' and omega.
     """
     apart()
-    one, two, row = 5 * m.bushing_ends[n, 0], 5 * m.bushing_ends[n, 1], 9 * n
-    E, other, away = m.bushing_ends[n, 2], m.bushing_ends[n, 3], minus(m.sections[two], m.sections[one])
+    w, j, E, one, two = m.w, m.acts[act, NUMBERS_AT], m.acts[act, ROW_AT], 5 * m.acts[act, AT], 5 * m.acts[act, ON]
+    other, away = E + 3, minus(m.sections[two], m.sections[one])
     rate = minus(minus(m.sections[two + 1], m.sections[one + 1]), cross(m.sections[one + 3], away))
     omega = minus(m.sections[two + 3], m.sections[one + 3])
     a, b = turned(m.axes, E, m.axes[other]), turned(m.axes, E, m.axes[other + 1])
@@ -63,12 +63,13 @@ def cushion(m, n):
         share, curved = angle / sine, (1.0 - 0.5 * angle * cosine / sine) / angle**2
     phi, d = scaled(share, phi), turned(m.axes, E, away)
     rate, omega = turned(m.axes, E, rate), turned(m.axes, E, omega)
-    k_d, k_phi, c_d, c_phi = m.cushions[4 * n], m.cushions[4 * n + 1], m.cushions[4 * n + 2], m.cushions[4 * n + 3]
+    k_d, k_phi = (w[j], w[j + 3], w[j + 6]), (w[j + 9], w[j + 12], w[j + 15])
+    c_d, c_phi = (w[j + 1], w[j + 4], w[j + 7]), (w[j + 10], w[j + 13], w[j + 16])
     force, resists, turn = by_axis(k_d, d), by_axis(k_phi, phi), by_axis(c_phi, omega)
     slowed, first = by_axis(c_d, rate), cross(phi, resists)
-    m.bushings[row + ENERGY] = 0.5 * (dot(force, d) + dot(resists, phi))
-    m.bushings[row + POWER] = dot(slowed, rate) + dot(turn, omega)
-    m.bushings[row + ANGLE] = angle
+    w[row], w[row + 5] = angle, 0.5 * (dot(force, d) + dot(resists, phi))
+    w[row + 6] = dot(slowed, rate) + dot(turn, omega)
     moment = axpy(curved, cross(phi, first), axpy(0.5, first, plus(resists, turn)))
-    store(after(m.bushings, row + FORCE), plus(force, slowed))
-    store(after(m.bushings, row + MOMENT), moment)
+    force = plus(force, slowed)
+    w[row + 1], w[row + SIZE + 1], w[row + 2 * SIZE + 1] = force
+    w[row + 3 * SIZE + 1], w[row + 4 * SIZE + 1], w[row + 5 * SIZE + 1] = moment

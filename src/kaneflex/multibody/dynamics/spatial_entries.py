@@ -13,23 +13,26 @@ from numba.types import boolean, float64, int64, void
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics import loop_closure, reduction, unfolding
-from kaneflex.multibody.dynamics.dimensions import cut_rows, demand, gradient
+from kaneflex.multibody.dynamics.dimensions import cut_rows, demand
 from kaneflex.multibody.dynamics.dimensions import place as place_nodes
+from kaneflex.multibody.dynamics.interactions import gradient, react
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose
-from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix, react
+from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix
 from kaneflex.multibody.dynamics.spatial_forces import pass_on as sum_inwards
 from kaneflex.multibody.dynamics.spatial_tree import rebase, use
-from kaneflex.multibody.dynamics.spatial_work import BALLS, CUTS, KEPT, NODES, OWN, SPACE
+from kaneflex.multibody.dynamics.spatial_work import BALLS, KEPT, NODES, OWN, SPACE
 from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (
     ACCEL,
     COORDINATES,
     COURSE,
     COURSES,
+    CUTS,
     ENTRY,
     GRADIENT,
+    HOLDS,
     MEASURE,
     NOW,
     OPTIONS,
@@ -37,6 +40,8 @@ from kaneflex.multibody.model.layout import (
     PRESCRIBED,
     RATE,
     REACTIONS,
+    ROW_AT,
+    WHAT,
     N,
     Y,
     apart,
@@ -44,11 +49,7 @@ from kaneflex.multibody.model.layout import (
     larger,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
-from kaneflex.multibody.model.spatial_layout import (
-    COINCIDE,
-    ROW,
-    WHAT,
-)  # fmt: skip
+from kaneflex.multibody.model.spatial_layout import COINCIDE
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.unilateral.contacts import stand_closed
 from kaneflex.multibody.unilateral.discontinuous_loads import choose_sides
@@ -97,8 +98,8 @@ def place(m, q):
     n = m.plan[COORDINATES]
     for k in range(m.plan[REACTIONS] * n):
         m.J[k] = 0.0
-    for c in range(m.counts[CUTS]):
-        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+    for c in range(m.plan[CUTS], m.plan[HOLDS]):
+        for j in range(m.acts[c, ROW_AT], m.acts[c, ROW_AT] + (3 if m.acts[c, WHAT] == COINCIDE else 1)):
             gradient(m, j, c, True, m.plan[GRADIENT] + n * j)
 
 

@@ -10,7 +10,7 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
-from kaneflex.multibody.compile.values import after, numbers_of
+from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     dot,
@@ -24,59 +24,26 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
-from kaneflex.multibody.dynamics.forces import meet_switches, sizes_by_laws
-from kaneflex.multibody.dynamics.spatial_bushings import FORCE, MOMENT, cushion
+from kaneflex.multibody.dynamics.forces import meet_switches
+from kaneflex.multibody.dynamics.interactions import act, react
 from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
-from kaneflex.multibody.dynamics.spatial_work import (
-    BODIES,
-    BUSHINGS,
-    CUTS,
-    FORCES,
-    LOADS,
-    NODES,
-    OBSERVED,
-    SPEEDS,
-    SPRINGS,
-    TORQUES,
-    TWISTS,
-)  # fmt: skip
-from kaneflex.multibody.model.layout import COUPLING, DRIVES, MODAL, OPTIONS, SIZE, SQUARE, X, apart
-from kaneflex.multibody.model.layout import LOADS as ENGINE_LOADS
+from kaneflex.multibody.dynamics.spatial_work import BODIES, NODES, SPEEDS
+from kaneflex.multibody.model.layout import COUPLING, MODAL, OPTIONS, SQUARE, apart
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     BODY,
-    COINCIDE,
     COUNT,
-    FIRST,
     KIND,
     OWNER,
     PARENT,
-    ROW,
     ROW_OF,
-    SECOND,
     SHAPES,
     SPEED,
-    WHAT,
-)
+)  # fmt: skip
 from kaneflex.support.inner import once
 
 _OWN = len(laws.BODY)
 """Numbers of a rigid body, which precede those of its shapes."""
-
-
-@njit(**OPTIONS)
-def load_sizes(m, t):
-    """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
-    apart()
-    plan, w = m.plan, m.w
-    for i in range(m.counts[OBSERVED]):
-        at, node = plan[X] + m.observed[i, 0], m.observed[i, 1]
-        speed = m.nodes[node, SPEED]
-        w[at], w[at + 1] = m.y[speed], m.u[speed]
-        w[plan[X] + 2 * (plan[ENGINE_LOADS] - plan[DRIVES]) + m.observed[i, 0] // 2] = m.du[speed]
-    sizes_by_laws(m, t)
-    for i in range(m.counts[LOADS]):
-        m.sizes[i] = w[plan[SIZE] + i]
 
 
 @once
@@ -88,8 +55,6 @@ def demand(m, t):
     """
     apart()
     x = m.x
-    load_sizes(m, t)
-    meet_switches(m)
     for s in range(m.counts[SPEEDS]):
         m.h[s] = 0.0
     for n in range(m.counts[NODES]):
@@ -105,19 +70,10 @@ def demand(m, t):
             u, shapes = m.nodes[n, SPEED], m.nodes[n, COUNT]
             shape_laws.shaped_demand(m.block, own + _OWN, shapes, x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
         m.F[n] = joined(turned(m.R, 3 * n, m.x3[3]), turned(m.R, 3 * n, m.x3[4]))
-    _act(m)
+    act(m, t)
+    meet_switches(m)
     react(m)
     pass_on(m)
-
-
-@njit(**OPTIONS)
-def react(m):
-    """Subtract the reactions of the cuts from the bodies' inertia forces."""
-    apart()
-    for c in range(m.counts[CUTS]):
-        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
-            push(m, m.cuts[c, FIRST], joined(m.rows[5 * j + 1], m.rows[5 * j + 2]), m.multipliers[j])
-            push(m, m.cuts[c, SECOND], joined(m.rows[5 * j + 3], m.rows[5 * j + 4]), m.multipliers[j])
 
 
 @njit(**OPTIONS)
@@ -240,52 +196,3 @@ def deforming(m):
         m.deforming[1] += x[10]
         m.deforming[2] -= dot(weight, m.x3[4])
         m.deforming[3] += x[11]
-
-
-@once
-@njit(**OPTIONS)
-def push(m, section, wrench, share):
-    """Subtract a force and a moment at a section, times ``share``, from the inertia forces of its body."""
-    apart()
-    on = m.on[section]
-    if on >= 0:
-        m.F[on] = axpy(-share, force_at(wrench, minus(m.sections[5 * section], m.r[on])), m.F[on])
-
-
-@njit(**OPTIONS)
-def _act(m):
-    """Subtract loads and springs from the bodies' inertia forces."""
-    apart()
-    sections, nothing = m.sections, (0.0, 0.0, 0.0)
-    for n in range(m.counts[FORCES]):
-        push(m, m.forces[n, 0], joined(m.axes[m.forces[n, 1]], nothing), m.sizes[m.forces[n, 2]])
-    for n in range(m.counts[SPRINGS]):
-        k, c, free = m.stiffness[n]
-        at = 7 * n
-        laws.pull(numbers_of(sections), m.spring_ends[n, 0], m.spring_ends[n, 1], k, c, free, m.springs, at)
-        wrench = m.springs[at + 2], m.springs[at + 3], m.springs[at + 4], 0.0, 0.0, 0.0
-        push(m, m.spring_ends[n, 1], wrench, 1.0)
-        push(m, m.spring_ends[n, 0], wrench, -1.0)
-    for n in range(m.counts[TORQUES]):
-        moment, size = joined(nothing, m.axes[m.torques[n, 2]]), m.sizes[m.torques[n, 3]]
-        push(m, m.torques[n, 1], moment, size)
-        push(m, m.torques[n, 0], moment, -size)
-    for n in range(m.counts[TWISTS]):
-        k, c, free = m.torsion[n]
-        one, two = m.twist_ends[n, 0], m.twist_ends[n, 1]
-        axis, at = m.axes[m.twist_ends[n, 2]], 4 * n
-        angle, rate = m.twists[at] - free, dot(axis, minus(sections[5 * two + 3], sections[5 * one + 3]))
-        torque = k * angle + c * rate
-        m.twists[at + 1], m.twists[at + 2], m.twists[at + 3] = torque, 0.5 * k * angle**2, c * rate**2
-        push(m, two, joined(nothing, axis), -torque)
-        push(m, one, joined(nothing, axis), torque)
-    for n in range(m.counts[BUSHINGS]):
-        cushion(m, n)
-        one, two, at, axes = m.bushing_ends[n, 0], m.bushing_ends[n, 1], 9 * n, m.bushing_ends[n, 2]
-        force = about = nothing
-        for j in range(3):
-            force = axpy(m.bushings[at + FORCE + j], m.axes[axes + j], force)
-            about = axpy(m.bushings[at + MOMENT + j], m.axes[axes + j], about)
-        wrench = joined(force, about)
-        push(m, two, wrench, -1.0)
-        push(m, one, force_at(wrench, minus(sections[5 * two], sections[5 * one])), 1.0)

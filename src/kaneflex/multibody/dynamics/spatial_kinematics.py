@@ -17,9 +17,7 @@ from kaneflex.multibody.compile.values import after, inside, numbers_of
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     cross,
-    dot,
     first,
-    force_at,
     joined,
     last,
     minus,
@@ -30,29 +28,24 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
 )
 from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
-from kaneflex.multibody.dynamics.spatial_work import AXES, CUTS, NODES, SECTION, SECTIONS, TWISTS
+from kaneflex.multibody.dynamics.spatial_work import AXES, NODES, SECTION, SECTIONS
+from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.spatial_layout import (
     AT,
-    AXIS_1,
-    AXIS_2,
     BALL,
     COINCIDE,
     COORDINATE,
     COUNT,
-    FIRST,
     KIND,
     PARENT,
     PERPENDICULAR,
-    ROW,
     ROW_OF,
-    SECOND,
     SHAPES,
     SLIDE,
     SPEED,
     STATION,
     TURN,
-    WHAT,
 )  # fmt: skip
 from kaneflex.support.inner import once
 
@@ -115,8 +108,6 @@ def place(m, first_body):
         m.P[n] = P
         m.r[n] = minus(minus(P, turned(m.R, 3 * n, m.numbers[own + _SHIFT])), moved)
         _direct(m, n, kind)
-    for n in range(m.counts[TWISTS]):
-        m.twists[4 * n] = y[m.nodes[m.twist_ends[n, 3], SPEED]]
     for n in range(m.counts[AXES]):
         on = m.axis_on[n]
         m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
@@ -256,41 +247,20 @@ def freedoms(m, n):
     return 3 if kind == BALL else 1 if kind == TURN or kind == SLIDE else 0
 
 
-@once
-@njit(**OPTIONS)
-def along(m, section, wrench, share, out):
-    """Add the generalised forces of a force and a moment at a section, times ``share``, along every speed: inwards from
-    its node, over whose tree alone it acts."""
-    apart()
-    n = m.on[section]
-    if n < 0:
-        return
-    wrench = force_at(scaled(share, wrench), minus(m.sections[5 * section], m.r[n]))
-    while n >= 0:
-        s, parent = m.nodes[n, SPEED], m.nodes[n, PARENT]
-        if m.nodes[n, ROW_OF] >= 0:
-            for j in range(m.nodes[n, COUNT]):
-                out[s + j] += dot(m.phi[m.nodes[n, ROW_OF] + j], wrench)
-        for j in range(s, s + freedoms(m, n)):
-            out[j] += dot(m.S[j], wrench)
-        if parent >= 0:
-            wrench = force_at(wrench, minus(m.r[n], m.r[parent]))
-        n = parent
-
-
 @njit(**OPTIONS)
 def cut_rows(m):
     """Residuals of the cuts, their rates and Jacobians by the sections' twists."""
     apart()
     sections, axes, out = numbers_of(m.sections), numbers_of(m.axes), numbers_of(m.rows)
-    for c in range(m.counts[CUTS]):
-        what, one, two, n = m.cuts[c, WHAT], m.cuts[c, FIRST], m.cuts[c, SECOND], SECTION * m.cuts[c, ROW]
+    for c in range(m.plan[of.CUTS], m.plan[of.HOLDS]):
+        what, one, two, n = m.acts[c, of.WHAT], m.acts[c, of.AT], m.acts[c, of.ON], SECTION * m.acts[c, of.ROW_AT]
+        axis = m.acts[c, of.NUMBERS_AT]
         if what == COINCIDE:
             laws.coincide(sections, one, two, out, n)
         elif what == PERPENDICULAR:
-            laws.perpendicular(sections, one, two, axes, m.cuts[c, AXIS_1], m.cuts[c, AXIS_2], out, n)
+            laws.perpendicular(sections, one, two, axes, axis, axis + 1, out, n)
         else:
-            laws.on_plane(sections, one, two, axes, m.cuts[c, AXIS_1], out, n)
+            laws.on_plane(sections, one, two, axes, axis, out, n)
 
 
 @njit(**OPTIONS)

@@ -6,37 +6,19 @@ which :func:`use` makes the current one.
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 from kaneflex.multibody.compile.values import after, copy_vectors, twists, vectors
-from kaneflex.multibody.dynamics.algebra import dot, force_at, joined, minus, plus, scaled, times, twist_at
+from kaneflex.multibody.dynamics.algebra import dot, force_at, minus, plus, scaled, times, twist_at
 from kaneflex.multibody.dynamics.articulated import transport
-from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.rotation_vectors import compose, spin
-from kaneflex.multibody.dynamics.spatial_bushings import POWER
 from kaneflex.multibody.dynamics.spatial_forces import inertias
-from kaneflex.multibody.dynamics.spatial_kinematics import along, freedoms
-from kaneflex.multibody.dynamics.spatial_work import (
-    BALLS,
-    BUSHINGS,
-    FORCES,
-    GEOMETRY,
-    LOADS,
-    NODES,
-    PHI,
-    SPRINGS,
-    TORQUES,
-    TWISTS,
-)  # fmt: skip
+from kaneflex.multibody.dynamics.spatial_kinematics import freedoms
+from kaneflex.multibody.dynamics.spatial_work import BALLS, GEOMETRY, NODES, PHI
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, PARENT_BODY, apart, shifted
 from kaneflex.multibody.model.spatial_layout import COUNT, KIND, OWNER, PARENT, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
-
-POINTS, TWIST, ALONG_AXIS, ABOUT_AXIS = range(4)
-"""Kinds of springs' rows: between two points, at a joint, of a bushing along or about one of its axes."""
 
 
 @once
@@ -108,17 +90,19 @@ def _move_inertia(m, b, back):
 def stiffen(m, t, h):
     """Add h C + h^2 K of the shapes, and the virtual inertia of coordinates, to the tree's matrices."""
     apart()
+    damping = m.plan[of.DAMPED]
     for k in range(m.plan[of.COORDINATES]):
         t.D[k] = m.virtual_inertia[k] + 0.0 * h
     last = m.plan[of.BODIES] - 1
     for k in range(m.bodies[last, of.SQUARE] + m.bodies[last, of.SHAPES] * m.bodies[last, of.SHAPES]):
-        t.L[k] += h * (m.C[k] + h * m.K[k])
+        t.L[k] += h * (m.w[damping + k] + h * m.K[k])
 
 
 @njit(**OPTIONS)
 def resist(m, h, x, A, answer):
     """Forces -(h C + h^2 K) x of the shapes for accelerations x, stored from ``answer`` on."""
     apart()
+    damping = m.plan[of.DAMPED]
     for k in range(m.plan[of.COORDINATES]):
         A[answer + k] = 0.0 * h
     for b in range(m.plan[of.BODIES]):
@@ -126,7 +110,7 @@ def resist(m, h, x, A, answer):
         for i in range(count):
             for j in range(count):
                 at = square + count * i + j
-                A[answer + first + i] -= h * (m.C[at] + h * m.K[at]) * x[first + j]
+                A[answer + first + i] -= h * (m.w[damping + at] + h * m.K[at]) * x[first + j]
 
 
 @njit(**OPTIONS)
@@ -159,93 +143,6 @@ def soften(m, r, count, h, A, most):
     """Add the negative compliance of a row that removes virtual inertia."""
     plan = m.plan
     A[plan[of.SCHUR] + (count + 1) * r] -= 1.0 / m.virtual_inertia[m.pivots[plan[of.TOUCHING] + r - plan[of.KEPT]]]
-
-
-@njit(**OPTIONS)
-def gradient(m, row, cut, bends, out):
-    """Add the derivatives of a cut's row by all coordinates at ``out``."""
-    apart()
-    along(m, m.acts[cut, of.AT], joined(m.rows[5 * row + 1], m.rows[5 * row + 2]), 1.0, after(m.w, out))
-    along(m, m.acts[cut, of.ON], joined(m.rows[5 * row + 3], m.rows[5 * row + 4]), 1.0, after(m.w, out))
-
-
-@once
-@njit(**OPTIONS)
-def _opposed(m, first, second, wrench, out):
-    """Generalised forces of a wrench on the second section, and of the opposite one on the first."""
-    apart()
-    along(m, first, wrench, -1.0, out)
-    along(m, second, wrench, 1.0, out)
-
-
-@njit(**OPTIONS)
-def _way_of_spring(m, act, out):
-    """Derivatives of a spring's length or angle, or of one of a bushing's displacements, by all coordinates."""
-    apart()
-    what, n, i, nothing = m.acts[act, of.WHAT], m.acts[act, of.AT], m.acts[act, of.ON], (0.0, 0.0, 0.0)
-    if what == POINTS:
-        first, second = m.spring_ends[n, 0], m.spring_ends[n, 1]
-        d = minus(m.sections[5 * second], m.sections[5 * first])
-        length = math.sqrt(dot(d, d))
-        if length > 0.0:
-            _opposed(m, first, second, joined(scaled(1.0 / length, d), nothing), out)
-    elif what == TWIST:
-        _opposed(m, m.twist_ends[n, 0], m.twist_ends[n, 1], joined(nothing, m.axes[m.twist_ends[n, 2]]), out)
-    else:
-        axis, one, two = m.axes[m.bushing_ends[n, 2] + i], m.bushing_ends[n, 0], m.bushing_ends[n, 1]
-        _opposed(m, one, two, joined(axis, nothing) if what == ALONG_AXIS else joined(nothing, axis), out)
-
-
-@njit(**OPTIONS)
-def fill_ways(m):
-    """Gradients of joints' coordinates and springs, and partial velocities of loads, at the current position; of all
-    but loads without prescribed coordinates."""
-    apart()
-    plan, n, nothing = m.plan, m.plan[of.COORDINATES], (0.0, 0.0, 0.0)
-    for k in range(n * (plan[of.CONTACTS] - plan[of.DRIVES])):
-        m.w[plan[of.WAYS] + k] = 0.0
-    for act in range(plan[of.DRIVES], plan[of.LOADS]):
-        node, out = m.acts[act, of.AT], plan[of.WAYS] + n * (act - plan[of.DRIVES])
-        if node >= 0:
-            m.w[out + m.nodes[node, SPEED]] = 1.0
-            leave_out(m, out)
-    ways = after(m.w, plan[of.WAYS] + n * (plan[of.LOADS] - plan[of.DRIVES]))
-    for l in range(m.counts[FORCES]):
-        along(m, m.forces[l, 0], joined(m.axes[m.forces[l, 1]], nothing), 1.0, after(ways, n * m.forces[l, 2]))
-    for l in range(m.counts[TORQUES]):
-        moment = joined(nothing, m.axes[m.torques[l, 2]])
-        _opposed(m, m.torques[l, 0], m.torques[l, 1], moment, after(ways, n * m.torques[l, 3]))
-    for act in range(plan[of.SPRINGS], plan[of.CONTACTS]):
-        out = plan[of.WAYS] + n * (act - plan[of.DRIVES])
-        _way_of_spring(m, act, after(m.w, out))
-        leave_out(m, out)
-
-
-@njit(**OPTIONS)
-def losses(m, out):
-    """Powers [W] at ``out``: dissipation, then of loads."""
-    apart()
-    w, lost = m.w, 0.0
-    for b in range(m.plan[of.BODIES]):
-        count, first, square = m.bodies[b, of.SHAPES], m.bodies[b, of.MODAL], m.bodies[b, of.SQUARE]
-        for i in range(count):
-            for j in range(count):
-                lost += m.u[first + i] * m.C[square + count * i + j] * m.u[first + j]
-    for n in range(m.counts[SPRINGS]):
-        lost += m.springs[7 * n + 6]
-    for n in range(m.counts[TWISTS]):
-        lost += m.twists[4 * n + 3]
-    for n in range(m.counts[BUSHINGS]):
-        lost += m.bushings[9 * n + POWER]
-    w[out] = lost
-    for n in range(m.counts[LOADS]):
-        w[out + 1 + n] = 0.0
-    for n in range(m.counts[FORCES]):
-        load = m.forces[n, 2]
-        w[out + 1 + load] += m.sizes[load] * dot(m.axes[m.forces[n, 1]], m.sections[5 * m.forces[n, 0] + 1])
-    for n in range(m.counts[TORQUES]):
-        load, rate = m.torques[n, 3], minus(m.sections[5 * m.torques[n, 1] + 3], m.sections[5 * m.torques[n, 0] + 3])
-        w[out + 1 + load] += m.sizes[load] * dot(m.axes[m.torques[n, 2]], rate)
 
 
 @njit(**OPTIONS)

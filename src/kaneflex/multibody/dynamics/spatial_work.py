@@ -18,24 +18,21 @@ from kaneflex.multibody.model.spatial_layout import Tables
 SECTION = 15
 """Numbers of a section, and of a cut's row."""
 (
-    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, CUTS, FORCES, TORQUES, SPRINGS, TWISTS, BUSHINGS, LOADS, BODIES, KEPT,
-    OBSERVED, PHI, GEOMETRY, BALLS, OWN,
-) = range(19)  # fmt: skip
-"""Places of ``counts``; KEPT: numbers of a row; OBSERVED: joints whose coordinates occur in magnitudes; PHI: rows of
-phi; GEOMETRY: place in ``w`` of the first of four geometries of factors, of the middle of a step and of its stages;
-BALLS, OWN: lengths of the tables of coordinates."""
+    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN,
+) = range(11)  # fmt: skip
+"""Places of ``counts``; KEPT: numbers of a row; PHI: rows of phi; GEOMETRY: place in ``w`` of the first of four
+geometries of factors, of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of coordinates."""
 
 _V, _W = Vectors(float64, 3), Vectors(float64, 6)
 _TABLES = {
     "counts": Fixed(1), "nodes": Fixed(9), "numbers": _V, "frames": Fixed(3), "block": N, "on": Fixed(1), "at": _V,
-    "axis_on": Fixed(1), "axis_at": _V, "cuts": Fixed(6), "forces": Fixed(3), "torques": Fixed(4),
-    "spring_ends": Fixed(2), "stiffness": _V, "twist_ends": Fixed(4), "torsion": _V, "bushing_ends": Fixed(4),
-    "cushions": _V, "gravity": _V, "observed": Fixed(2), "K": N, "C": N, "virtual_inertia": N, "row_measure": N,
+    "axis_on": Fixed(1), "axis_at": _V, "twisting": Fixed(1), "gravity": _V,
+    "K": N, "virtual_inertia": N, "row_measure": N,
     "balls": Fixed(2), "own": Fixed(2),
 }  # fmt: skip
 _WORK = {
-    "kept": N, "q": N, "u": N, "du": N, "sizes": N, "R": _V, "r": _V, "v": _V, "omega": _V, "a": _V, "e": _V,
-    "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "springs": N, "twists": N, "bushings": N, "deforming": N,
+    "kept": N, "q": N, "u": N, "du": N, "R": _V, "r": _V, "v": _V, "omega": _V, "a": _V, "e": _V,
+    "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "deforming": N,
     "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
     "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
@@ -43,7 +40,8 @@ SPACE = Handed("Mechanism in space", 6, **PARTS | {"bodies": Fixed(8)} | _TABLES
 SWITCHED_SPACE.parts.update(SPACE.parts)
 """All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
 
-``balls``: places of every ball's quaternion in q, and of its rotation vector in y; ``own``: of all other coordinates.
+``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector
+in y; ``own``: of all other coordinates.
 """
 
 
@@ -56,7 +54,6 @@ class Instants:
     q, u, du : ndarray
         Coordinates, speeds, and rates of these. A ball's four coordinates are the unit quaternion of its axes where
         its rotation vector in ``y`` is zero.
-    sizes : ndarray (n_loads,)
     R, r : ndarray (n, 3, 3), (n, 3)
         Axes and origins.
     v, omega, a, e : ndarray (n, 3)
@@ -69,18 +66,17 @@ class Instants:
         Generalised forces along every speed beyond loads, springs and cuts.
     rows : ndarray (n_rows, 15)
         Of the cuts, see ``kaneflex.generated.spatial``.
-    springs, twists : ndarray (n_springs, 7), (n_twists, 4)
-        Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
-    bushings : ndarray (n_bushings, 9)
-        Force and moment, energy, dissipated power, angle, see :mod:`kaneflex.multibody.dynamics.spatial_bushings`.
+    springs : ndarray (n_springs, 7)
+        Length or angle, tension or torque, force, energy, dissipated power; then of bushings, see
+        :mod:`kaneflex.multibody.dynamics.spatial_bushings`.
     deforming : ndarray (4,)
         Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
+    sizes : ndarray (n_loads,)
     """
 
     q: np.ndarray
     u: np.ndarray
     du: np.ndarray
-    sizes: np.ndarray
     R: np.ndarray
     r: np.ndarray
     v: np.ndarray
@@ -92,9 +88,8 @@ class Instants:
     along: np.ndarray
     rows: np.ndarray
     springs: np.ndarray
-    twists: np.ndarray
-    bushings: np.ndarray
     deforming: np.ndarray
+    sizes: np.ndarray
 
     @classmethod
     def of(cls, rows: np.ndarray, work: Work) -> Instants:
@@ -170,21 +165,25 @@ def arrays_of(
     """Plan, numbers w and working arrays of a mechanism; places in w of the factors' geometries and of springs'
     stiffness and damping; length of factors."""
     n, b, s, rows = len(tables.nodes), counts.bodies, counts.coordinates, counts.joint_rows
+    springs, first_push = counts.ranges[5] - counts.ranges[4], counts.ranges[6]
     parts = {
-        "q": (coordinates,), "u": (s,), "du": (s,), "sizes": (counts.loads,), "R": (n, 3, 3),
+        "q": (coordinates,), "u": (s,), "du": (s,), "R": (n, 3, 3),
         **dict.fromkeys(("r", "v", "omega", "a", "e"), (n, 3)), "wrenches": (n, 6), "multipliers": (rows,),
-        "along": (s,), "rows": (rows, SECTION), "springs": (len(tables.springs), 7), "twists": (len(tables.twists), 4),
-        "bushings": (len(tables.bushings), 9), "deforming": (4,),
+        "along": (s,), "rows": (rows, SECTION), "springs": (springs, 7), "deforming": (4,),
+        "sizes": (counts.loads,),
     }  # fmt: skip
     numbers = Numbers()
     plan, size = assign(counts, numbers)
     lengths = [math.prod(shape) for shape in parts.values()]
-    first = numbers.room(sum(lengths))
+    first = numbers.room(sum(lengths) + 2 * counts.switches)  # those follow the sizes of the loads
     places = dict(zip(parts, np.cumsum([first, *lengths]).tolist(), strict=False))
-    for what, name in ((at.RATE, "u"), (at.ACCEL, "du"), (at.NOW, "multipliers"), (at.CUT, "rows")):
+    for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.CUT: "rows", at.SPRING: "springs",
+                       at.SIZE: "sizes"}.items():  # fmt: skip
         plan[what] = places[name]
     plan[at.MEASURE] = numbers.room(s)
-    springs = numbers.room(2 * (counts.ranges[5] - counts.ranges[4]))
+    plan[at.DAMPED] = numbers.room(counts.square)
+    plan[[at.PUSHES, at.PUSHED]] = first_push, first_push + len(tables.pushes)
+    stiffness = numbers.room(3 * springs)
     geometry = numbers.room(4 * (s * (6 + rows) + 6 * counts.twists + 6 * b))
     w = np.concatenate(numbers.parts)
 
@@ -202,4 +201,4 @@ def arrays_of(
         "alpha": np.zeros(3 * s), "x": x, "x3": x, "now": np.zeros(3),
     }  # fmt: skip
     work = Work(kept=view(first, sum(lengths)), **found)
-    return plan, w, work, {"geometry": geometry, "springs": springs}, size
+    return plan, w, work, {"geometry": geometry, "springs": stiffness}, size

@@ -23,7 +23,8 @@ from kaneflex.multibody.model.layout import (
     turned,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
-from kaneflex.multibody.dynamics.dimensions import bent, cut_rows, deform, demand, gradient, place
+from kaneflex.multibody.dynamics.dimensions import bent, cut_rows, deform, demand, place
+from kaneflex.multibody.dynamics.interactions import gradient
 
 
 @njit(**ENTRY)

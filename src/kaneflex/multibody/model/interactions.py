@@ -148,15 +148,15 @@ def list_acts(
         kind = at.SLIDE if joint.slides else at.TURN
         found.append((kind, *sides(joint), place, -1, numbers.put(joint.direction)))
     ends.append(len(found))
-    for load in mechanism.loads.values():
+    for k, load in enumerate(mechanism.loads.values()):
         if load.joint is not None:
-            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
+            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), k, -1, -1))
             continue
         point = load.point if load.spread is None else load.spread[0]
         assert point is not None and load.direction is not None  # only torques have none
         on = index[key_of(point) if load.spread is None else (point.body, f"loads.{load.name}")]
         kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
-        found.append((kind, on, index[key_of(point)], -1, -1, numbers.put(load.direction)))
+        found.append((kind, 0, on, k, index[key_of(point)], numbers.put(load.direction)))
     ends.append(len(found))
     for spring in mechanism.springs.values():
         kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL

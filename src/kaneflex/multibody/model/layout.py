@@ -33,38 +33,39 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE = 9, 11, 9, 6, 44
+SEC, FRAME_SIZE, ROW_SIZE, CONTACT_SIZE = 9, 11, 9, 44
 """Sizes of entries in the plane. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of
-x, y, phi. A cut's row: residual, two rates, Jacobian by the two twists. A spring: see
-:mod:`kaneflex.generated.joints`. A contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
+x, y, phi. A cut's row: residual, two rates, Jacobian by the two twists. A contact: see
+:mod:`kaneflex.multibody.unilateral.contacts`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 """First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
 coordinate of the joint, and of the shapes; the parent, or -1; first row in ``phi`` of the section of the parent that
 the body hangs on, or -1 where no shape moves it; first row in ``E``; place in ``L``. See
 :mod:`kaneflex.multibody.dynamics.articulated`."""
-BLOCK, JOINT, PARENT, INBOARD, SECTIONS, LAST, ROW, NUMBERS, DAMPED = range(8, 17)
+BLOCK, JOINT, PARENT, INBOARD, SECTIONS, LAST, ROW, NUMBERS = range(8, 16)
 """Further columns in the plane: place of its block of numbers; kind of its joint; the parent's section at its joint and
 its own there; its first section and the one after its last; its first row
-in forces over all bodies' speeds; its joint's numbers: sign, angle, and direction in the parent section's axes; place
-of its shapes' damping matrix."""
+in forces over all bodies' speeds; its joint's numbers: sign, angle, and direction in the parent section's axes."""
 OWNER, POINT, PHI_ROW = range(3)
 """Columns of ``sections``: the body, or -1; place of its block of numbers; first row of its shapes' twists."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
-"""Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1,
-a drive's coordinate or -1, 0 or -1 for a spring at a joint of the tree or elsewhere, a contact's law; a cut's first
-row, a hold's or a contact's row; its numbers: a cut's direction and angle, a drive's or a load's direction, a
-spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
-(:mod:`kaneflex.multibody.unilateral.dry_friction`)."""
+"""Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections, the first that of the
+ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's number, 0 or -1 for a spring at a joint
+of the tree or elsewhere, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
+following force, in space the axis of a load or a spring; its numbers: a cut's direction and angle, a drive's or a
+load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
+(:mod:`kaneflex.multibody.unilateral.dry_friction`). In space forces and moments of loads follow, of which a distributed
+load has two."""
 
 WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
 holds these two, or ALONG a contact's face."""
-FORCE_ALONG, FOLLOWER, TORQUE = range(3)
-"""Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
-STRAIGHT, TORSIONAL = range(2)
-"""Kinds of springs."""
+FORCE_ALONG, FOLLOWER, STRAIGHT, BUSHING, ALONG_AXIS, TORQUE, TORSIONAL, ABOUT_AXIS = range(8)
+"""Kinds of loads: along a global direction, along one that turns with a section, TORQUE between two sections; in space
+directions have the axes of bodies, and are all FORCE_ALONG. Kinds of springs: STRAIGHT and TORSIONAL, and six rows of a
+bushing in space, along and about its axes, the first one BUSHING. From TORQUE on they are moments."""
 FLANK, SWITCH = 2, -1
 """Kinds of contacts: flanks, by their number in :data:`kaneflex.generated.contact.KINDS`; switches, which touch
 nothing but are treated alike: arguments of loads' laws, which change at their zeros. The sections of a switch are
@@ -126,8 +127,8 @@ them."""
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
-    MASS_ROWS, PLAN,
-) = range(108)  # fmt: skip
+    MASS_ROWS, DAMPED, PUSHES, PUSHED, PLAN,
+) = range(111)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
@@ -154,7 +155,8 @@ spring with slopes, their matrix, their forces. In ``plan``: 1 for every coordin
 pivots of either factors, those loads and springs, the pivots of their matrices, the coordinate that each course
 prescribes, or -1 if it is that of a cut. In space: in ``w`` residuals of the stages as reactions, in factors
 accelerations and reactions given for the right-hand side, in ``plan`` pivots of the stages' mass matrices, and the
-number of their rows."""
+number of their rows. In ``w`` damping matrices of the bodies' shapes. First forces
+and moments of loads in ``acts``, and their end."""
 
 
 class Tables(NamedTuple):
@@ -314,7 +316,7 @@ def _part(context, builder, handed, value, name):
 
 Z = CPointer(complex128)
 PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(17), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (

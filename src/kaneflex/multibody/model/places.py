@@ -84,6 +84,7 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
     plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
     plan[at.RIGID] = c.touching * c.rigid
     plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges
+    plan[[at.PUSHES, at.PUSHED]] = c.ranges[3:5]
     for what, count in _of_motion(c).items():
         plan[what] = numbers.room(count)
     plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
@@ -116,10 +117,10 @@ def _of_motion(c: Counts) -> dict[int, int]:
     row_size = 3 + 2 * d
     return {
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * c.sections, at.LOCAL: at.SEC * c.sections,
-        at.FRAME: at.FRAME_SIZE * c.bodies * (d == 3), at.FORCE: c.speeds, at.CUT: row_size * (rows + 1),
+        at.FRAME: at.FRAME_SIZE * c.bodies * (d == 3), at.FORCE: c.speeds, at.CUT: row_size * rows,
         at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.SIZE: c.loads + 2 * c.switches,
         at.INPUT: c.loads + c.courses,
-        at.SPRING: at.SPRING_SIZE * springs, at.SUMS: 9, at.NOW: reactions,
+        at.SPRING: 6 * springs * (d == 3), at.SUMS: row_size, at.NOW: reactions,
         at.JOINTS: d * c.bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.PHI_NOW: d * c.twists,

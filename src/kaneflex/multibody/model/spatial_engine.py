@@ -11,7 +11,6 @@ import numpy as np
 
 from kaneflex.multibody.compile import spatial_library
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.spatial_tree import ABOUT_AXIS, ALONG_AXIS, POINTS, TWIST
 from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE, Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
@@ -102,28 +101,25 @@ def spatial_engine(system: Any) -> SpatialEngine:
     """Engine of a :class:`kaneflex.multibody.model.spatial_system.SpatialSystem`; at rest, loops not closed."""
     m, layout, counts = system.tables, system.layout, _counts(system)
     plan, w, work, places, size = arrays_of(m, counts, system.coordinates)
-    for place, numbers in ((plan[at.MEASURE], system.measure), (places["springs"], _springs(m))):
-        w[place : place + len(numbers)] = numbers
     in_order = sorted(layout.shapes.items(), key=lambda each: layout.node_of[each[0]])
     K, C = (np.concatenate([np.zeros(0), *(getattr(shapes, of).ravel() for _, shapes in in_order)])
             for of in ("stiffness", "damping"))  # fmt: skip
-    where = [[2 * system.known_joints.index(name), system.node(name)] for name in system.told_joints]
+    for place, numbers in ((plan[at.MEASURE], system.measure), (places["springs"], _springs(m)), (plan[at.DAMPED], C)):
+        w[place : place + len(numbers)] = numbers
     balls = m.nodes[m.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]]
     free = (np.arange(size) for size in (system.coordinates, system.speeds))
     own = np.column_stack([np.setdiff1d(every, first[:, None] + np.arange(wide))
                            for every, first, wide in zip(free, balls.T, (4, 3), strict=True)])  # fmt: skip
     real, *masses = (np.zeros(size) for _ in range(4))
     parts = m._asdict() | vars(work) | {
-        "counts": None, "block": m.p, "axis_at": m.axes, "spring_ends": m.springs, "twist_ends": m.twists,
-        "bushing_ends": m.bushings, "observed": np.array(where, int).reshape(-1, 2), "K": K, "C": C,
+        "counts": None, "block": m.p, "axis_at": m.axes, "K": K, "twisting": m.springs[:, 3].copy(),
         "virtual_inertia": np.zeros(system.speeds), "row_measure": system.row_measure, "own": own,
         "balls": np.ascontiguousarray(balls),
         **{f"mass_{i}": each for i, each in enumerate(masses)},
     }  # fmt: skip
     parts["counts"] = np.array([
-        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on), len(m.cuts), len(m.forces),
-        len(m.torques), len(m.springs), len(m.twists), len(m.bushings), counts.loads, len(m.bodies), len(work.kept),
-        len(where), len(work.phi), places["geometry"], len(balls), len(own),
+        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on),
+        len(m.bodies), len(work.kept), len(work.phi), places["geometry"], len(balls), len(own),
     ])  # fmt: skip
     del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
     tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"], counts.switches), w)
@@ -140,7 +136,7 @@ def spatial_engine(system: Any) -> SpatialEngine:
 def _counts(system: Any) -> Counts:
     m, shapes = system.tables, system.tables.bodies[:, at.SHAPES]
     cuts, joints, loads = len(m.cuts), len(system.known_joints), len(system.mechanism.loads)
-    springs = len(m.springs) + len(m.twists) + 6 * len(m.bushings)
+    springs = len(m.springs) + 6 * len(m.bushings)
     twists, switches = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT], len(getattr(system.module, "SWITCHES", ()))
     return Counts(
         d=6, bodies=len(m.bodies), coordinates=system.speeds, sections=0, speeds=0, coupling=int(shapes.sum()),
@@ -151,23 +147,25 @@ def _counts(system: Any) -> Counts:
 
 
 def _springs(m: Tables) -> np.ndarray:
-    """Stiffness and damping of every row of a spring; of bushings along their axes, then about these."""
-    bushings = m.cushions.reshape(-1, 2, 6).transpose(0, 2, 1)
-    return np.concatenate([m.stiffness[:, :2].ravel(), m.torsion[:, :2].ravel(), bushings.ravel()])
+    """Stiffness, damping and free length of every row of a spring; of bushings along their axes, then about these."""
+    bushings = m.cushions.reshape(-1, 2, 6).transpose(0, 2, 1).reshape(-1, 2)
+    return np.concatenate([m.stiffness.ravel(), np.insert(bushings, 2, 0.0, axis=1).ravel()])
 
 
 def _acts(system: Any, springs: int, switches: int) -> np.ndarray:
-    """Cuts, joints in laws, loads, rows of springs, whose numbers begin at ``springs``, and switches: see ``acts`` in
-    :mod:`kaneflex.multibody.model.layout`."""
+    """Cuts, joints in laws, loads, rows of springs, whose numbers begin at ``springs``, switches, forces of loads: see
+    ``acts`` in :mod:`kaneflex.multibody.model.layout`."""
     m = system.tables
-    found = [(what, first, second, -1, row, -1) for what, first, second, _, _, row in m.cuts.tolist()]
+    found = m.cuts.tolist()
     for name in system.known_joints:
         slides = system.mechanism.joints[name].kind == "prismatic"
-        node = system.node(name) if name in system.told_joints else -1
-        found.append((at.SLIDE if slides else at.TURN, node, -1, -1, -1, -1))
+        speed = int(m.nodes[system.node(name), SPEED]) if name in system.told_joints else -1
+        found.append((at.SLIDE if slides else at.TURN, 0, 0, speed, -1, -1))
     found += [(0, -1, -1, -1, -1, -1)] * len(system.mechanism.loads)
-    rows = [(POINTS, n, 0) for n in range(len(m.springs))] + [(TWIST, n, 0) for n in range(len(m.twists))]
-    rows += [(kind, n, axis) for n in range(len(m.bushings)) for kind in (ALONG_AXIS, ABOUT_AXIS) for axis in range(3)]
-    found += [(*row, -1, -1, springs + 2 * k) for k, row in enumerate(rows)]
+    rows = [(at.STRAIGHT if axis < 0 else at.TORSIONAL, *ends, axis) for *ends, axis, _ in m.springs.tolist()]
+    rows += [(kind, *ends, axis + k) for *ends, axis, _ in m.bushings.tolist()
+             for kinds in ((at.BUSHING, at.ALONG_AXIS, at.ALONG_AXIS), 3 * (at.ABOUT_AXIS,))
+             for k, kind in enumerate(kinds)]  # fmt: skip
+    found += [(*row[:3], -1, row[3], springs + 3 * k) for k, row in enumerate(rows)]
     found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
-    return np.array(found, np.int64).reshape(-1, 6)
+    return np.array([*found, *m.pushes.tolist()], np.int64).reshape(-1, 6)

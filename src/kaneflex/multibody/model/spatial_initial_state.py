@@ -98,7 +98,8 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
 def _check_springs(system: SpatialSystem) -> None:
     """Check that springs with a direction have one, at the position of ``work``."""
     between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
-    for (name, spring), (first, second) in zip(between.items(), system.tables.springs, strict=True):
+    straight = system.tables.springs[system.tables.springs[:, 2] < 0, :2]
+    for (name, spring), (first, second) in zip(between.items(), straight, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
         if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:
             raise points_meet(name, spring.ends, " at the start")

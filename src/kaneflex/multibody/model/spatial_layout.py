@@ -32,8 +32,6 @@ in its own."""
 COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
 ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
-WHAT, FIRST, SECOND, AXIS_1, AXIS_2, ROW = range(6)
-"""Columns of ``cuts``: which constraint, sections, axes, and its first row."""
 SPEEDS = (0, 1, 1, 3, 0, 0)
 COORDINATES = (0, 1, 1, 4, 0, 0)
 """Speeds and coordinates of a node by its kind, without shapes: a ball has a unit quaternion."""
@@ -58,14 +56,12 @@ class Tables(NamedTuple):
     axis_on, axes : ndarray (n_axes,), (n_axes, 3)
         The same of axes.
     cuts : ndarray (n_constraints, 6)
-    forces : ndarray (n_forces, 3)
-        Section, direction among ``axes``, number of the load.
-    torques : ndarray (n_torques, 4)
-        First and second section, axis, number of the load.
-    springs, stiffness : ndarray (n_springs, 2), (n_springs, 3)
-        Sections; stiffness, damping, free length.
-    twists, torsion : ndarray (n_twists, 4), (n_twists, 3)
-        First and second section, axis, node that turns; stiffness, damping, free angle.
+        Rows of ``acts`` in :mod:`kaneflex.multibody.model.layout`; their numbers are their axes among ``axes``.
+    pushes : ndarray (n_pushes, 6)
+        Forces and moments of loads, as rows of ``acts`` in :mod:`kaneflex.multibody.model.layout`.
+    springs, stiffness : ndarray (n_springs, 4), (n_springs, 3)
+        Sections, and of torsional springs the axis and the speed of the joint, else -1; stiffness, damping, free length
+        or angle. Without bushings.
     bushings, cushions : ndarray (n_bushings, 4), (n_bushings, 12)
         First and second section, first of three axes of either; stiffnesses and dampings, six each.
     gravity : ndarray (3,)
@@ -81,12 +77,9 @@ class Tables(NamedTuple):
     axis_on: np.ndarray
     axes: np.ndarray
     cuts: np.ndarray
-    forces: np.ndarray
-    torques: np.ndarray
+    pushes: np.ndarray
     springs: np.ndarray
     stiffness: np.ndarray
-    twists: np.ndarray
-    torsion: np.ndarray
     bushings: np.ndarray
     cushions: np.ndarray
     gravity: np.ndarray

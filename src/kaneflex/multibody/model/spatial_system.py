@@ -32,7 +32,6 @@ from kaneflex.multibody.model.spatial_layout import (
     SPEED,
     SPEEDS,
     TURN,
-    WHAT,
     Flexible,
     Layout,
     Tables,
@@ -208,7 +207,7 @@ class SpatialSystem:
 
     @cached_property
     def row_count(self) -> int:
-        return int(sum(ROWS[what] for what in self.tables.cuts[:, WHAT]))
+        return int(sum(ROWS[what] for what in self.tables.cuts[:, at.WHAT]))
 
     @cached_property
     def engine(self) -> SpatialEngine:
@@ -281,7 +280,7 @@ class SpatialSystem:
     @cached_property
     def row_measure(self) -> np.ndarray:
         found: list[float] = []
-        for what in self.tables.cuts[:, WHAT].tolist():
+        for what in self.tables.cuts[:, at.WHAT].tolist():
             found += [1.0 if what == 1 else self.mechanism.size] * ROWS[what]
         return np.array(found)
 
@@ -291,7 +290,8 @@ class SpatialSystem:
 
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
-        x, where = np.zeros((len(times), 3 * len(self.known_joints))), self.engine.parts["observed"][:, 0]
+        x = np.zeros((len(times), 3 * len(self.known_joints)))
+        where = np.array([2 * self.known_joints.index(name) for name in self.told_joints], int)
         x[:, where], x[:, where + 1] = coordinates, speeds
         return self.engine.magnitudes(times, x)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
-from kaneflex.multibody.model.layout import DOF, MODAL
+from kaneflex.multibody.model.layout import DOF, FORCE_ALONG, MODAL, TORQUE, WHAT
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     AT,
@@ -38,7 +38,6 @@ from kaneflex.multibody.model.spatial_layout import (
     SPEEDS,
     STATION,
     TURN,
-    WHAT,
     Axis,
     Deformable,
     Flexible,
@@ -63,7 +62,7 @@ class _Maker:
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.p: list[np.ndarray] = []
-        self.sections: list[tuple[int, np.ndarray]] = []
+        self.sections: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
         self.axes: list[tuple[int, np.ndarray]] = []
         self.node_of = {GROUND: -1}
         self.speeds: list[str] = []
@@ -296,9 +295,9 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
         turned = maker.mechanism.stands(bodies[of]).T @ maker.mechanism.stands(bodies[0])
         return [maker.axis(joint.sides[of], turned @ vector) for vector in vectors]
 
-    def add(what: int, axis_1: int = 0, axis_2: int = 0) -> None:
+    def add(what: int, axis: int = -1) -> None:
         nonlocal row
-        found.append((what, first, second, axis_1, axis_2, row))
+        found.append((what, first, second, -1, row, axis))
         row += ROWS[what]
 
     across, parallel = joint.across, joint.parallel
@@ -308,46 +307,45 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
         for axis in axes(across, 0):
             add(ON_PLANE, axis)
     for one, other in parallel:
-        add(PERPENDICULAR, axes([one], 0)[0], axes([other], 1)[0])
+        add(PERPENDICULAR, min(axes([one], 0) + axes([other], 1)))
     return found
 
 
 def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...], int]]) -> Tables:
     mechanism = maker.mechanism
-    forces, torques, springs, stiffness, twists, torsion, bushings, cushions = ([] for _ in range(8))
+    pushes, springs, stiffness, bushings, cushions = ([] for _ in range(5))
     for number, load in enumerate(mechanism.loads.values()):
         for k, (at, share) in enumerate(load.pushes):
             spread = load.is_spread and at.body in maker.shapes
             section = maker.mean(at.body, rises=k > 0) if spread else maker.section(at)
             turning = at if load.at is not None else Side(at.body, (0.0, 0.0, 0.0))
             turning = turning if load.in_body else Side(GROUND, (0.0, 0.0, 0.0))
-            forces.append((section, maker.axis(turning, share * load.direction), number))
+            pushes.append([FORCE_ALONG, 0, section, number, maker.axis(turning, share * load.direction), -1])
         if load.joint is not None:
             joint = mechanism.joints[load.joint]
-            first, second = (maker.section(side) for side in joint.sides)
-            torques.append((first, second, maker.axis(joint.sides[0], joint.moves[0][1]), number))
+            sections = [maker.section(side) for side in joint.sides]
+            pushes.append([TORQUE, *sections, number, maker.axis(joint.sides[0], joint.moves[0][1]), -1])
     for spring in mechanism.springs.values():
         if spring.is_bushing:
             sides = zip(spring.sides, (np.eye(3), mechanism.relative(spring)), strict=True)
             first, second = (min([maker.axis(side, axis) for axis in axes]) for side, axes in sides)
             bushings.append([*(maker.section(side) for side in spring.sides), first, second])
             cushions.append(spring.numbers)
-        elif spring.joint is None:
-            springs.append([maker.section(side) for side in spring.sides])
-            stiffness.append(spring.numbers)
+            continue
+        stiffness.append(spring.numbers)
+        if spring.joint is None:
+            springs.append([*(maker.section(side) for side in spring.sides), -1, -1])
         else:
-            joint = mechanism.joints[spring.joint]
+            joint, speed = mechanism.joints[spring.joint], maker.nodes[tree[spring.joint][0][0]][SPEED]
             sections = [maker.section(side) for side in joint.sides]
-            twists.append([*sections, maker.axis(joint.sides[0], joint.moves[0][1]), tree[spring.joint][0][0]])
-            torsion.append(spring.numbers)
+            springs.append([*sections, maker.axis(joint.sides[0], joint.moves[0][1]), speed])
     bodies, frames = _bodies(maker)
     return Tables(
         _whole(maker.nodes, 9), np.array(maker.numbers).reshape(-1, 18), bodies, frames,
         np.concatenate([*maker.p, np.zeros(0)]),
         np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
-        _whole(cuts, 6), _whole(forces, 3), _whole(torques, 4), _whole(springs, 2),
-        np.array(stiffness, float).reshape(-1, 3), _whole(twists, 4), np.array(torsion, float).reshape(-1, 3),
+        _whole(cuts, 6), _whole(pushes, 6), _whole(springs, 4), np.array(stiffness, float).reshape(-1, 3),
         _whole(bushings, 4), np.array(cushions, float).reshape(-1, 12),
         np.asarray(mechanism.gravity, float),
     )  # fmt: skip

@@ -70,7 +70,7 @@ def build_tables(
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
-    bodies, sections, coordinates, hold, row, square, coupling, twists, driven = found
+    bodies, sections, coordinates, hold, damping, row, square, coupling, twists, driven = found
     virtual = virtual_inertias(mechanism, order, index, bodies, numbers.parts, measure)
     acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, virtual, switches)
     counted = Counts(
@@ -80,6 +80,7 @@ def build_tables(
     )  # fmt: skip
     plan, size = assign(counted, numbers)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
+    plan[at.DAMPED] = numbers.put(np.concatenate(damping))
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
     places, w = [_ground(mechanism, name) for owner, name in index if owner == GROUND], np.concatenate(numbers.parts)
@@ -90,13 +91,14 @@ def build_tables(
 
 
 class _Bodies(NamedTuple):
-    """Rows of bodies and sections, coordinates with stiffness and damping; numbers of speeds of all bodies, of entries
-    of L, of rows of E and of phi; coordinate of every prescribed drive, or -1 in a cut."""
+    """Rows of bodies and sections, coordinates with stiffness and damping, damping of shapes; numbers of speeds of all
+    bodies, of entries of L, of rows of E and of phi; coordinate of every prescribed drive, or -1 in a cut."""
 
     bodies: np.ndarray
     sections: np.ndarray
     coordinates: list[tuple[str, str]]
     hold: list[tuple[float, float]]
+    damping: list[np.ndarray]
     row: int
     square: int
     coupling: int
@@ -113,9 +115,9 @@ def _build_bodies(
     units: tuple[str, ...]
     joint_numbers: tuple[float, ...]
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    bodies = np.zeros((len(order), at.DAMPED + 1), np.int64)
+    bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
-    hold: list[tuple[float, float]] = []
+    hold, dampings = list[tuple[float, float]](), list[np.ndarray]()
     row, square, coupling, twists, driven = 0, 0, 0, 0, [-1] * len(prescribed)
     for k, (body, joint, child) in enumerate(order):
         axial, transverse = counts.get(body, (0, 0))[:2]
@@ -138,12 +140,13 @@ def _build_bodies(
         bodies[k] = (
             shapes, len(units), first, first + len(units), base, phi if moves else -1, coupling, square,
             numbers.put(blocks.body(body)), kind, parent, index[inboard], own[0], own[-1] + 1, row,
-            numbers.put(joint_numbers), numbers.put(damping.ravel()),
+            numbers.put(joint_numbers),
         )  # fmt: skip
+        dampings.append(damping.ravel())
         hold += [*held, *zip(stiffness.tolist(), np.diag(damping).tolist(), strict=True)]
         coordinates += _named(body, joint, units, axial, transverse)
         row, square, coupling = row + 3 + shapes, square + shapes**2, coupling + shapes
-    return _Bodies(bodies, sections, coordinates, hold, row, square, coupling, twists, driven)
+    return _Bodies(bodies, sections, coordinates, hold, dampings, row, square, coupling, twists, driven)
 
 
 def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:

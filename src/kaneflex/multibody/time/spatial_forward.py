@@ -119,7 +119,7 @@ class Run(Curve):
                 if better is not found:
                     return better
             elif ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED):
-                far = overturned(system.mechanism, system.work.bushings)  # in the last attempt
+                far = overturned(system.mechanism, system.work.springs)  # in the last attempt
                 raise self._stopped(float(here[0]), self._reason(here, choice), far)
             if self.pace.too_slow(float(here[0]) - self.start.t):
                 raise self._stopped(float(here[0]))

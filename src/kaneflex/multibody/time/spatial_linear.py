@@ -66,10 +66,11 @@ class SpatialEquations(Equations):
 
         system, axes = self.system, self.system.work.axes
         tables, place, v, w = system.tables, sections[:, :3], moved[:, :, 3:6], moved[:, :, 9:12]
-        for ends, numbers in zip(tables.springs, tables.stiffness, strict=True):
-            yield pulled(place, v, ends, numbers)
-        for (first, second, axis, _), (stiffness, *_) in zip(tables.twists, tables.torsion, strict=True):
-            yield (w[:, second] - w[:, first]) @ axes[axis][:, None], np.array([stiffness])
+        for (first, second, axis, _), numbers in zip(tables.springs, tables.stiffness, strict=True):
+            if axis < 0:
+                yield pulled(place, v, np.array([first, second]), numbers)
+            else:
+                yield (w[:, second] - w[:, first]) @ axes[axis][:, None], numbers[:1]
         for (first, second, one, other), numbers in zip(tables.bushings, tables.cushions, strict=True):
             E = axes[one : one + 3]
             slid = v[:, second] - v[:, first] - np.cross(w[:, first], place[second] - place[first])

@@ -12,7 +12,6 @@ from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.dynamics.spatial_bushings import ENERGY
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
@@ -184,13 +183,12 @@ class SpatialKinematics(RigidKinematics):
                   *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
-        twists, between = (iter(each[:, :, 1:2].transpose(1, 2, 0)) for each in (found.twists, found.springs))
-        bushings = iter(found.bushings[:, :, :ENERGY].transpose(1, 2, 0))
+        tensions, straight = found.springs[:, :, 1].T, len(system.tables.springs)
+        springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
-                 for row in next(bushings if spring.is_bushing else twists if spring.joint else between)]  # fmt: skip
+                 for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
         kinetic, strain, weight, _ = found.deforming.T
-        strain = strain + found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
-        strain = strain + found.bushings[:, :, ENERGY].sum(axis=1)
+        strain = strain + found.springs[:, :, 5].sum(axis=1)
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
             found.along[:, system.driven_speeds], _side_by_side(pulls, count),

@@ -18,11 +18,12 @@ from kaneflex.multibody.compile.values import by_size, copy, inside
 from kaneflex.multibody.dynamics import load_derivatives, spatial_tree
 from kaneflex.multibody.dynamics.dimensions import assemble, resist
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.dynamics.spatial_bushings import ANGLE, MOST
-from kaneflex.multibody.dynamics.spatial_work import BUSHINGS
+from kaneflex.multibody.dynamics.spatial_bushings import MOST, SIZE
 from kaneflex.multibody.model.layout import (
+    BUSHING,
     BY_FORCES,
     COLUMNS,
+    CONTACTS,
     COORDINATES,
     DEMAND,
     GIVEN,
@@ -35,6 +36,9 @@ from kaneflex.multibody.model.layout import (
     RESISTING,
     RESISTING_R,
     SLOPED,
+    SPRING,
+    SPRINGS,
+    WHAT,
     apart,
     shifted,
 )  # fmt: skip
@@ -59,8 +63,8 @@ def _keep_accelerations(m, i, first):
     """Store it as accelerations and reactions; False: singular, or a bushing or a ball has turned too far."""
     apart()
     plan, w, A = m.plan, m.w, _mass(m, i)
-    for n in range(m.counts[BUSHINGS]):
-        if not m.bushings[9 * n + ANGLE] <= MOST:
+    for act in range(plan[SPRINGS], plan[CONTACTS]):
+        if m.acts[act, WHAT] == BUSHING and not w[plan[SPRING] + SIZE * (act - plan[SPRINGS])] <= MOST:
             return False
     if not spatial_tree.note_turns(m, i):
         return False

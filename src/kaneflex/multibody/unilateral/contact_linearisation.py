@@ -14,7 +14,8 @@ from kaneflex.multibody.unilateral import dry_friction, lugre_step
 from kaneflex.multibody.dynamics.forces import lean, meet
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.dynamics.courses import leave_out
-from kaneflex.multibody.dynamics.dimensions import bent, deform, gradient, move
+from kaneflex.multibody.dynamics.dimensions import bent, deform, move
+from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, DRIVES, GAP, GAP_RATE, HOLDS, JAMS,

@@ -1,0 +1,199 @@
+"""Springs, loads and reactions of cuts between sections, in the plane and in space: one name, chosen by the tables.
+
+A wrench at a section has D numbers, a force and a moment, like a twist.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import joints as planar_laws
+from kaneflex.generated import spatial as spatial_laws
+from kaneflex.multibody.compile.values import after, by_size, numbers_of, row_length, twists, width
+from kaneflex.multibody.dynamics import forces, planar_tree
+from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, force_at, joined, minus, scaled, zero_like
+from kaneflex.multibody.dynamics.forces import load_sizes, press
+from kaneflex.multibody.dynamics.spatial_bushings import cushion
+from kaneflex.multibody.dynamics.spatial_kinematics import freedoms
+from kaneflex.multibody.model.layout import (
+    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUT, CUTS, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS, PUSHED,
+    PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger, shifted,
+    turned,
+)  # fmt: skip
+from kaneflex.multibody.model.spatial_layout import COUNT, PARENT, ROW_OF, SPEED
+from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.support.inner import once
+
+
+@once
+@njit(**OPTIONS)
+def _push_6(m, n, wrench):
+    apart()
+    on = m.on[n]
+    if on >= 0:
+        m.F[on] = axpy(-1.0, force_at(wrench, minus(m.sections[5 * n], m.r[on])), m.F[on])
+
+
+@once
+@njit(**OPTIONS)
+def _along_6(m, n, wrench, bends, out):
+    """Inwards from the section's node, over whose tree alone the wrench acts."""
+    apart()
+    node, w = m.on[n], after(m.w, out)
+    if node < 0:
+        return
+    wrench = force_at(wrench, minus(m.sections[5 * n], m.r[node]))
+    while node >= 0:
+        s, parent = m.nodes[node, SPEED], m.nodes[node, PARENT]
+        if m.nodes[node, ROW_OF] >= 0:
+            for j in range(m.nodes[node, COUNT]):
+                w[s + j] += dot(m.phi[m.nodes[node, ROW_OF] + j], wrench)
+        for j in range(s, s + freedoms(m, node)):
+            w[j] += dot(m.S[j], wrench)
+        if parent >= 0:
+            wrench = force_at(wrench, minus(m.r[node], m.r[parent]))
+        node = parent
+
+
+@njit(**OPTIONS)
+def twist_at_section(m, n):
+    """Velocity and angular velocity of a section."""
+    k = m.plan[SECTION] + SEC * n
+    return m.w[k + 3], m.w[k + 4], m.w[k + 5]
+
+
+@njit(**OPTIONS)
+def _twist_6(m, n):
+    return joined(m.sections[5 * n + 1], m.sections[5 * n + 3])
+
+
+@njit(**OPTIONS)
+def unit_wrench(m, act):
+    """Wrench on the second section for a unit of a load or of a spring's tension; the opposite acts on the first."""
+    w, what, first, second = m.w, m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON]
+    if what >= TORQUE:
+        return 0.0, 0.0, 1.0
+    if what == STRAIGHT:
+        sec = shifted(w, m.plan[SECTION])
+        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
+        length = larger(math.sqrt(x * x + z * z), 1e-300)
+        return x / length, z / length, 0.0
+    theta = w[m.plan[SECTION] + SEC * m.acts[act, ROW_AT] + 2] if what == FOLLOWER else 0.0
+    x, z = turned(w, theta, m.acts[act, NUMBERS_AT])
+    return x, z, 0.0
+
+
+@njit(**OPTIONS)
+def _unit_wrench_6(m, act):
+    what, nothing = m.acts[act, WHAT], (0.0, 0.0, 0.0)
+    if what == STRAIGHT:
+        d = minus(m.sections[5 * m.acts[act, ON]], m.sections[5 * m.acts[act, AT]])
+        return joined(scaled(1.0 / larger(math.sqrt(dot(d, d)), 1e-300), d), nothing)
+    axis = m.axes[m.acts[act, ROW_AT]]
+    if what >= TORQUE:
+        return joined(nothing, axis)
+    return joined(axis, nothing)
+
+
+@njit(**OPTIONS)
+def spring_size(m):
+    """Numbers of a spring: length or angle, tension or torque, force, energy [J], dissipated power [W]."""
+    return 5 + width(m) // 3
+
+
+@njit(**OPTIONS)
+def stretch(m, act, k):
+    """Fill the numbers of a spring at w[k]; returns its wrench on the second section."""
+    w, j, sec = m.w, m.acts[act, NUMBERS_AT], shifted(m.w, m.plan[SECTION])
+    if m.acts[act, WHAT] == TORSIONAL:
+        planar_laws.twist(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], w[j + 2], w, k)
+        return 0.0, 0.0, -w[k + 1]
+    planar_laws.pull(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], w[j + 2], w, k)
+    return w[k + 2], w[k + 3], 0.0
+
+
+@njit(**OPTIONS)
+def _stretch_6(m, act, k):
+    w, j, what, first, second = m.w, m.acts[act, NUMBERS_AT], m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON]
+    if what == STRAIGHT:
+        spatial_laws.pull(numbers_of(m.sections), first, second, w[j], w[j + 1], w[j + 2], w, k)
+        return w[k + 2], w[k + 3], w[k + 4], 0.0, 0.0, 0.0
+    unit = unit_wrench(m, act)
+    if what == TORSIONAL:  # at a joint of the tree, whose coordinate counts turns
+        w[k] = w[m.plan[Y] + m.twisting[act - m.plan[SPRINGS]]]
+        angle, rate = w[k] - w[j + 2], dot(unit, axpy(-1.0, twist_at_section(m, first), twist_at_section(m, second)))
+        w[k + 1], w[k + 5], w[k + 6] = w[j] * angle + w[j + 1] * rate, 0.5 * w[j] * angle**2, w[j + 1] * rate**2
+    elif what == BUSHING:
+        cushion(m, act, k)
+    force = scaled(w[k + 1], unit)
+    if what < TORQUE:  # of a bushing, whose force acts at the second point on both sides
+        away = minus(m.sections[5 * second], m.sections[5 * first])
+        push(m, first, joined((0.0, 0.0, 0.0), cross(away, (force[0], force[1], force[2]))))
+    return scaled(-1.0, force)
+
+
+push, along = by_size(forces.push, _push_6), by_size(planar_tree.along, _along_6)
+twist_at_section, unit_wrench = by_size(twist_at_section, _twist_6), by_size(unit_wrench, _unit_wrench_6)
+stretch = by_size(stretch, _stretch_6)
+
+
+@once
+@njit(**OPTIONS)
+def _push_both(m, act, wrench):
+    """Subtract a wrench on the second section of an act, and the opposite on the first, from the inertia forces."""
+    push(m, m.acts[act, ON], wrench)
+    push(m, m.acts[act, AT], scaled(-1.0, wrench))
+
+
+@once
+@njit(**OPTIONS)
+def along_both(m, act, wrench, bends, out):
+    """Add their generalised forces along all coordinates at ``out``; shapes only if requested."""
+    along(m, m.acts[act, ON], wrench, bends, out)
+    along(m, m.acts[act, AT], scaled(-1.0, wrench), bends, out)
+
+
+@njit(**OPTIONS)
+def act(m, t):
+    """Subtract loads, springs and contacts from the inertia forces."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    load_sizes(m, t)
+    for n in range(plan[PUSHES], plan[PUSHED]):
+        _push_both(m, n, scaled(w[plan[SIZE] + acts[n, COURSE_AT]], unit_wrench(m, n)))
+    for n in range(plan[SPRINGS], plan[CONTACTS]):
+        _push_both(m, n, stretch(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        press(m, n)
+    dry_friction.exert(m)
+
+
+@njit(**OPTIONS)
+def row_wrench(m, row, side):
+    """Wrench of a row's unit reaction on one of its sections."""
+    return twists(m, shifted(m.w, m.plan[CUT] + row_length(m) * row + 3))[side]
+
+
+@njit(**OPTIONS)
+def react(m):
+    """Subtract the reactions of the cuts from the inertia forces."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    for n in range(plan[CUTS], plan[DRIVES]):
+        first, end = acts[n, ROW_AT], acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
+        for side in range(2):
+            wrench = zero_like(row_wrench(m, first, side))
+            for row in range(first, end):
+                wrench = axpy(w[plan[NOW] + row], row_wrench(m, row, side), wrench)
+            push(m, acts[n, AT + side], wrench)
+
+
+@once
+@njit(**OPTIONS)
+def gradient(m, row, cut, bends, out):
+    """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested."""
+    apart()
+    for side in range(2):
+        along(m, m.acts[cut, AT + side], row_wrench(m, row, side), bends, out)
