@@ -60,7 +60,7 @@ def equations() -> Equations:
 
 def element_task() -> Task:
     """M, K_s, K_d, K_g, C and F of an element in a link that moves as it likes."""
-    element = equations().element
+    element = equations().element(equations().theory)
     matrices = {}
     for name in ELEMENT_KERNELS:
         _, raw = element_kernel(name, element)
