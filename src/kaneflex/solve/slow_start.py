@@ -19,6 +19,8 @@ from kaneflex.support.errors import SceneError
 
 _POINTS, _HALVINGS = 7, 25
 """Instants of an interval for the initial rates, and number of intervals, down to about 1e-7 of the run."""
+_SCATTER = 4.0
+"""Ratio of changes that differ by rounding only; intervals of twice the length change them about 40 times as much."""
 _CHORDS, _ROUNDING = 40, 1e-9
 """Largest number of chord steps to equilibrium, and step length, relative to the coordinate's scale,
 below which stagnation counts as rounding: second rates need all digits."""
@@ -51,7 +53,8 @@ def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tupl
 
     Derivatives of the polynomial through Chebyshev points of an interval at the start. Short intervals amplify
     rounding, long ones exceed the polynomial's reach: of intervals from the whole run down, each half the previous one,
-    the one is chosen where halving changes the accelerations least, in the energy norm.
+    the longest is chosen where halving changes the accelerations least, in the energy norm, up to the scatter of
+    rounding. So neighbours of a scene take the same one.
     """
     order = np.arange(_POINTS)
     points = -np.cos(np.pi * order / order[-1])
@@ -66,7 +69,8 @@ def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tupl
     v, a = np.einsum("dp,spn->dsn", weights, z)
     v, a = 2.0 / spans[:, None] * v, (2.0 / spans[:, None]) ** 2 * a
     changes = np.diff(a, axis=0)
-    taken = np.einsum("sn,nm,sm->s", changes, inertia, changes).argmin()
+    squares = np.einsum("sn,nm,sm->s", changes, inertia, changes)
+    taken = int((squares <= _SCATTER**2 * squares.min()).argmax())
     return v[taken], a[taken]
 
 
