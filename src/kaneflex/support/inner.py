@@ -17,7 +17,7 @@ from typing import Any
 from numba.core import types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.typed_passes import InlineOverloads, NativeLowering
+from numba.core.typed_passes import InlineOverloads, IRLegalization, NativeLowering
 from numba.core.untyped_passes import InlineClosureLikes
 
 from kaneflex.support import shipped_kernels
@@ -69,7 +69,7 @@ def once(dispatcher):
     return dispatcher
 
 
-_NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
+_NOT_NEEDED = (InlineClosureLikes, InlineOverloads, IRLegalization)
 """Compiler pass for nested functions, which are not used."""
 
 

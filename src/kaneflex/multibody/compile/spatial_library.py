@@ -13,14 +13,14 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.compile.library import sources
 from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, PRESCRIBED_ENTRIES
-from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE
-from kaneflex.multibody.model.layout import OUTER, Handed
+from kaneflex.multibody.model.layout import OUTER, RIGID_SPACE, SPACE, SWITCHED_SPACE, Handed
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*sources(), laws.__file__, shape_laws.__file__)
 _prescribed, _integrated, _switched_prescribed, _switched = (
-    entered(space, entries) for space in (SPACE, SWITCHED_SPACE) for entries in (PRESCRIBED_ENTRIES, ENTRIES)
+    entered(space, entries) for space in (RIGID_SPACE, SWITCHED_SPACE) for entries in (PRESCRIBED_ENTRIES, ENTRIES)
 )
+_elastic = entered(SPACE, ENTRIES)
 
 
 @njit(cache=True, **OUTER)
@@ -37,6 +37,12 @@ def _addresses():
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
+def _addresses_of_elastic():
+    return _elastic()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
 def _addresses_of_switched_prescribed():
     return _switched_prescribed()
 
@@ -48,7 +54,8 @@ def _addresses_of_switched():
 
 
 _ENTERED = {
-    (SPACE, False): _addresses_of_prescribed, (SPACE, True): _addresses,
+    (RIGID_SPACE, False): _addresses_of_prescribed, (RIGID_SPACE, True): _addresses,
+    (SPACE, True): _addresses_of_elastic,
     (SWITCHED_SPACE, False): _addresses_of_switched_prescribed, (SWITCHED_SPACE, True): _addresses_of_switched,
 }  # fmt: skip
 
@@ -57,6 +64,6 @@ _ENTERED = {
 def library(space: Handed, integrates: bool) -> dict[Any, Callable[..., Any]]:
     """C functions of all entries, by their numba functions; without ``integrates`` they are fewer, and compile faster.
 
-    ``space``: the argument type; mechanisms with discontinuous loads have more functions.
+    ``space``: the argument type; mechanisms with elastic bodies or discontinuous loads have more functions.
     """
     return called(_ENTERED[space, integrates], ENTRIES if integrates else PRESCRIBED_ENTRIES)

@@ -1,4 +1,4 @@
-"""Functions compiled for mechanisms with contacts or holds only, and their stand-ins elsewhere."""
+"""Functions compiled only for mechanisms with contacts, holds or stiffness, and their stand-ins elsewhere."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, SWITCHED_SPACE
+from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, SPACE, SWITCHED_SPACE
 
 
 def of_contacts(otherwise):
-    """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this number
+    """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this constant
     elsewhere.
 
     Most mechanisms have no contacts and save a third of the compilation.
@@ -27,6 +27,11 @@ def of_changes(otherwise):
 def of_holds(otherwise):
     """As :func:`of_contacts`, for mechanisms with holds."""
     return _where(otherwise, (HOLD_MECHANISM,))
+
+
+def of_stiffness(otherwise):
+    """As :func:`of_contacts`, for mechanisms with elastic bodies, or springs and loads that need derivatives."""
+    return _where(otherwise, (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM, SPACE, SWITCHED_SPACE))
 
 
 def _where(otherwise, mechanisms):

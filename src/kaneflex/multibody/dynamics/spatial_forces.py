@@ -10,6 +10,7 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -67,13 +68,19 @@ def demand(m, t):
         m.x3[0], m.x3[1], m.x3[2] = w, a, e
         laws.demand(m.block, own, x, 0, x, 9)
         if m.nodes[n, KIND] == SHAPES:
-            u, shapes = m.nodes[n, SPEED], m.nodes[n, COUNT]
-            shape_laws.shaped_demand(m.block, own + _OWN, shapes, x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
+            _demand_of_shapes(m, n)
         m.F[n] = joined(turned(m.R, 3 * n, m.x3[3]), turned(m.R, 3 * n, m.x3[4]))
     act(m, t)
     meet_switches(m)
     react(m)
     pass_on(m)
+
+
+@of_stiffness(None)
+@njit(**OPTIONS)
+def _demand_of_shapes(m, n):
+    own, u, x = m.nodes[n, BODY] + _OWN, m.nodes[n, SPEED], m.x
+    shape_laws.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
 
 
 @njit(**OPTIONS)
@@ -109,9 +116,15 @@ def _own_inertia(m, n):
         return
     laws.inertia(m.block, m.nodes[n, BODY], m.x, 0)
     if m.nodes[n, KIND] == SHAPES:
-        shapes, q = m.nodes[n, COUNT], m.nodes[n, SPEED]
-        room = 36 + (6 + shapes) * shapes
-        shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + _OWN, shapes, m.y, q, m.x, 0, m.x, room)
+        _inertia_of_shapes(m, n)
+
+
+@of_stiffness(None)
+@njit(**OPTIONS)
+def _inertia_of_shapes(m, n):
+    shapes, q = m.nodes[n, COUNT], m.nodes[n, SPEED]
+    room = 36 + (6 + shapes) * shapes
+    shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + _OWN, shapes, m.y, q, m.x, 0, m.x, room)
 
 
 @njit(**OPTIONS)
@@ -177,6 +190,7 @@ def mass_matrix(m, unit):
         unit[s] = 0.0
 
 
+@of_stiffness(None)
 @njit(**OPTIONS)
 def deforming(m):
     """Contributions of shapes to energies and dissipated power, after ``accelerate``."""

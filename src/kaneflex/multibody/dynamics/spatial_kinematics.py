@@ -13,6 +13,7 @@ from numba import njit
 
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import after, inside, numbers_of
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -51,6 +52,7 @@ from kaneflex.support.inner import once
 
 _NUMBERS, _PLACE, _AXIS, _SHIFT = 6, 3, 4, 5
 """Vectors of a node's numbers, and the places of its joint's point, axis, and the joint's point in its own axes."""
+_NOTHING = 0.0, 0.0, 0.0
 
 
 @njit(**OPTIONS)
@@ -159,6 +161,7 @@ def _of_x(m, k, a):
             m.x[k + 6] * a[0] + m.x[k + 7] * a[1] + m.x[k + 8] * a[2])  # fmt: skip
 
 
+@of_stiffness(_NOTHING)
 @njit(**OPTIONS)
 def _deform(m, n):
     """Rotate a station by theta = psi q, and return its displacement."""
@@ -172,6 +175,7 @@ def _deform(m, n):
     return _displace(m, n, base)
 
 
+@of_stiffness(_NOTHING)
 @njit(**OPTIONS)
 def _deform_back(m, n):
     """Rotate the axes of a node of shapes back from the section of its joint, and return the section's displacement."""
@@ -333,6 +337,7 @@ def accelerate(m, first_body):
             m.sections[at + 4] = m.e[on]
 
 
+@of_stiffness(4 * (_NOTHING,))
 @njit(**OPTIONS)
 def _station_accelerations(m, n):
     """Velocity, acceleration, angular velocity and acceleration of a station relative to its body's axes, global."""
@@ -344,6 +349,7 @@ def _station_accelerations(m, n):
     return first(twist), plus(first(faster), growing[0]), last(twist), plus(last(faster), growing[1])
 
 
+@of_stiffness(2 * (_NOTHING,))
 @njit(**OPTIONS)
 def _back_accelerations(m, n):
     """Acceleration by displacements, and angular acceleration, of the axes of a node of shapes, less those of the

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import after, copy_vectors, twists, vectors
 from kaneflex.multibody.dynamics.algebra import dot, force_at, minus, plus, scaled, times, twist_at
 from kaneflex.multibody.dynamics.articulated import transport
@@ -67,6 +68,7 @@ def assemble(m):
         w[pivots[of.MIDDLE] + k] = w[m.plan[of.GRADIENT] + k]
 
 
+@of_stiffness(None)
 @njit(**IN_ORDER)
 def _move_inertia(m, b, back):
     """Move matrices I, E and L of a body from its axes to its joint's section; ``back``: the axes' twists by shapes,

@@ -11,7 +11,7 @@ from numba.types import float64
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.interactions import Numbers
-from kaneflex.multibody.model.layout import PARTS, SWITCHED_SPACE, Fixed, Handed, N
+from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, SWITCHED_SPACE, Fixed, N
 from kaneflex.multibody.model.places import Counts, assign
 from kaneflex.multibody.model.spatial_layout import Tables
 
@@ -36,8 +36,8 @@ _WORK = {
     "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
     "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
-SPACE = Handed("Mechanism in space", 6, **PARTS | {"bodies": Fixed(8)} | _TABLES | _WORK)
-SWITCHED_SPACE.parts.update(SPACE.parts)
+for _each in (SPACE, RIGID_SPACE, SWITCHED_SPACE):
+    _each.parts.update({"bodies": Fixed(8)} | _TABLES | _WORK)
 """All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
 
 ``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector

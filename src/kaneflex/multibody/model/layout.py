@@ -322,10 +322,13 @@ PARTS = {
 MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
     Handed(name, 3, **PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
-SWITCHED_SPACE = Handed("Mechanism in space with discontinuous loads", 6)
+SPACE, RIGID_SPACE, SWITCHED_SPACE = (
+    Handed(f"Mechanism in space{kind}", 6, **PARTS) for kind in ("", " without stiffness", " with discontinuous loads")
+)
 """All numbers of a mechanism for compiled code, in space with those of :mod:`.spatial_work`. ``pivots``: the plan once
 more, writable; ``kernels``: addresses of those of the structure, see :func:`kernel`; ``p``: the parameters of the
-structure's module; ``real``, ``pair``: arrays for factors."""
+structure's module; ``real``, ``pair``: arrays for factors. RIGID_SPACE: without shapes, and without derivatives of
+springs and loads in the matrix of a step."""
 
 
 class Handle:

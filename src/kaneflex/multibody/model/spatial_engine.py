@@ -11,10 +11,10 @@ import numpy as np
 
 from kaneflex.multibody.compile import spatial_library
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.spatial_work import SPACE, SWITCHED_SPACE, Work, arrays_of
+from kaneflex.multibody.dynamics.spatial_work import Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.layout import STRUCTURE_KERNELS
+from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, STRUCTURE_KERNELS, SWITCHED_SPACE
 from kaneflex.multibody.model.places import Counts
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Tables
 from kaneflex.multibody.model.state import Choice
@@ -127,7 +127,8 @@ def spatial_engine(system: Any) -> SpatialEngine:
     p = np.ascontiguousarray(system.parameters, float)
     units = np.where(system.turns, "rad", "m").tolist()
     names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
-    space, pair = SWITCHED_SPACE if counts.switches else SPACE, np.zeros(size, complex)
+    stiff = system.coupled or (system.integrates and system.has_slopes)
+    space, pair = SWITCHED_SPACE if counts.switches else SPACE if stiff else RIGID_SPACE, np.zeros(size, complex)
     return SpatialEngine(
         tables, names, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates
     )
