@@ -15,7 +15,7 @@ BASELINE = {
     "cli": 2,
     "fem": 25,
     "integrate": 13,
-    "mechanism": 21,
+    "mechanism": 17,
     "multibody": 36,
     "plots": 31,
     "report": 5,

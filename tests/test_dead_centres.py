@@ -74,7 +74,7 @@ def test_transmission_angles_are_those_of_the_closed_forms(tmp_path):
     (second,) = found("four-bar")
     angles = [math.acos((b * b + c * c - d * d) / (2 * b * c)) for d in (g - a, g + a)]
     assert [second.values.min(), second.values.max()] == pytest.approx(angles, abs=1e-9)
-    assert second.stand == "main = 0 deg" and not second.note
+    assert second.position == "main = 0 deg" and not second.note
 
     (wrist,) = found("engine")
     assert wrist.values.min() == pytest.approx(math.acos(40 / 137), abs=1e-9)
@@ -83,7 +83,7 @@ def test_transmission_angles_are_those_of_the_closed_forms(tmp_path):
     (tmp_path / "lever.toml").write_text(OFFSET_SLIDE)
     (slot,) = found(tmp_path / "lever.toml")
     assert slot.name == "slot" and slot.values.min() == pytest.approx(math.acos(30 / (100 - 40)), abs=1e-9)
-    assert slot.stand == "main = 180 deg"
+    assert slot.position == "main = 180 deg"
 
 
 def test_runs_of_many_turns_are_looked_at_over_one():
@@ -95,12 +95,12 @@ def test_runs_of_many_turns_are_looked_at_over_one():
 def test_angles_near_a_dead_centre_are_noted():
     (wrist,) = found("engine", "rod.length=40.3 mm")
     mu = math.acos(40 / 40.3)
-    assert wrist.note.startswith(f"at {wrist.stand} the transmission angle at wrist is {math.degrees(mu):.2g} deg")
-    assert wrist.stand in ("main = 90 deg", "main = 270 deg")
+    assert wrist.note.startswith(f"at {wrist.position} the transmission angle at wrist is {math.degrees(mu):.2g} deg")
+    assert wrist.position in ("main = 90 deg", "main = 270 deg")
     assert f"reach {1 / math.sin(mu):.3g} times the transmitted force" in wrist.note
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=50.3 mm")  # fmt: skip
-    assert second.stand == "main = 180 deg" and "at a dead centre" in second.note
+    assert second.position == "main = 180 deg" and "at a dead centre" in second.note
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=51 mm")  # fmt: skip
     assert not second.note  # 14.5 degrees

@@ -89,7 +89,7 @@ def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
         return 3 * len(bodies)
     count = courses[bodies[0]].shape[1]
     instants = sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)})
-    poses = {GROUND: np.zeros(3)} | {name: course[:, instants] for name, course in courses.items()}
+    poses = {name: course[:, instants] for name, course in courses.items()}
     jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
     jacobian = _scaled(jacobian, mechanism.size)
     ranks = np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2, axis=(1, 2)))
@@ -175,7 +175,8 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     if not names:
         return ()
     jacobian = _scaled(jacobian, mechanism.size)
-    if _is_regular(jacobian):
+    _, sizes, shapes = np.linalg.svd(jacobian)
+    if len(names) == len(shapes) and sizes[-1] > _REGULAR * sizes[0]:
         return ()
     order = list(range(len(names)))
     if held < len(names) and len(_independent(jacobian[:held])) == jacobian.shape[1]:
@@ -190,7 +191,6 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
             "Leave free out; give coordinates and speeds of free joints at their drives",
         )  # fmt: skip
     # Motions in the null space are undetermined.
-    _, sizes, shapes = np.linalg.svd(jacobian)
     free = shapes[int((sizes > _DEPENDENT * sizes[0]).sum()) :]
     loose = [body for k, body in enumerate(bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
     drives = [name.removesuffix(".drive") for name in spare if name.endswith(".drive")]
@@ -248,15 +248,6 @@ def _scaled(jacobian: np.ndarray, size: float) -> np.ndarray:
     jacobian[..., 2::3] /= size
     lengths = np.linalg.norm(jacobian, axis=-1, keepdims=True)
     return jacobian / np.where(lengths > 0.0, lengths, 1.0)
-
-
-def _is_regular(rows: np.ndarray) -> bool:
-    """True for a square matrix that is clearly regular."""
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    if rows.shape[0] != rows.shape[1] or not lengths.all():
-        return False
-    sizes = np.linalg.svd(np.stack([rows, rows / lengths]), compute_uv=False)
-    return bool((sizes[:, -1] > _REGULAR * sizes[:, 0]).all())
 
 
 def _independent(rows: np.ndarray) -> list[int]:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.joints import coordinate
+from kaneflex.mechanism.joints import axes_of, course
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint, Mechanism
-from kaneflex.mechanism.planar import GROUND, Pose, pose_at
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -33,8 +32,7 @@ _SINGULAR = 1e-14
 
 
 def check_closure(mechanism: Mechanism, motion: RigidKinematics, horizon: float) -> None:
-    """Raise SceneError unless every loop closes with a margin over the drives' range up to ``horizon`` [s].
-    """
+    """Raise SceneError unless every loop closes with a margin over the drives' range up to ``horizon`` [s]."""
     check_loops(mechanism, motion.at(np.linspace(0.0, horizon, SWEEP + 1)))
 
 
@@ -184,20 +182,19 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     from kaneflex.mechanism.closure_continuation import follow
     from kaneflex.mechanism.position_analysis import coordinate_at
 
-    here = {name: pose[:, None] for name, pose in placement.poses.items()}
+    at_start = {name: pose[:, None] for name, pose in placement.poses.items()}
     mechanism = mechanism_of(scene)
     held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
     if scene.is_frame or not scene.drives or any(drive.free for drive in scene.drives.values()):
-        return here
+        return at_start
     if held != 3 * len(mechanism.bodies):
-        return here
+        return at_start
     times = instants(scene)
     try:
         drives = scene.drives.items()
-        poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in drives}, placement)
+        return follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in drives}, placement)
     except SceneError:
-        return here  # loading reports the position
-    return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}
+        return at_start  # loading reports the position
 
 
 def instants(scene: Scene) -> np.ndarray:
@@ -219,13 +216,12 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
     for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
             continue
-        course = joint_course(joint, courses)
-        course = without_rounding(scene, course, joint.slides)
+        values = without_rounding(scene, joint_course(joint, courses), joint.slides)
         if joint.slides:
-            course = 1e3 * course
-            found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
+            stroke = f", a stroke of {1e3 * np.ptp(values):.4g} mm" if len(values) > 1 else ""
+            found[name] = f"{_range(1e3 * values)} mm{stroke}"
         else:
-            found[name] = "full turns" if turns_around(course) else f"{_range(np.degrees(course))} deg"
+            found[name] = "full turns" if turns_around(values) else f"{_range(np.degrees(values))} deg"
     meeting = _meeting(scene, courses)
     return found | ({"coincide": "; ".join(meeting)} if meeting else {})
 
@@ -241,8 +237,8 @@ def without_rounding(scene: Scene, course: np.ndarray, slides: bool) -> np.ndarr
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:
     """Coordinate of a joint over the motion [rad or m], (n,), continuous, starting within half a turn of zero."""
-    course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
-    return course if joint.slides else course - math.tau * np.round(course[0] / math.tau)
+    found = course(joint, courses)
+    return found if joint.slides else found - math.tau * np.round(found[0] / math.tau)
 
 
 def turns_around(course: np.ndarray) -> bool:
@@ -255,15 +251,10 @@ def _range(course: np.ndarray) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def pose_over(courses: Courses, body: str) -> Pose:
-    """Pose of a body or the ground over the motion."""
-    return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), cos=np.cos, sin=np.sin)
-
-
 def _meeting(scene: Scene, courses: Courses) -> list[str]:
     """Points of two bodies that coincide at the start without a joint."""
     points = [Address(name, point) for name, body in scene.bodies.items() for point in body.points_all]
-    start = {name: pose_at(*course[:, 0]) for name, course in courses.items()}
+    start = axes_of({name: poses[:, 0] for name, poses in courses.items()})
     places = {address: np.array(start[address.body].place(scene.point(address))) for address in points}
     size = max([abs(place).max() for place in places.values()], default=0.0) or 1.0
     return [

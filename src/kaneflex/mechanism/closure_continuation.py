@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Constraints, coordinate
+from kaneflex.mechanism.joints import Constraints, axes_of, course
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, Number, pose_at, wrapped
+from kaneflex.mechanism.planar import Number, wrapped
 from kaneflex.mechanism.position_analysis import Placement, larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
@@ -82,10 +81,11 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     if not loops:
         return parameters
     sweep = _swept(scene, module, parameters, horizon)
-    columns: dict[str, np.ndarray] = {}
+    columns, axes = dict[str, np.ndarray](), axes_of(sweep.courses)
     for _, _, turning, sliding in loops:
-        columns |= {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
-        columns |= {f"joints.{joint}.seed_slide": sweep.slid(mechanism_of(scene).joints[joint]) for joint in sliding}
+        columns |= {f"bodies.{body}.seed_{key}": getattr(axes[body], key) for body in turning for key in "cs"}
+        columns |= {f"joints.{joint}.seed_slide": course(mechanism_of(scene).joints[joint], sweep.courses)
+                    for joint in sliding}  # fmt: skip
     blocks = {path: Table(sweep.x, column).coefficients(sweep.period) for path, column in columns.items()}
     p, places = with_tables(module, parameters, blocks), _places(module)
     sides = {closing: places[f"joints.{closing}.side"] for closing, *_ in loops}
@@ -119,16 +119,10 @@ class _Sweep:
     bodies: tuple[str, ...]
     period: float | None
 
-    def turned(self, body: str, key: str) -> np.ndarray:
-        return (np.cos if key == "c" else np.sin)(self.poses[:, self.bodies.index(body), 2])
-
-    def slid(self, guide: Joint) -> np.ndarray:
-        """Slide of a guide along its direction [m]."""
-        sections = []
-        for side in guide.sides:
-            course = np.zeros((len(self.x), 3)) if side.body == GROUND else self.poses[:, self.bodies.index(side.body)]
-            sections.append(pose_at(*course.T, cos=np.cos, sin=np.sin).section(side.at))
-        return coordinate(guide, *sections)
+    @property
+    def courses(self) -> dict[str, np.ndarray]:
+        """Body -> its x, y and angle, (3, n)."""
+        return dict(zip(self.bodies, self.poses.transpose(1, 2, 0), strict=True))
 
 
 def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
@@ -151,14 +145,14 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     def only(x: float) -> dict[str, float]:
         return {drive: x}
 
-    def said(x: float) -> str:
+    def written(x: float) -> str:
         return f"{drive} = {scene.written_coordinate(drive, x)}"
 
     start = follower.start.drives[drive]
     locked = None
     if not scene.slides(drive):
         try:
-            turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, said)
+            turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, written)
             change = turn.poses[-1] - turn.poses[0]
             change[:, 2] = wrapped(change[:, 2])
             if abs(change).max() < 1e-6 * max(1.0, follower.mechanism.size):
@@ -171,8 +165,8 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
         )
     angles = RigidKinematics(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
     knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not scene.slides(drive) else _KNOTS)
-    there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, said)
-    back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, said)
+    there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, written)
+    back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, written)
     # If the drive moves only to one side of its start, the other sweep is empty.
     x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
     if len(x) == 1:  # a fixed drive: the table has one value
@@ -189,8 +183,10 @@ def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in drives.items())
 
 
-def follow(scene: Scene, times: np.ndarray, drives: Coordinates, start: Placement | None = None) -> np.ndarray:
-    """Poses (n_times, bodies, 3) of the scene's assembly, by numerical computation only.
+def follow(
+    scene: Scene, times: np.ndarray, drives: Coordinates, start: Placement | None = None
+) -> dict[str, np.ndarray]:
+    """Poses of the scene's assembly, by numerical computation only: body -> x, y and angle, (3, n_times).
 
     ``start`` is the placement at the start of the run, where the caller has it.
 
@@ -199,11 +195,11 @@ def follow(scene: Scene, times: np.ndarray, drives: Coordinates, start: Placemen
     SceneError
         If it can't close at the start, or locks on the way.
     """
-    return _Follower(scene, start).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
+    return _Follower(scene, start).over(times, drives, None, lambda t: _at_all(scene, drives(t))).courses
 
 
 class _Place(NamedTuple):
-    """Poses of all bodies in one vector, and the constraints' Jacobian there."""
+    """Poses of all bodies in one vector, or of several instants (n, ...), and the constraints' Jacobian there."""
 
     poses: np.ndarray
     jacobian: np.ndarray
@@ -217,35 +213,34 @@ class _Follower:
         self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
         self.scale = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
 
-    def constraints(self, drives: Mapping[str, Number]) -> Constraints:
-        return Constraints(self.mechanism, drives)
-
-    def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
+    def over(
+        self, xs: np.ndarray, drives: Coordinates, period: float | None, written: Callable[[float], str]
+    ) -> _Sweep:
         """Poses at all of ``xs``; the first is the start."""
         start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
-        here = _Place(start, self._jacobian(start))
-        side = np.linalg.slogdet(here.jacobian)[0]
+        first = _Place(start, self._jacobian(start))
+        side = np.linalg.slogdet(first.jacobian)[0]
         few = [*range(0, len(xs) - 1, _STRIDE), len(xs) - 1]
         try:
-            found = self._along(xs[few], here, drives, side)
+            found = self._along(xs[few], first, drives, side)
             if len(few) < len(xs):
                 between = self._between(xs, few, found, drives, side)
-                found = self._along(xs, here, drives, side) if between is None else between
+                found = self._along(xs, first, drives, side) if between is None else between
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
-                f"the loop cannot close beyond {said(locked.x)}: the linkage locks there, or would "
+                f"the loop cannot close beyond {written(locked.x)}: the linkage locks there, or would "
                 "change its branch",
                 "Change the lengths, or limit the drive's range",
             ) from None  # fmt: skip
         return _Sweep(np.array(xs), found.reshape(len(xs), -1, 3), self.bodies, period)
 
-    def _along(self, xs: np.ndarray, here: _Place, drives: Coordinates, side: float) -> np.ndarray:
+    def _along(self, xs: np.ndarray, place: _Place, drives: Coordinates, side: float) -> np.ndarray:
         """Poses at some ``xs``, (n, 3 bodies), one after the other. Raises _Locked."""
-        found = [here.poses]
+        found = [place.poses]
         for x, to in pairwise(xs):
-            here = here if x == to else self._step(here, x, to, drives, side, 0)
-            found.append(here.poses)
+            place = place if x == to else self._step(place, x, to, drives, side, 0)
+            found.append(place.poses)
         return np.array(found)
 
     def _between(
@@ -253,73 +248,71 @@ class _Follower:
     ) -> np.ndarray | None:
         """Poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None if :meth:`_step`
         would reject some of them."""
-        coordinates = [drives(x) for x in xs]
-        constraints = self.constraints({name: np.array([at[name] for at in coordinates]) for name in coordinates[0]})
-        found, last = _interpolated(np.array(few), poses, np.arange(len(xs))), np.inf
-        moved = np.zeros((len(xs) - 1, found.shape[1]))
-        for row, name in enumerate(reversed(constraints.driven(self.joints)), 1):
-            moved[:, -row] = np.diff(constraints.drives[name])
-        try:
-            for _ in range(_ITERATIONS):
-                placed = self._poses(found.T)
-                jacobian = constraints.jacobian(placed, self.bodies, self.joints)
-                if last < _SOLVED:
-                    break
-                change = np.linalg.solve(jacobian, constraints.residuals(placed, self.joints)[..., None])[..., 0]
-                found, last = found - change, abs(change / self.scale).max()
-            guess = found[:-1] + np.linalg.solve(jacobian[:-1], moved[..., None])[..., 0]
-        except np.linalg.LinAlgError:
+        each = [drives(x) for x in xs]
+        coordinates = {name: np.array([at[name] for at in each]) for name in each[0]}
+        found = self._closed(coordinates, _interpolated(np.array(few), poses, np.arange(len(xs))))
+        if found is None:
             return None
-        goes_on = self._goes_on(found[:-1], guess, found[1:]) & (np.linalg.slogdet(jacobian[1:])[0] == side)
-        return found if last < _SOLVED and goes_on.all() else None
+        before, after = (_Place(found.poses[part], found.jacobian[part]) for part in (slice(-1), slice(1, None)))
+        guess = self._predicted(before, {name: np.diff(values) for name, values in coordinates.items()})
+        return found.poses if self._continues(before, guess, after, side).all() else None
 
-    def _goes_on(self, here: np.ndarray, guess: np.ndarray, there: np.ndarray) -> np.ndarray:
-        """True if poses stay on the branch, from ``here`` along the tangent to a guess and corrected from it."""
-        step, bend = (abs(change / self.scale).max(axis=-1) for change in (guess - here, there - guess))
-        return bend <= np.maximum(_BENT * step, _ROUNDING)
-
-    def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
-        """Poses by body from unknowns (3 bodies,) or (3 bodies, n)."""
-        parts = np.split(unknowns, len(self.bodies))
-        return {GROUND: np.zeros(3), **dict(zip(self.bodies, parts, strict=True))}
-
-    def _jacobian(self, unknowns: np.ndarray) -> np.ndarray:
-        """Jacobian of the constraints by the bodies' coordinates; it does not depend on the drives' positions."""
-        return self.constraints(self.start.drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
-
-    def _step(self, here: _Place, x: float, to: float, drives: Coordinates, side: float, depth: int) -> _Place:
+    def _step(self, start: _Place, x: float, to: float, drives: Coordinates, side: float, depth: int) -> _Place:
         """Poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in two halves."""
         before, after = drives(x), drives(to)
-        moved = np.zeros(len(here.poses))
-        names = self.constraints(before).driven(self.joints)
-        moved[len(moved) - len(names) :] = [after[name] - before[name] for name in names]
-        constraints = self.constraints(after)
-        guess = here.poses + np.linalg.solve(here.jacobian, moved)
-        unknowns = guess.copy()
-        last, jacobian = np.inf, here.jacobian
-        for _ in range(_ITERATIONS):
-            residual = constraints.residuals(self._poses(unknowns), self.joints)
-            if last > _NEAR:
-                jacobian = self._jacobian(unknowns)
-            change = np.linalg.solve(jacobian, residual)
-            unknowns -= change
-            last = abs(change / self.scale).max()
-            if not np.isfinite(last):
-                break
-            if last < _SOLVED:
-                there = _Place(unknowns, self._jacobian(unknowns))
-                if np.linalg.slogdet(there.jacobian)[0] == side and self._goes_on(here.poses, guess, unknowns):
-                    return there
-                break
+        guess = self._predicted(start, {name: after[name] - before[name] for name in after})
+        found = self._closed(after, guess)
+        if found is not None and self._continues(start, guess, found, side):
+            return found
         if depth == _HALVINGS:
-            raise _Locked(x, self._locking(here))
+            raise _Locked(x, self._locking(start))
         middle = 0.5 * (x + to)
-        here = self._step(here, x, middle, drives, side, depth + 1)
-        return self._step(here, middle, to, drives, side, depth + 1)
+        half = self._step(start, x, middle, drives, side, depth + 1)
+        return self._step(half, middle, to, drives, side, depth + 1)
 
-    def _locking(self, here: _Place) -> str:
+    def _predicted(self, start: _Place, moved: Mapping[str, Number]) -> np.ndarray:
+        """Poses along the tangent for small movements of the drives."""
+        right = np.zeros_like(start.poses)
+        for row, name in enumerate(reversed(Constraints(self.mechanism, moved).driven(self.joints)), 1):
+            right[..., -row] = moved[name]
+        return start.poses + np.linalg.solve(start.jacobian, right[..., None])[..., 0]
+
+    def _closed(self, drives: Mapping[str, Number], poses: np.ndarray) -> _Place | None:
+        """Poses (..., 3 bodies) corrected by Newton's method until the joints hold; None if it does not converge."""
+        constraints, last = Constraints(self.mechanism, drives), np.inf
+        try:
+            for _ in range(_ITERATIONS):
+                if last > _NEAR:
+                    jacobian = self._jacobian(poses)
+                residuals = constraints.residuals(self._by_body(poses), self.joints)
+                change = np.linalg.solve(jacobian, residuals[..., None])[..., 0]
+                poses, last = poses - change, abs(change / self.scale).max()
+                if last < _SOLVED:
+                    return _Place(poses, self._jacobian(poses))
+                if not np.isfinite(last):
+                    break
+        except np.linalg.LinAlgError:
+            pass
+        return None
+
+    def _continues(self, start: _Place, guess: np.ndarray, found: _Place, side: float) -> np.ndarray:
+        """True if poses stay on the branch, along the tangent to a guess and corrected from it."""
+        changes = guess - start.poses, found.poses - guess
+        step, bend = (abs(change / self.scale).max(axis=-1) for change in changes)
+        return (np.linalg.slogdet(found.jacobian)[0] == side) & (bend <= np.maximum(_BENT * step, _ROUNDING))
+
+    def _by_body(self, poses: np.ndarray) -> dict[str, np.ndarray]:
+        """Poses by body, (3,) or (3, n), from all of them, (3 bodies,) or (n, 3 bodies)."""
+        return dict(zip(self.bodies, np.split(poses.T, len(self.bodies)), strict=True))
+
+    def _jacobian(self, poses: np.ndarray) -> np.ndarray:
+        """Jacobian of the constraints by the bodies' coordinates; it does not depend on the drives' positions."""
+        constraints = Constraints(self.mechanism, self.start.drives)
+        return constraints.jacobian(self._by_body(poses), self.bodies, self.joints)
+
+    def _locking(self, place: _Place) -> str:
         """Joint that closes the loop near its limit: it has the largest share in the self-equilibrated forces."""
-        stress = abs(np.linalg.svd(here.jacobian)[0][:, -1])
+        stress = abs(np.linalg.svd(place.jacobian)[0][:, -1])
         counts = [len(joint.rows) for joint in self.mechanism.joints.values()]
         ends = np.cumsum(counts)
         strain = {

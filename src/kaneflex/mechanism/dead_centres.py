@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.mechanism.closure import Courses, joint_course, pose_over, turns_around
-from kaneflex.mechanism.joints import Constraints
+from kaneflex.mechanism.closure import Courses, joint_course, turns_around
+from kaneflex.mechanism.joints import Constraints, axes_of
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import BodyPoint
-from kaneflex.mechanism.planar import GROUND, Vector, cross, dot, minus
+from kaneflex.mechanism.planar import cross, dot
 from kaneflex.mechanism.position_analysis import Dyad, closing_groups
 from kaneflex.scene import Scene
 
@@ -36,28 +35,28 @@ class Closing:
         True if ``values`` are transmission angles [rad], 0 at a dead centre and pi/2 at best; else they are smallest
         singular values of the group's constraints, lengths in sizes of the mechanism.
     values : ndarray (n,)
-    stand : tuple of str
-        Positions of the drives at the minimum.
+    position : str
+        Coordinates of the drives at the minimum.
     """
 
     name: str
     is_angle: bool
     values: np.ndarray
-    stand: str
+    position: str
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """Range of the values, as text."""
         scaled = np.degrees(self.values) if self.is_angle else self.values
         low, high = (f"{value:.3g}" for value in (scaled.min(), scaled.max()))
         unit = " deg" if self.is_angle else ""
-        at = f", minimum at {self.stand}" if self.stand and low != high else ""
+        at = f", minimum at {self.position}" if self.position and low != high else ""
         return f"{self.name} {low if low == high else f'{low} to {high}'}{unit}{at}"
 
     @property
     def note(self) -> str:
         """Warning; empty far from dead centres."""
-        least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
+        least, at = float(self.values.min()), f"at {self.position} " if self.position else ""
         if self.is_angle and least < _NEAR:
             return (
                 f"{at}the transmission angle at {self.name} is {math.degrees(least):.2g} deg (0 at a dead centre): "
@@ -93,12 +92,8 @@ def closings(scene: Scene, courses: Courses) -> list[Closing]:
             values = _smallest(mechanism, group, [joint.name for joint in joints], courses, every)
         elif dyad is not None:
             name = dyad.middle.name
-        found.append(Closing(name, is_angle, values, _stand(scene, courses, every * int(values.argmin()))))
+        found.append(Closing(name, is_angle, values, _position(scene, courses, every * int(values.argmin()))))
     return found
-
-
-def _poses(courses: Courses, k: int | slice) -> dict[str, np.ndarray]:
-    return {GROUND: np.zeros(3)} | {name: course[:, k] for name, course in courses.items()}
 
 
 def _smallest(
@@ -107,42 +102,18 @@ def _smallest(
     """Smallest singular value of the constraints by joints and drives on a group, lengths in sizes of the mechanism; at
     every n-th instant."""
     constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
-    turning = [row == "moment" for name in joints for row in mechanism.joints[name].rows]
-    turning += [not mechanism.joints[name].slides for name in constraints.driven(joints)]
-    rows = np.where(turning, 1.0, 1.0 / mechanism.size)
-    columns = np.tile([mechanism.size, mechanism.size, 1.0], len(group))
-    jacobian = constraints.jacobian(_poses(courses, slice(None, None, every)), group, joints)
-    return np.linalg.svd(rows[:, None] * jacobian * columns, compute_uv=False)[:, -1]
+    poses = {name: course[:, ::every] for name, course in courses.items()}
+    return np.linalg.svd(constraints.scaled_jacobian(poses, group, joints), compute_uv=False)[:, -1]
 
 
 def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:
     """Transmission angle of a dyad over the motion [rad], (n,); None if not defined."""
-    start, end = (_place(courses, pivot) for pivot in dyad.pivots)
-    head = _place(courses, dyad.middle.first)
-    if dyad.kinds == ("revolute", "revolute", "revolute"):
-        one, other = minus(head, start), minus(end, head)
-        return np.arctan2(abs(cross(one, other)), abs(dot(one, other)))
-    if dyad.guide is not None:
-        guide = dyad.outer[dyad.guide]
-        foot = end if dyad.guide == 0 else start
-        along, link = _turned(courses, guide.first.body, guide.direction), minus(head, foot)
-    elif dyad.kinds == ("revolute", "prismatic", "revolute"):
-        along, link = _turned(courses, dyad.middle.first.body, dyad.middle.direction), minus(end, start)
-    else:
-        return None
-    return np.arctan2(abs(dot(along, link)), abs(cross(along, link)))
+    vectors = dyad.vectors(axes_of(courses))
+    return None if vectors is None else np.arctan2(abs(cross(*vectors)), abs(dot(*vectors)))
 
 
-def _place(courses: Courses, point: BodyPoint) -> Vector:
-    return pose_over(courses, point.body).place(point.at)
-
-
-def _turned(courses: Courses, body: str, direction: Vector) -> Vector:
-    return pose_over(courses, body).turn(direction)
-
-
-def _stand(scene: Scene, courses: Courses, k: int) -> str:
-    """Positions of the drives at an instant, "main = 90 deg"."""
+def _position(scene: Scene, courses: Courses, k: int) -> str:
+    """Coordinates of the drives at an instant, "main = 90 deg"."""
     mechanism, found = mechanism_of(scene), []
     for name in mechanism.drives:
         joint = mechanism.joints[name]

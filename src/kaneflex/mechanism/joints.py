@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at, quarter_turn
+from kaneflex.mechanism.planar import GROUND, Number, Pose, Vector, cross, dot, minus, pose_at, quarter_turn
 
 _REACTIONS = {
     "force_x": ("N", "force {on}, global x"),
@@ -48,6 +48,11 @@ def coordinate(joint: Joint, first: Pose, second: Pose) -> Number:
     return dot(first.turn(joint.direction), minus(second.origin, first.origin))
 
 
+def course(joint: Joint, poses: Poses) -> Number:
+    """Coordinate of a joint between bodies at some poses [rad or m], (n,) for n instants."""
+    return coordinate(joint, *_sections(joint, axes_of(poses)))
+
+
 def reactions(joint: Joint) -> list[tuple[str, str, str]]:
     """Name, unit and meaning of a joint's reactions on its second body, in the order of its ``rows``."""
     on = f"on {joint.second.body} by {joint.first.body}"
@@ -75,11 +80,11 @@ class Constraints:
 
     def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
         """Residuals of all constraints, lengths [m] and angles [rad]: (rows,), or (n, rows) for n instants."""
-        stands, coordinates = _stands(poses), []
+        axes, coordinates = axes_of(poses), []
         constraints: list[Number] = []
         for name in joints:
             joint = self.mechanism.joints[name]
-            sections = [stands[side.body].section(side.at) for side in joint.sides]
+            sections = _sections(joint, axes)
             constraints += residuals(joint, *sections)
             if name in self.drives:
                 coordinates.append(coordinate(joint, *sections) - self.drives[name])
@@ -97,35 +102,40 @@ class Constraints:
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
         """Jacobian of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
-        stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
+        axes, column = axes_of(poses), {name: 3 * k for k, name in enumerate(bodies)}
         held = sum(len(self.mechanism.joints[name].rows) for name in joints)
         found = np.zeros((*_instants(poses), held + len(self.driven(joints)), 3 * len(bodies)))
         row, drive = 0, held
         for name in joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
             rows = [*range(row, row + len(joint.rows)), *[drive] * driven]
-            for body, derivatives in derivatives_of(joint, stands, driven, column):
+            for body, derivatives in derivatives_of(joint, axes, driven, column):
                 for k, values in enumerate(derivatives, column[body]):
                     for at, value in zip(rows, values, strict=True):
                         found[..., at, k] = value
             row, drive = row + len(joint.rows), drive + driven
         return found
 
+    def scaled_jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
+        """The same with lengths in sizes of the mechanism."""
+        sizes = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(bodies))
+        return self.jacobian(poses, bodies, joints) * sizes / self.units(joints)[:, None]
+
 
 def derivatives_of(
-    joint: Joint, stands: Mapping[str, Pose], driven: bool, bodies: Container[str]
+    joint: Joint, axes: Mapping[str, Pose], driven: bool, bodies: Container[str]
 ) -> Iterator[tuple[str, list[list[Number]]]]:
     """Derivatives of a joint's residuals and, if driven, of its coordinate by x, y, phi of each side's body.
 
     Both are linear in the gap and in the rotation; the guide's direction rotates with the first body. These are also
     the force x, y and the moment about a body's start by unit reactions.
     """
-    first, second = (stands[side.body].section(side.at) for side in joint.sides)
+    first, second = _sections(joint, axes)
     along, gap = first.turn(joint.direction), minus(second.origin, first.origin)
     for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
         if side.body not in bodies:
             continue
-        x, y = quarter_turn(stands[side.body].turn(side.at)) if any(side.at) else (0.0, 0.0)
+        x, y = quarter_turn(axes[side.body].turn(side.at)) if any(side.at) else (0.0, 0.0)
         found = []
         for shift, turn in (((sign, 0.0), 0.0), ((0.0, sign), 0.0), ((sign * x, sign * y), sign)):
             values = [*demanded(joint, shift, turn, along)]
@@ -140,8 +150,14 @@ def derivatives_of(
         yield side.body, found
 
 
-def _stands(poses: Poses) -> dict[str, Pose]:
-    found = {}
+def _sections(joint: Joint, axes: Mapping[str, Pose]) -> list[Pose]:
+    """Axes of both bodies' sections at a joint."""
+    return [axes[side.body].section(side.at) for side in joint.sides]
+
+
+def axes_of(poses: Poses) -> dict[str, Pose]:
+    """Axes of bodies and of the ground."""
+    found = {GROUND: Pose(0.0, 0.0, 1.0, 0.0, 0.0)}
     for name, pose in poses.items():
         x, y, phi = pose.tolist() if pose.ndim == 1 else pose  # a quarter of the time for floats
         found[name] = pose_at(x, y, phi) if pose.ndim == 1 else pose_at(x, y, phi, np.cos, np.sin)

@@ -8,16 +8,17 @@ method. The branch at the joint that closes the loop selects one of a dyad's two
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
+from typing import Any
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Constraints, Poses
+from kaneflex.mechanism.joints import Constraints, Poses, axes_of
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, cross, dot, minus, pose_at, wrapped
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, cross, minus, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import parse_law
@@ -43,7 +44,6 @@ _OPEN = 1e-6
 """Smallest singular value of the constraints' Jacobian, as a share of the largest, that counts as nonzero."""
 _PARALLEL = 1e-9
 """Largest sine of the angle between parallel guides."""
-_GROUND = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Placement:
 
     def pose(self, body: str) -> Pose:
         """Pose of a body or the ground."""
-        return pose_at(*(_GROUND if body == GROUND else self.poses[body]))
+        return axes_of(self.poses)[body]
 
 
 def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
@@ -90,7 +90,6 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     poses = _standing(constraints.mechanism)
     for group, around, dyad in closing_groups(constraints.mechanism):
         poses |= _closed(constraints, poses, group, around, dyad)
-    del poses[GROUND]
     return Placement(poses, drives)
 
 
@@ -117,19 +116,20 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
 
     for group, around, dyad in closing_groups(mechanism):
         found, closing = [], _closing(around)
-        for told, poses in ways:
-            names = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
+        for entries, poses in ways:
+            names = [joint.name for joint in all_joints_of(mechanism, poses, group)]
             assemblies = _assemblies(constraints, poses, group, names) if closing \
                 else [_closed(constraints, poses, group, around, dyad)]  # fmt: skip
             more = [poses | {name: each[name] for name in group} for each in assemblies]
-            found += [(told + chosen_by(each, group, closing, dyad), each) for each in more]
+            found += [(entries + chosen_by(each, group, closing, dyad), each) for each in more]
         ways = found[:16]  # more small drawings are of no use
 
     def is_own(poses: Poses) -> bool:
         return _same(own.poses, poses, tuple(own.poses), mechanism.size)
 
     ways.sort(key=lambda way: not is_own(way[1]))
-    others = [(told.strip(), Placement({name: poses[name] for name in own.poses}, own.drives)) for told, poses in ways]
+    others = [(entries.strip(), Placement({name: poses[name] for name in own.poses}, own.drives))
+              for entries, poses in ways]  # fmt: skip
     return [(others[0][0], own), *others[1:]]
 
 
@@ -148,7 +148,7 @@ def with_branches(scene: Scene) -> Scene:
     for group, around, dyad in closing_groups(mechanism):
         closing = _closing(around)
         if closing and closing.near and not _is_larger(group, around):
-            poses = poses or {GROUND: _GROUND, **place(scene).poses}
+            poses = poses or place(scene).poses
             side = None if dyad is None else _side_of(dyad, poses)
             ahead = side is None or side >= 0.0
             joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": "+" if ahead else "-"})
@@ -182,7 +182,7 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
     The same factors relate accelerations, apart from terms that depend on the speeds.
     """
     constraints, names, joints = Constraints(mechanism, placement.drives), [*mechanism.bodies], [*mechanism.joints]
-    jacobian = constraints.jacobian({GROUND: _GROUND, **placement.poses}, names, joints)
+    jacobian = constraints.jacobian(placement.poses, names, joints)
     driven, rates = constraints.driven(joints), {}
     for drive, row in zip(driven, range(len(jacobian) - len(driven), len(jacobian)), strict=True):
         unit = np.zeros(len(jacobian))
@@ -193,35 +193,56 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
 
 
 def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
-    """Poses of the ground and of free bodies, which no joint determines."""
-    return {GROUND: _GROUND} | {name: np.array(mechanism.bodies[name].free) for name in mechanism.floating}
+    """Poses of free bodies, which no joint determines."""
+    return {name: np.array(mechanism.bodies[name].free) for name in mechanism.floating}
 
 
 def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
     """Smallest group of bodies that joints and drives determine, given the bodies already placed."""
     waiting = [name for name in mechanism.bodies if name not in poses]
-    for size in range(1, len(waiting) + 1):
-        for group in combinations(waiting, size):
-            joints = _joints_of(mechanism, poses, group)
-            if sum(len(joint.rows) + (joint.name in mechanism.drives) for joint in joints) >= 3 * size:
-                return group
+    if group := smallest_group(mechanism, poses, waiting, _joints_of):
+        return group
     raise SceneError(
         "drives", ", ".join(mechanism.drives) or None, f"the position of {', '.join(waiting)} is not determined",
         "Drive or join these bodies: each needs three constraints by joints and drives; or let one be free",
     )  # fmt: skip
 
 
-def _joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
+def smallest_group(
+    mechanism: Mechanism, placed: Collection[str], waiting: Sequence[str],
+    joints_of: Callable[[Any, Collection[str], Sequence[str]], list[Joint]],
+) -> tuple[str, ...]:  # fmt: skip
+    """Smallest group of waiting bodies with as many constraints by joints and drives as coordinates; empty if none.
+
+    A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
+    ``joints_of``: :func:`all_joints_of`, or fewer of them.
+    """
+
+    def is_determined(group: Sequence[str], others: Collection[str]) -> bool:
+        joints = joints_of(mechanism, others, group)
+        return sum(len(joint.rows) + (joint.name in mechanism.drives) for joint in joints) >= 3 * len(group)
+
+    # Bodies with fewer than three constraints cannot belong to a group; few candidates remain without them.
+    candidates, count = list(waiting), -1
+    while count != len(candidates):
+        count = len(candidates)
+        candidates = [name for name in candidates if is_determined([name], {*placed, *candidates})]
+    groups = (group for size in range(1, count + 1) for group in combinations(candidates, size))
+    return next((group for group in groups if is_determined(group, placed)), ())
+
+
+def _joints_of(mechanism: NumericMechanism, placed: Collection[str], group: Sequence[str]) -> list[Joint]:
     """Joints between bodies of a group, or between the group and placed bodies; one of redundant guides."""
     found: list[Joint] = []
-    for joint in sorted(_all_joints_of(mechanism, poses, group), key=lambda joint: joint.name not in mechanism.drives):
+    for joint in sorted(all_joints_of(mechanism, placed, group), key=lambda joint: joint.name not in mechanism.drives):
         if joint.name in mechanism.drives or not any(_holds_as(other, joint) for other in found):
             found.append(joint)
     return [joint for joint in mechanism.joints.values() if joint in found]
 
 
-def _all_joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
-    known, own = {*poses, *group}, {*group}
+def all_joints_of(mechanism: Mechanism, placed: Collection[str], group: Sequence[str]) -> list[Joint]:
+    """Joints between bodies of a group, or between the group and placed bodies."""
+    known, own = {GROUND, *placed, *group}, {*group}
     return [joint for joint in mechanism.joints.values() if {*joint.bodies} <= known and {*joint.bodies} & own]
 
 
@@ -248,7 +269,7 @@ def _closed(
     """Poses of a group by Newton's method from many starting values, until the scene's branch is found, or for larger
     groups all assemblies."""
     mechanism = constraints.mechanism
-    joints = [joint.name for joint in _all_joints_of(mechanism, poses, group)]
+    joints = [joint.name for joint in all_joints_of(mechanism, poses, group)]
     closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
     assemblies: list[dict[str, np.ndarray]] = []
     if _is_larger(group, around) or closing.near:
@@ -291,11 +312,8 @@ def _check_held(
     """Raise SceneError for a loop whose assemblies are all singular, so that its bodies can still move."""
     if len(assemblies) <= _FEW:
         return
-    size, units = constraints.mechanism.size, constraints.units(joints)
-    scale = np.tile([size, size, 1.0], len(group))
     for poses in assemblies[: _FEW + 1]:
-        J = constraints.jacobian(poses, group, joints) * scale / units[:, None]
-        sizes = np.linalg.svd(J, compute_uv=False)
+        sizes = np.linalg.svd(constraints.scaled_jacobian(poses, group, joints), compute_uv=False)
         if sizes[-1] > _OPEN * sizes[0]:
             return
     raise SceneError(
@@ -326,7 +344,7 @@ def _assembled(
         x = random.uniform(low, high, (count, len(group), 3)).reshape(count, -1).T
         damping, residuals = np.full(count, 1e-2), constraints.residuals(with_group(x), joints) / units
         for _ in range(_ITERATIONS):
-            J = constraints.jacobian(with_group(x), group, joints) * scale / units[:, None]
+            J = constraints.scaled_jacobian(with_group(x), group, joints)
             A = np.swapaxes(J, 1, 2) @ J
             lifted = damping * np.trace(A, axis1=1, axis2=2) / len(x)
             A += lifted[:, None, None] * np.eye(len(x))
@@ -411,43 +429,49 @@ class Dyad:
         slider = sorted(self.kinds[::2]) == ["prismatic", "revolute"] and self.kinds[1] == "revolute"
         return self.kinds[::2].index("prismatic") if slider else None
 
+    def vectors(self, axes: Mapping[str, Pose]) -> tuple[Vector, Vector] | None:
+        """Two vectors that are parallel at a dead centre, and whose cross product has the sign of the branch.
+
+        Three revolutes: both links; the middle joint is to the left of the line between the pivots. Slider: the guide's
+        normal and the rod, ahead along the guide. Lever: the slide's normal and the line of the pivots, the slider
+        ahead of the lever's pivot. None for other dyads.
+        """
+        start, end = (axes[pivot.body].place(pivot.at) for pivot in self.pivots)
+        head = axes[self.middle.first.body].place(self.middle.first.at)
+        if self.kinds == ("revolute", "revolute", "revolute"):
+            return minus(end, head), minus(head, start)
+        if self.kinds == ("revolute", "prismatic", "revolute"):
+            guide, link = self.middle, minus(end, start)
+        elif self.guide is not None:
+            guide, link = self.outer[self.guide], minus(head, end if self.guide == 0 else start)
+        else:
+            return None
+        x, y = axes[guide.first.body].turn(guide.direction)
+        return (y, -x), link
+
 
 def closing_groups(mechanism: NumericMechanism) -> Iterator[tuple[tuple[str, ...], list[Joint], Dyad | None]]:
     """Groups of bodies in the order of placing, with their joints, and their dyad if they form one."""
     placed = _standing(mechanism)
-    while len(placed) <= len(mechanism.bodies):
+    while len(placed) < len(mechanism.bodies):
         group = _next_group(mechanism, placed)
         joints = _joints_of(mechanism, placed, group)
-        yield group, joints, _dyad_of(placed, group, joints)
-        placed |= dict.fromkeys(group, _GROUND)
+        yield group, joints, _dyad_of(group, joints)
+        placed |= dict.fromkeys(group, np.zeros(3))
 
 
-def _dyad_of(placed: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
+def _dyad_of(group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
     between = [joint for joint in joints if {*joint.bodies} == {*group}]
     outer = [joint for joint in joints if joint not in between]
     if len(group) != 2 or len(between) != 1 or len(outer) != 2:
         return None
     (middle,) = between
     first, last = sorted(outer, key=lambda joint: middle.first.body not in joint.bodies)
-    start, end = (next(side for side in joint.sides if side.body in placed) for joint in (first, last))
+    start, end = (next(side for side in joint.sides if side.body not in group) for joint in (first, last))
     return Dyad(middle, (first, last), (start, end))
 
 
 def _side_of(dyad: Dyad, poses: Poses) -> float | None:
-    """Number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
-
-    Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
-    pivots. Lever: the slider ahead of the lever's pivot.
-    """
-    middle = dyad.middle
-    stands = {name: pose_at(*pose.tolist()) for name, pose in poses.items()}
-    start, end = (stands[pivot.body].place(pivot.at) for pivot in dyad.pivots)
-    head = stands[middle.first.body].place(middle.first.at)
-    if dyad.kinds == ("revolute", "revolute", "revolute"):
-        return cross(minus(end, start), minus(head, start))
-    if dyad.kinds == ("revolute", "prismatic", "revolute"):
-        return dot(stands[middle.first.body].turn(middle.direction), minus(end, start))
-    if dyad.guide is not None:
-        guide, foot = dyad.outer[dyad.guide], end if dyad.guide == 0 else start
-        return dot(stands[guide.first.body].turn(guide.direction), minus(head, foot))
-    return None
+    """Number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others."""
+    vectors = dyad.vectors(axes_of(poses))
+    return None if vectors is None else cross(*vectors)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Mechanism
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.position_analysis import all_joints_of, smallest_group
 from kaneflex.scene import Scene
 from kaneflex.scene.contact_check import key_of
 from kaneflex.scene.quantities import Address
@@ -39,39 +39,11 @@ class Carried:
 
 def prescribed_bodies(mechanism: Mechanism) -> set[str]:
     """Rigid bodies with prescribed or free motion, found group by group from joints between rigid bodies."""
-    rigid = {"ground", *(name for name, body in mechanism.bodies.items() if not body.elastic)}
-    pairs = {name: {*joint.bodies} for name, joint in mechanism.joints.items() if {*joint.bodies} <= rigid}
-    taken = {name: len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in pairs}
-    fixed = {"ground", *rigid.intersection(mechanism.floating)}
-    while group := _determined(pairs, taken, fixed, rigid - fixed):
-        fixed |= group
-    return fixed
-
-
-def _determined(
-    pairs: Mapping[str, set[str]], taken: Mapping[str, int], fixed: set[str], waiting: set[str]
-) -> set[str]:
-    """Smallest group with as many constraints, including drives, as coordinates; empty if there is none.
-
-    A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
-    """
-
-    def count(group: set[str]) -> int:
-        return sum(taken[name] for name, pair in pairs.items() if pair & group and pair <= group | fixed)
-
-    # Bodies with fewer than three constraints cannot belong to a group; few candidates remain without them.
-    loose = {""}
-    while loose:
-        loose = {
-            name for name in waiting
-            if sum(taken[joint] for joint, pair in pairs.items() if name in pair and pair <= waiting | fixed) < 3
-        }  # fmt: skip
-        waiting = waiting - loose
-    for size in range(1, len(waiting) + 1):
-        for group in map(set, combinations(sorted(waiting), size)):
-            if count(group) >= 3 * size:
-                return group
-    return set()
+    rigid = [name for name, body in mechanism.bodies.items() if not body.elastic]
+    placed = {GROUND, *(name for name in mechanism.floating if name in rigid)}
+    while group := smallest_group(mechanism, placed, [name for name in rigid if name not in placed], all_joints_of):
+        placed |= {*group}
+    return placed
 
 
 def carried_bodies(scene: Scene) -> dict[str, Carried]:

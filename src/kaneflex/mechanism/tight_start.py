@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from kaneflex.mechanism.joints import course
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Joint
 from kaneflex.support.errors import SceneError
 
+_TINY = 1e-30
+"""Imaginary time step [s], without rounding."""
 _STEP = 1e-4
 """Step of the fourth-order difference for the initial speed of a law or a table, as a share of the horizon."""
 _FORWARD = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
@@ -23,8 +28,8 @@ def tight_start(scene: Scene) -> Scene:
     drives do not determine them, they start at zero.
     """
     free = [name for name, drive in scene.drives.items() if drive.free]
-    told = {"angle", "position", "initial_speed"}
-    open_ = [name for name in free if not told & scene.drives[name].model_fields_set]
+    given = {"angle", "position", "initial_speed"}
+    open_ = [name for name in free if not given & scene.drives[name].model_fields_set]
     if not scene.loose or not open_:
         return scene
     from kaneflex.mechanism.position_analysis import drive_rates, place
@@ -43,35 +48,20 @@ def tight_start(scene: Scene) -> Scene:
         placement = place(tight)
     except SceneError:
         return scene
-    poses = {name: placement.pose(name) for name in ("ground", *scene.bodies)}
-    rates = {name: [0.0, 0.0, 0.0] for name in poses}
-    for drive, each in drive_rates(mechanism, placement).items():
+    rates = dict.fromkeys(scene.bodies, np.zeros(3))
+    for drive, velocities in drive_rates(mechanism, placement).items():
         speed = _speed(drives[drive], scene.horizon)
-        for name, velocity in each.items():
-            rates[name] = [own + speed * float(part) for own, part in zip(rates[name], velocity, strict=True)]
+        rates = {name: rate + speed * velocities[name] for name, rate in rates.items()}
+    # a complex step gives the rate of a joint's coordinate exactly
+    moving = {name: (pose + 1j * _TINY * rates[name])[:, None] for name, pose in placement.poses.items()}
     started = dict(scene.drives)
     for name in open_:
-        joint = scene.joints[name]
-        (one, at_one), (two, at_two) = ((side.body, scene.point(side)) for side in joint.addresses)
-        if joint.kind == "revolute":
-            turn, speed = poses[two].phi - poses[one].phi, rates[two][2] - rates[one][2]
-            update = {"angle": math.remainder(turn, math.tau), "initial_speed": speed}
-        else:
-            assert joint.direction is not None
-            along = poses[one].turn(joint.direction)
-            (x_1, y_1), (x_2, y_2) = poses[one].place(at_one), poses[two].place(at_two)
-            v_1, v_2 = (_velocity(rates[body], poses[body].turn(at)) for body, at in ((one, at_one), (two, at_two)))
-            gap, omega = (x_2 - x_1, y_2 - y_1), rates[one][2]
-            faster = v_2[0] - v_1[0] + omega * gap[1], v_2[1] - v_1[1] - omega * gap[0]
-            place_, speed = (along[0] * part[0] + along[1] * part[1] for part in (gap, faster))
-            update = {"position": place_, "initial_speed": speed}
+        joint = mechanism.joints[name]
+        (value,) = course(joint, moving).tolist()
+        start = value.real if joint.slides else math.remainder(value.real, math.tau)
+        update = {joint.start_name: start, "initial_speed": value.imag / _TINY}
         started[name] = scene.drives[name].model_copy(update=update)
     return scene.seen(drives=started)
-
-
-def _velocity(rates: list[float], arm: tuple[float, float]) -> tuple[float, float]:
-    """Velocity of a point of a body at this global distance from its start [m/s]."""
-    return rates[0] - rates[2] * arm[1], rates[1] + rates[2] * arm[0]
 
 
 def _speed(drive: Drive, horizon: float) -> float:

@@ -218,8 +218,8 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
 def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
     """Distance of loops from dead centres, below what :func:`~kaneflex.mechanism.closure.reach_lines` has."""
     kinds = {"transmission angle": True, "smallest singular value": False}
-    told = {kind: "\n".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
-    return {kind: text for kind, text in told.items() if text}
+    lines = {kind: "\n".join(each.text for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
+    return {kind: text for kind, text in lines.items() if text}
 
 
 def _body(body: Body) -> str:

@@ -183,7 +183,7 @@ class _Steps:
             return None
         return SceneError(
             f"joints.{found[0].name}", None,
-            f"the loop that it closes is in a singular position at t = {t:.6g} s, {found[0].stand}: branches of its "
+            f"the loop that it closes is in a singular position at t = {t:.6g} s, {found[0].position}: branches of its "
             "motion meet there, and joint forces are not finite",
             "Use preset coupled, which continues along a branch, or shorten the duration",
         )  # fmt: skip
