@@ -661,10 +661,10 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
      "loads.gas.force_on = 'rod.ear': the point lies off the axis of rod. "
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["rod.points={ear=[0.15, 0]}", "joints.wrist.revolute=['rod.ear', 'piston']", "solve.preset=coupled"],
-     "joints.wrist = 'rod.ear': the point lies off the axis of rod. "
+     "joints.wrist.revolute = 'rod.ear': the point lies off the axis of rod. "
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],
-     "joints.bore = 'piston': an elastic body on a guide is not supported. "
+     "joints.bore.prismatic = 'piston': an elastic body on a guide is not supported. "
      "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid."),
     ("engine-elastic-crank", ["springs={coil={torsional_at='main', stiffness=1}}", "solve.preset=paper"],
      "springs.coil = 'main': in preset paper elastic bodies rotate freely at a drive. "

@@ -78,17 +78,8 @@ def _stations(scene: Scene, link: str) -> list[Station]:
                 station.joined = True
                 station.turned |= stiff or name in torques or joint.has_backlash
                 station.clamped |= stiff and other.body in placed
-    for load in scene.forces.values():
-        if load.force_on.body == link:
-            at(load.force_on)
-    for spring in scene.springs.values():
-        for end in spring.ends:
-            if end.body == link:
-                at(end)
-    for contact in scene.contacts.values():
-        for side in contact.sides:
-            if side.body == link:
-                at(side)
+    for address in scene.acting_on(link):
+        at(address)
     for mass in scene.masses.values():
         if mass.at.body == link:
             at(mass.at).turned |= bool(mass.inertia)
@@ -136,7 +127,7 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
 
 def forced_points(scene: Scene, link: str) -> dict[str, float]:
     """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
-    inner = sorted({a.point for a in scene.acting if a.body == link and a.point not in ("start", "end")})
+    inner = sorted({address.point for address in scene.acting_on(link)} - {"start", "end"})
     return {point: scene.bodies[link].points_all[point][0] for point in inner}
 
 

@@ -6,10 +6,11 @@ In a derivation a number is a symbol, or exactly 0, 1 or -1; in a run it is a fl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
-from kaneflex.mechanism.planar import BodyPoint, Number, Vector
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
 
 ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment")}
 """Kind of a joint -> its constraints in order, named by their multipliers."""
@@ -307,3 +308,29 @@ class Mechanism:
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: earlier joints already connect their two bodies."""
         return tuple(name for name, joint in self.joints.items() if joint.closes_loop)
+
+    def joints_of(self, placed: Collection[str], group: Collection[str]) -> list[Joint]:
+        """Joints between bodies of a group, or between the group and placed bodies or the ground."""
+        known, own = {GROUND, *placed, *group}, {*group}
+        return [joint for joint in self.joints.values() if {*joint.bodies} <= known and {*joint.bodies} & own]
+
+    def smallest_group(
+        self, placed: Collection[str], waiting: Sequence[str], joints_of: Callable[..., list[Joint]] = joints_of
+    ) -> tuple[str, ...]:
+        """Smallest group of waiting bodies with as many constraints by joints and drives as coordinates; empty if none.
+
+        A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
+        ``joints_of``: as the method, or a function that gives fewer.
+        """
+
+        def is_determined(group: Sequence[str], others: Collection[str]) -> bool:
+            joints = joints_of(self, others, group)
+            return sum(len(joint.rows) + (joint.name in self.drives) for joint in joints) >= 3 * len(group)
+
+        # Bodies with fewer than three constraints cannot belong to a group; few candidates remain without them.
+        candidates, count = list(waiting), -1
+        while count != len(candidates):
+            count = len(candidates)
+            candidates = [name for name in candidates if is_determined([name], {*placed, *candidates})]
+        groups = (group for size in range(1, count + 1) for group in combinations(candidates, size))
+        return next((group for group in groups if is_determined(group, placed)), ())

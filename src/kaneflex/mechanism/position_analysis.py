@@ -8,17 +8,16 @@ method. The branch at the joint that closes the loop selects one of a dyad's two
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, islice
-from typing import Any
+from itertools import islice
 
 import numpy as np
 
 from kaneflex.mechanism.joints import Constraints, Poses, axes_of
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import Joint, Mechanism
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, cross, minus, wrapped
+from kaneflex.mechanism.parts import Joint
+from kaneflex.mechanism.planar import BodyPoint, Pose, Vector, cross, minus, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import parse_law
@@ -117,7 +116,7 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
     for group, around, dyad in closing_groups(mechanism):
         found, closing = [], _closing(around)
         for entries, poses in ways:
-            names = [joint.name for joint in all_joints_of(mechanism, poses, group)]
+            names = [joint.name for joint in mechanism.joints_of(poses, group)]
             assemblies = _assemblies(constraints, poses, group, names) if closing \
                 else [_closed(constraints, poses, group, around, dyad)]  # fmt: skip
             more = [poses | {name: each[name] for name in group} for each in assemblies]
@@ -200,7 +199,7 @@ def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
 def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
     """Smallest group of bodies that joints and drives determine, given the bodies already placed."""
     waiting = [name for name in mechanism.bodies if name not in poses]
-    if group := smallest_group(mechanism, poses, waiting, _joints_of):
+    if group := mechanism.smallest_group(poses, waiting, _joints_of):
         return group
     raise SceneError(
         "drives", ", ".join(mechanism.drives) or None, f"the position of {', '.join(waiting)} is not determined",
@@ -208,42 +207,13 @@ def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def smallest_group(
-    mechanism: Mechanism, placed: Collection[str], waiting: Sequence[str],
-    joints_of: Callable[[Any, Collection[str], Sequence[str]], list[Joint]],
-) -> tuple[str, ...]:  # fmt: skip
-    """Smallest group of waiting bodies with as many constraints by joints and drives as coordinates; empty if none.
-
-    A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
-    ``joints_of``: :func:`all_joints_of`, or fewer of them.
-    """
-
-    def is_determined(group: Sequence[str], others: Collection[str]) -> bool:
-        joints = joints_of(mechanism, others, group)
-        return sum(len(joint.rows) + (joint.name in mechanism.drives) for joint in joints) >= 3 * len(group)
-
-    # Bodies with fewer than three constraints cannot belong to a group; few candidates remain without them.
-    candidates, count = list(waiting), -1
-    while count != len(candidates):
-        count = len(candidates)
-        candidates = [name for name in candidates if is_determined([name], {*placed, *candidates})]
-    groups = (group for size in range(1, count + 1) for group in combinations(candidates, size))
-    return next((group for group in groups if is_determined(group, placed)), ())
-
-
 def _joints_of(mechanism: NumericMechanism, placed: Collection[str], group: Sequence[str]) -> list[Joint]:
     """Joints between bodies of a group, or between the group and placed bodies; one of redundant guides."""
     found: list[Joint] = []
-    for joint in sorted(all_joints_of(mechanism, placed, group), key=lambda joint: joint.name not in mechanism.drives):
+    for joint in sorted(mechanism.joints_of(placed, group), key=lambda joint: joint.name not in mechanism.drives):
         if joint.name in mechanism.drives or not any(_holds_as(other, joint) for other in found):
             found.append(joint)
     return [joint for joint in mechanism.joints.values() if joint in found]
-
-
-def all_joints_of(mechanism: Mechanism, placed: Collection[str], group: Sequence[str]) -> list[Joint]:
-    """Joints between bodies of a group, or between the group and placed bodies."""
-    known, own = {GROUND, *placed, *group}, {*group}
-    return [joint for joint in mechanism.joints.values() if {*joint.bodies} <= known and {*joint.bodies} & own]
 
 
 def _holds_as(one: Joint, other: Joint) -> bool:
@@ -269,7 +239,7 @@ def _closed(
     """Poses of a group by Newton's method from many starting values, until the scene's branch is found, or for larger
     groups all assemblies."""
     mechanism = constraints.mechanism
-    joints = [joint.name for joint in all_joints_of(mechanism, poses, group)]
+    joints = [joint.name for joint in mechanism.joints_of(poses, group)]
     closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
     assemblies: list[dict[str, np.ndarray]] = []
     if _is_larger(group, around) or closing.near:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.position_analysis import all_joints_of, smallest_group
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import key_of
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -41,7 +39,7 @@ def prescribed_bodies(mechanism: Mechanism) -> set[str]:
     """Rigid bodies with prescribed or free motion, found group by group from joints between rigid bodies."""
     rigid = [name for name, body in mechanism.bodies.items() if not body.elastic]
     placed = {GROUND, *(name for name in mechanism.floating if name in rigid)}
-    while group := smallest_group(mechanism, placed, [name for name in rigid if name not in placed], all_joints_of):
+    while group := mechanism.smallest_group(placed, [name for name in rigid if name not in placed]):
         placed |= {*group}
     return placed
 
@@ -115,30 +113,18 @@ def check_on_axes(scene: Scene) -> None:
                 f"springs.{name}", spring.torsional_at, "in preset paper elastic bodies rotate freely at a drive",
                 "Use another preset, or leave the spring out",
             )  # fmt: skip
-    points = [(f"loads.{name}.force_on", load.force_on) for name, load in scene.forces.items()]
-    points += [(f"masses.{name}.at", mass.at) for name, mass in scene.masses.items()]
-    ends = ((name, end) for name, spring in scene.springs.items() for end in spring.ends)
-    points += [(f"springs.{name}.between", end) for name, end in ends if end.body != "ground"]
-    points += [
-        (key_of(name, contact), side)
-        for name, contact in scene.contacts.items() for side in contact.sides if side.body != "ground"
-    ]  # fmt: skip
-    points += [
-        (f"joints.{name}", address)
-        for name, joint in scene.joints.items() for address in joint.addresses if address.body != "ground"
-    ]  # fmt: skip
-    for key, address in points:
+    for entry, address in scene.acting:
+        body = scene.bodies.get(address.body)
+        if body is None or not body.elastic:
+            continue
         x, y = scene.point(address)
-        body = scene.bodies[address.body]
-        if body.elastic and not (y == 0 and 0 <= x <= body.length):
+        if not (y == 0 and 0 <= x <= body.length):
             raise SceneError(
-                key, str(address), f"the point lies off the axis of {address.body}",
+                entry, str(address), f"the point lies off the axis of {address.body}",
                 "Move the point onto the axis, between start and end, or join a rigid body there",
             )  # fmt: skip
-    for name, joint in scene.joints.items():
-        for address in joint.addresses:
-            if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:
-                raise SceneError(
-                    f"joints.{name}", address.body, "an elastic body on a guide is not supported",
-                    "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid",
-                )  # fmt: skip
+        if entry.endswith(".prismatic"):
+            raise SceneError(
+                entry, address.body, "an elastic body on a guide is not supported",
+                "Join it to a guided rigid body by a revolute joint or a weld, or use preset rigid",
+            )  # fmt: skip

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from kaneflex.mechanism.joints import course
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
@@ -32,6 +29,9 @@ def tight_start(scene: Scene) -> Scene:
     open_ = [name for name in free if not given & scene.drives[name].model_fields_set]
     if not scene.loose or not open_:
         return scene
+    import numpy as np
+
+    from kaneflex.mechanism.joints import course
     from kaneflex.mechanism.position_analysis import drive_rates, place
 
     joints = dict(scene.joints)

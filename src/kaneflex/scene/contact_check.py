@@ -58,7 +58,7 @@ def contact_problems(scene: Scene) -> Iterator[Problem]:
     """Problems of the contacts of a scene, including those of clearances."""
     seen = set()
     for name, contact in scene.contacts.items():
-        key = key_of(name, contact)
+        key = contact.entry(name)
         for side in contact.sides:
             if (key, side) not in seen:
                 yield from _side(scene, key, contact, side)
@@ -80,13 +80,6 @@ def tilt_problems(scene: Scene) -> Iterator[Problem]:
         if turns and pins <= {body.centre} and all(mass.at.body != rider for mass in scene.masses.values()):
             reason = f"it can rotate in the clearance of {name} but has no moment of inertia"
             yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give its inertia")
-
-
-def key_of(name: str, contact: Contact) -> str:
-    """Keys of a contact's two points in the scene."""
-    if contact.joint is None:
-        return f"contacts.{name}.{contact.key}"
-    return f"joints.{contact.joint}.{'prismatic' if contact.kind == 'point-line' else 'revolute'}"
 
 
 def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:

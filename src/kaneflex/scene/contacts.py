@@ -213,6 +213,12 @@ class Contact(SceneTable):
         """Key of the contact of this name in the scene; it may be a joint's clearance."""
         return f"contacts.{name}" if self.joint is None else f"joints.{self.joint}.clearance"
 
+    def entry(self, name: str) -> str:
+        """Entry of the scene with the two points of the contact of this name."""
+        if self.joint is None:
+            return f"contacts.{name}.{self.key}"
+        return f"joints.{self.joint}.{'prismatic' if self.kind == 'point-line' else 'revolute'}"
+
     def number(self, name: str) -> float:
         """Value of the contact's parameter of this name in the equations."""
         numbers = {"reach": self.reach, "radius": self.touching, "stiffness": self.pushing[0]}

@@ -217,17 +217,22 @@ class Scene(SceneTable):
         return self.vector(self.bodies[address.body].points_all[address.point])
 
     @property
-    def acting(self) -> list[Address]:
-        """Points at which joints, springs, contacts, loads and lumped masses act, in that order."""
-        found = [address for joint in self.joints.values() for address in joint.addresses]
-        found += [end for spring in self.springs.values() for end in spring.ends]
-        found += [side for contact in self.contacts.values() for side in contact.sides]
-        found += [load.force_on for load in self.loads.values() if load.force_on is not None]
-        return found + [mass.at for mass in self.masses.values()]
+    def acting(self) -> list[tuple[str, Address]]:
+        """Points at which joints, springs, contacts, loads and lumped masses act, in that order, with their entries."""
+        found = [(f"joints.{name}.{joint.kind}", side) for name, joint in self.joints.items()
+                 for side in joint.addresses]  # fmt: skip
+        found += [(f"springs.{name}.between", end) for name, spring in self.springs.items() for end in spring.ends]
+        found += [(contact.entry(name), side) for name, contact in self.contacts.items() for side in contact.sides]
+        found += [(f"loads.{name}.force_on", load.force_on) for name, load in self.forces.items()]
+        return found + [(f"masses.{name}.at", mass.at) for name, mass in self.masses.items()]
+
+    def acting_on(self, body: str) -> list[Address]:
+        """Those of a body."""
+        return [address for _, address in self.acting if address.body == body]
 
     def acted_on(self, body: str) -> tuple[float, ...]:
         """Distances [m] from a link's start, between its ends, at which forces act and section forces jump."""
-        places = {self.point(address)[0] for address in self.acting if address.body == body}
+        places = {self.point(address)[0] for address in self.acting_on(body)}
         return tuple(sorted(x for x in places if 0.0 < x < (self.bodies[body].length or 0.0)))
 
     def loop_joints(self) -> tuple[str, ...]:

@@ -108,7 +108,7 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the scene's own named points that joints or loads use."""
     named = {name: body.points_named for name, body in scene.bodies.items()} | {"ground": scene.ground}
-    used = (address for address in dict.fromkeys(scene.acting) if address.point in named[address.body])
+    used = (address for _, address in scene.acting if address.point in named[address.body])
     return {str(address): _zeros(scene.point(address)) for address in used}
 
 

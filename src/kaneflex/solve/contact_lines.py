@@ -11,7 +11,6 @@ from kaneflex.mechanism.body_frame import rotate, rotate_back
 from kaneflex.mechanism.planar import Pose
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import key_of
 from kaneflex.scene.contacts import Contact
 from kaneflex.support.errors import SceneError
 
@@ -45,7 +44,7 @@ def check_lines(scene: Scene, first: RigidMotion) -> None:
         along = (n_y * x - n_x * y) * n_y
         if abs(n_x * x + n_y * y - contact.reach) < _TOUCHING * length and abs(along) > _NEAR * length:
             raise SceneError(
-                key_of(name, contact), str(line),
+                contact.entry(name), str(line),
                 f"{line.body} is elastic, and its contact line is valid near this point only; {point.body} touches it "
                 f"{1e3 * abs(along):.4g} mm away",
                 f"Choose the point of {line.body} where it touches, or weld a rigid body there as the line",
