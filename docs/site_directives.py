@@ -49,7 +49,7 @@ class Messages(SphinxDirective):
         lines = []
         for topic in TOPICS:
             rows = sorted(row for of, *row in found if of == topic and _tells(row[1]))
-            lines += [f"\n## {topic}\n", "| entry | problem | what to do |", "| --- | --- | --- |"]
+            lines += [f"\n## {topic}\n", "| entry | problem | what to do |", "|---|---|---|"]
             lines += [f"| {' | '.join(map(_cell, row))} |" for row in rows]
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 

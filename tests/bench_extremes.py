@@ -56,7 +56,7 @@ $\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude,
 of the final phase error that is rounding.
 
 | integrator | amplitude | phase in a cycle [rad] | rounding [rad] |
-| --- | --- | --- | --- |
+|---|---|---|---|
 """
 SINGLE_HEAD = """
 ## Kernels in single precision
@@ -139,7 +139,7 @@ def single_precisions() -> str:
     """The table of kernels in single precision."""
     found = {scene: single_precision(scene) for scene in SINGLE}
     kernels = list(next(iter(found.values())))
-    text = f"| scene | {' | '.join(kernels)} |\n{'| --- ' * (len(kernels) + 1)}|\n"
+    text = f"| scene | {' | '.join(kernels)} |\n{'|---' * (len(kernels) + 1)}|\n"
     for scene, errors in found.items():
         text += f"| {scene} | {' | '.join(f'{errors[name]:.0e}' for name in kernels)} |\n"
     return text
