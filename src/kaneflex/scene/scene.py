@@ -227,7 +227,7 @@ class Scene(SceneTable):
         return found + [(f"masses.{name}.at", mass.at) for name, mass in self.masses.items()]
 
     def acting_on(self, body: str) -> list[Address]:
-        """Those of a body."""
+        """Addresses on one body."""
         return [address for _, address in self.acting if address.body == body]
 
     def acted_on(self, body: str) -> tuple[float, ...]:
