@@ -26,7 +26,7 @@ from kaneflex.support.machine_code import Kernel
 
 _LONGEST_STEP = 1e4
 """Times the fastest vibration's 1 / omega, of steps that tell something about stability."""
-_CLEAR, _SQUARED = 0.5, 4
+_CLEAR, _SQUARED = 0.5, 8
 """Smallest growth per cycle for which piecewise constant equations do not decide on stability; number of squarings of
 the monodromy matrix."""
 
@@ -99,9 +99,10 @@ def dies_away(moved: np.ndarray) -> bool:
     The root of a power's norm is an upper bound of the spectral radius, and close to it.
     """
     power = moved
-    for _ in range(_SQUARED):
-        power = power @ power
-    return float(np.linalg.norm(power)) ** (0.5**_SQUARED) < _CLEAR
+    with np.errstate(over="ignore", invalid="ignore"):  # of disturbances that grow
+        for _ in range(_SQUARED):
+            power = power @ power
+        return float(np.linalg.norm(power)) ** (0.5**_SQUARED) < _CLEAR
 
 
 def _eigenvalues(matrix: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from inspect import unwrap
 from typing import Any
 
 from llvmlite.binding import ffi
-from numba.core import base, codegen, ir, ssa, targetconfig, utils
+from numba.core import base, codegen, ir, postproc, ssa, targetconfig, transforms, utils
 
 
 def use() -> None:
@@ -31,6 +31,8 @@ def use() -> None:
     statement._rec_list_vars = _variables(ir.Var, ir.Inst)
     assignments: Any = ssa
     _rewrite_where_mentioned(assignments)
+    processor: Any = postproc.PostProcessor
+    processor.run = _with_lifetimes_for_deletions(processor.run)
 
 
 def _by(key: Any, find: Any) -> Any:
@@ -110,6 +112,20 @@ def _rewrite_where_mentioned(ssa: Any) -> None:
 
     ssa._find_defs_violators, ssa._run_block_rewrite = find_defs_violators, run_block_rewrite
     ssa._FixSSAVars._stmt_index = stmt_index
+
+
+def _with_lifetimes_for_deletions(run: Any) -> Any:
+    """``PostProcessor.run`` of numba, which finds lifetimes of variables three times before it deletes any, without them
+    until then. Other packages may use them elsewhere."""
+
+    def process(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+        of = self.func_ir
+        if emit_dels or not of.func_id.modname.startswith("kaneflex"):
+            run(self, emit_dels, extend_lifetimes)
+        else:
+            of.blocks, of.generator_info = transforms.canonicalize_cfg(of.blocks), None
+
+    return process
 
 
 class PartLibrary(codegen.JITCodeLibrary):
