@@ -14,7 +14,7 @@ from runs import model, run, short
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.position_analysis import closures, coordinate_at, drive_rates, place
+from kaneflex.mechanism.position_analysis import closures, drive_rates, place
 from kaneflex.plots import show
 from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scenery
 from kaneflex.plots.scheme import branches, scheme
@@ -100,7 +100,7 @@ def test_places_are_those_of_the_generated_motion(name):
 def test_drives_start_where_the_run_starts(name):
     found = short(name)
     for name, drive in found.scene.drives.items():
-        assert coordinate_at(drive, 0.0) == pytest.approx(found.motion.at(0.0)[f"{name}.angle"][0], abs=1e-12)
+        assert drive.coordinate(0.0) == pytest.approx(found.motion.at(0.0)[f"{name}.angle"][0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["engine-3", "four-bar", "slider-crank-150"])

@@ -24,10 +24,10 @@ from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Frame, from_start, t
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND, Vector
 from kaneflex.mechanism.rigid_bodies import Carried
 from kaneflex.scene import Scene
-from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 
 _MATRICES = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
@@ -186,9 +186,8 @@ def place_rigid(sites: Sites, carried: Mapping[str, Carried]) -> Iterator[Placed
         body, _, _, at = inertia
         yield sites.place(inertia_part(name, *inertia, scene.gravity), (body, at, WHOLE))
     for body in scene.bodies:
-        for name, load, point, share in scene.pushes(body) if body not in sites.links else ():
-            push = sparse_part(name, 2, F=share * _along(name, load, body))
-            yield sites.place(push, (body, scene.point(point), SHIFT))
+        for name, force, point in _pushes(scene, body) if body not in sites.links else ():
+            yield sites.place(sparse_part(name, 2, F=force), (body, point, SHIFT))
 
 
 def _inertias(scene: Scene) -> Iterator[tuple[str, str, float, float, Vector]]:
@@ -200,10 +199,13 @@ def _inertias(scene: Scene) -> Iterator[tuple[str, str, float, float, Vector]]:
         yield name, mass.at.body, mass.mass, mass.inertia, scene.point(mass.at)
 
 
-def _along(name: str, load: Load, body: str) -> Affine:
-    """Global vector of a load (2 x 1)."""
-    direction = Affine.term((name,), np.array(load.direction)[:, None])
-    return direction if load.axes == "global" else to_link_axes(body).T @ direction
+def _pushes(scene: Scene, body: str) -> Iterator[tuple[str, Affine, Vector]]:
+    """Loads on a rigid body as point forces: name, global force (2 x 1), and its point."""
+    for name, load in mechanism_of(scene).loads.items():
+        for point, share in load.pushes:
+            if point.body == body:
+                force = Affine.term((name,), share * np.array(load.direction)[:, None])
+                yield name, to_link_axes(body).T @ force if load.in_body else force, point.at
 
 
 def place_torques(sites: Sites) -> Iterator[Placed]:
@@ -238,8 +240,8 @@ def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, f
     for name, on, mass, _, at in _inertias(scene):
         if on == body:
             yield SHIFT @ inertia_part(name, body, mass, 0.0, at, scene.gravity).matrices["F"], at
-    for name, load, address, share in scene.pushes(body):
-        yield share * _along(name, load, body), scene.point(address)
+    for _, force, point in _pushes(scene, body):
+        yield force, point
     pairs = {name: joint.addresses for name, joint in scene.joints.items() if joint.kind != "prismatic"}
     pairs |= {name: spring.between for name, spring in scene.springs.items() if spring.ends}
     for name, addresses in pairs.items():

@@ -36,6 +36,9 @@ _SPEEDS, _DENSEST = (300.0, 20e3), 25e3
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
+_WHOLE = (*(f"along {axis}" for axis in "xyz"), *(f"about {axis}" for axis in "xyz"))
+"""Names of the rigid motions in space."""
+
 Motion = Literal["axial", "transverse", "any"]
 """Kinds of motion that don't mix: two in the plane, one in space."""
 
@@ -135,17 +138,11 @@ class Foreign:
     @property
     def whole(self) -> dict[str, np.ndarray]:
         """Rigid motions of the link (n_nodes d,) by name; rotations by one over its length."""
-        if not self.spatial:
-            x, y = self.nodes[:, 0], self.nodes[:, 1]
-            turn = self.field(-y, x) / self.length
-            return {"along its axis": self.field(1.0, 0.0), "across": self.field(0.0, 1.0), "turning": turn}
-        found = dict[str, np.ndarray]()
-        for name, axis in zip("xyz", np.eye(3), strict=True):
-            along, about = self._still(2)
-            along[:, :3], about[:, :3] = axis, np.cross(axis, self.nodes) / self.length
-            about[:, 3:] = (axis / self.length)[: self.motions - 3]
-            found |= {f"along {name}": along.ravel(), f"about {name}": about.ravel()}
-        return found
+        found = rigid_motions(self.nodes, self.motions, self.spatial)
+        shifts = len(found) // 2 + len(found) % 2
+        found[shifts:] /= self.length
+        names = _WHOLE if self.spatial else ("along its axis", "across", "turning")
+        return dict(zip(names, found.reshape(len(found), -1), strict=True))
 
     def accelerations(self, motion: Motion) -> list[np.ndarray]:
         """Accelerations (n_nodes d,) of a link as a whole: along its axes, as much and growing from its
@@ -232,7 +229,8 @@ class Foreign:
         own = []
         for at in self.points.values():
             held[at] = True
-            for moved in _together(self.nodes[at] - self.nodes[at].mean(axis=0), motion, self.motions):
+            together = rigid_motions(self.nodes[at] - self.nodes[at].mean(axis=0), self.motions, motion == "any")
+            for moved in together[{"axial": slice(1), "transverse": slice(1, 3), "any": slice(6)}[motion]]:
                 one = self._still()
                 one[at] = moved
                 if (size := np.linalg.norm(one)) > 0.0:
@@ -287,26 +285,26 @@ class Foreign:
             plane = "axis" if axis == 1 else "plane of motion"
             raise Fault(
                 f"the link is not symmetric about its {plane}: there is no mirror image of the node at "
-                f"{self._told(worst)}",
+                f"{self._written(worst)}",
                 "Give points and a normal in the symmetry planes, and a symmetric mesh",
             )
         if (twice := np.bincount(image) > 1).any():
-            reason = f"several nodes are at {self._told(int(twice.argmax()))}: their mirror images are ambiguous"
+            reason = f"several nodes are at {self._written(int(twice.argmax()))}: their mirror images are ambiguous"
             raise Fault(reason, "Merge them, or use --space")
         return np.asarray(image)
 
-    def _told(self, node: int) -> str:
+    def _written(self, node: int) -> str:
         return f"({', '.join(f'{1e3 * x:.6g}' for x in self.nodes[node])}) mm"
 
 
-def _together(place: np.ndarray, motion: Motion, motions: int) -> list[np.ndarray]:
-    """Rigid motions of nodes, (n, d) each, with ``place`` (n, 2 or 3) from their middle."""
-    axes = np.eye(place.shape[1])
-    if motion == "any":
-        turned = [np.hstack([np.cross(axis, place), np.tile(axis, (len(place), 1))])[:, :motions] for axis in axes]
-        return [*(np.pad(np.tile(axis, (len(place), 1)), ((0, 0), (0, motions - 3))) for axis in axes), *turned]
-    if motion == "axial":
-        return [np.broadcast_to(axes[0], place.shape)]
-    turn = np.zeros(place.shape)
-    turn[:, 0], turn[:, 1] = -place[:, 1], place[:, 0]
-    return [np.broadcast_to(axes[1], place.shape), turn]
+def rigid_motions(nodes: np.ndarray, motions: int, spatial: bool) -> np.ndarray:
+    """Rigid motions of nodes (n, 2 or 3): displacements, then unit rotations about the origin, (3 or 6, n, motions)."""
+    found = np.zeros((6 if spatial else 3, len(nodes), motions))
+    if not spatial:
+        found[0, :, 0] = found[1, :, 1] = 1.0
+        found[2, :, 0], found[2, :, 1] = -nodes[:, 1], nodes[:, 0]
+        return found
+    for k, axis in enumerate(np.eye(3)):
+        found[k, :, :3], found[3 + k, :, :3] = axis, np.cross(axis, nodes)
+        found[3 + k, :, 3:] = axis[: motions - 3]
+    return found

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.sparse import bmat, csc_array, diags_array
 
 from kaneflex.fem.craig_bampton import DEGREE, grown, reduced, splines
-from kaneflex.fem.foreign import TURNS, Foreign
+from kaneflex.fem.foreign import TURNS, Foreign, rigid_motions
 from kaneflex.fem.recovery import with_recovery
 from kaneflex.scene.modal_data import CROSS, ModalData, spatial_modal_data
 
@@ -70,7 +70,7 @@ def _turning(link: Foreign, shapes: np.ndarray, of_particles: Mapping[str, np.nd
     It knows momentum, moment of momentum and energy. What else the equations take are sums of the particles at the
     nodes: how r and N go together where no turn is in that, and N N but for its trace.
     """
-    whole = np.column_stack([*link.whole.values()])[:, [0, 2, 4, 1, 3, 5]] * ([1.0] * 3 + [link.length] * 3)
+    whole = rigid_motions(link.nodes, link.motions, spatial=True).reshape(6, -1).T
     carried = link.M @ whole
     P, Q, E = whole.T @ carried, carried.T @ shapes, shapes.T @ (link.M @ shapes)
     J, r_N, N_N = P[3:, 3:], of_particles["mass_r_N"], of_particles["mass_N_N"]

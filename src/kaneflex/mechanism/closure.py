@@ -180,7 +180,6 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     """Poses of the run by position analysis; only of the start if a joint is free, the motion is not determined by
     joints and drives, or the linkage locks."""
     from kaneflex.mechanism.closure_continuation import follow
-    from kaneflex.mechanism.position_analysis import coordinate_at
 
     at_start = {name: pose[:, None] for name, pose in placement.poses.items()}
     mechanism = mechanism_of(scene)
@@ -192,7 +191,7 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     times = instants(scene)
     try:
         drives = scene.drives.items()
-        return follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in drives}, placement)
+        return follow(scene, times, lambda t: {name: drive.coordinate(t) for name, drive in drives}, placement)
     except SceneError:
         return at_start  # loading reports the position
 

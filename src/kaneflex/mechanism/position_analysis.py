@@ -19,8 +19,6 @@ from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import BodyPoint, Pose, Vector, cross, minus, wrapped
 from kaneflex.scene import Scene
-from kaneflex.scene.drives import Drive
-from kaneflex.scene.laws import parse_law
 from kaneflex.support.errors import SceneError
 
 _STARTS = 400
@@ -84,7 +82,7 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     """
     if scene.is_frame:
         return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
-    drives = {name: coordinate_at(drive, 0.0) for name, drive in scene.drives.items()} | dict(at or {})
+    drives = {name: float(drive.coordinate(0.0)) for name, drive in scene.drives.items()} | dict(at or {})
     constraints = Constraints(mechanism_of(scene), drives)
     poses = _standing(constraints.mechanism)
     for group, around, dyad in closing_groups(constraints.mechanism):
@@ -157,22 +155,6 @@ def with_branches(scene: Scene) -> Scene:
 def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
     """First group of bodies without a closed form (not driven, welded or a dyad); empty if none."""
     return next((group for group, joints, _ in closing_groups(mechanism) if _is_larger(group, joints)), ())
-
-
-def coordinate_at(drive: Drive, t: float) -> float:
-    """Coordinate of a drive at the time t [rad or m]; the initial one for a free joint."""
-    if drive.kind == "law":
-        return float(parse_law(drive.law, ("t",)).on_arrays({"t": t}))
-    if drive.kind == "table":
-        from kaneflex.scene.tables import evaluate_block
-
-        return float(evaluate_block(drive.curve(), t))
-    if drive.kind == "spin up":  # speed (t / T - sin(2 pi t / T) / 2 pi) until T, integrated
-        T = drive.spin_up
-        inside = min(t, T)
-        course = inside**2 / (2 * T) + T / (2 * math.pi) ** 2 * (math.cos(2 * math.pi * inside / T) - 1.0)
-        return drive.start + drive.speed * (course + max(t - T, 0.0))
-    return drive.start + (0.0 if drive.free else drive.speed * t)
 
 
 def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, dict[str, np.ndarray]]:

@@ -70,10 +70,8 @@ def _speed(drive: Drive, horizon: float) -> float:
         return float(drive.initial_speed)
     if drive.speed is not None:
         return float(drive.speed) if drive.spin_up is None else 0.0
-    from kaneflex.mechanism.position_analysis import coordinate_at
-
     step = _STEP * horizon
-    return sum(weight * coordinate_at(drive, k * step) for k, weight in enumerate(_FORWARD)) / step
+    return sum(weight * float(drive.coordinate(k * step)) for k, weight in enumerate(_FORWARD)) / step
 
 
 def as_it_starts(scene: Scene) -> Scene:

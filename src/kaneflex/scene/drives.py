@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from kaneflex.scene.laws import parse_law
 from kaneflex.scene.quantities import (
     Angle,
     AngularVelocity,
@@ -19,7 +20,7 @@ from kaneflex.scene.quantities import (
     PositiveTime,
 )
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.scene.tables import Table, read_table
+from kaneflex.scene.tables import Table, evaluate_block, read_table
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import ANGLE, LENGTH, TIME
 
@@ -106,6 +107,22 @@ class Drive(SceneTable):
     def start(self) -> float:
         """Coordinate at t = 0 of a joint with a speed or a free joint, in rad, or m for a guide."""
         return self.angle if self.position is None else self.position
+
+    def coordinate(self, t: np.ndarray | float) -> np.ndarray | float:
+        """Coordinate at times t [s], in rad, or m for a guide; of a free joint that at t = 0.
+
+        Raises Fault for a law or a table that can't be read.
+        """
+        if self.law is not None:
+            return parse_law(self.law, ("t",)).on_arrays({"t": t})
+        if self.table is not None:
+            return evaluate_block(self.curve(), t)
+        if self.speed is None or self.spin_up is None:
+            return self.start + (self.speed or 0.0) * t
+        T = self.spin_up  # speed (t / T - sin(2 pi t / T) / 2 pi) until T, integrated
+        inside = np.minimum(t, T)
+        course = inside**2 / (2 * T) + T / (2 * np.pi) ** 2 * (np.cos(2 * np.pi * inside / T) - 1.0)
+        return self.start + self.speed * (course + np.maximum(t - T, 0.0))
 
     def curve(self) -> np.ndarray:
         """Block (see `kaneflex.scene.tables`) of the drive's table. Raises Fault as `read_table`."""

@@ -13,7 +13,6 @@ from kaneflex.scene.laws import Law, parse_law, sample_times
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
-from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.errors import Fault, Problem, nearest, unknown
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -312,16 +311,8 @@ def check_load_law(scene: Scene, load: Load) -> None:
 
 def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray | float]:
     """Coordinate [rad or m] and speed of a drive at `times` (n,), as far as known before the run, by a law's names."""
+    speed = drive.initial_speed if drive.free else drive.speed if drive.spin_up is None else None
     try:
-        match drive.kind:
-            case "free":
-                return {name: drive.start, f"{name}_speed": drive.initial_speed}
-            case "constant speed":
-                return {name: drive.start + drive.speed * times, f"{name}_speed": drive.speed}
-            case "law":
-                return {name: parse_law(drive.law, ("t",)).on_arrays({"t": times})}
-            case "table":
-                return {name: evaluate_block(drive.curve(), times)}
+        return {name: drive.coordinate(times)} | ({} if speed is None else {f"{name}_speed": speed})
     except Fault:
-        pass  # reported by the drive's own check
-    return {}
+        return {}  # reported by the drive's own check

@@ -266,19 +266,6 @@ class Scene(SceneTable):
         """Loads that are distributed along a body."""
         return {name: load for name, load in self.loads.items() if load.spread_on is not None}
 
-    def pushes(self, body: str) -> list[tuple[str, Load, Address, float]]:
-        """Loads on a rigid body as point forces: name, load, address, share of its magnitude.
-
-        A linear distribution is statically equivalent to l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the ends.
-        """
-        found = [(name, load, load.force_on, 1.0) for name, load in self.forces.items() if load.force_on.body == body]
-        for name, load in self.spreads.items():
-            if load.spread_on == body:
-                share, (first, last) = self.bodies[body].length / 6, load.profile
-                found.append((name, load, Address(body, "start"), share * (2 * first + last)))
-                found.append((name, load, Address(body, "end"), share * (first + 2 * last)))
-        return found
-
     @property
     def torques(self) -> dict[str, Load]:
         """Loads that are torques between two bodies at a joint."""
