@@ -11,6 +11,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
+from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
@@ -40,6 +41,22 @@ SHORT = {"engine-torque": ("solve.duration=0.25 s", "solve.steps=2500")}
 def short(scene: str) -> Model:
     """A shipped scene, those of SHORT over the first part of their run."""
     return model(scene, *SHORT.get(scene, ()))
+
+
+def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
+    """By how much frames and shapes q (size,) of a planar system violate every joint's rows and every prescribed drive
+    [m or rad] at t [s]: by name."""
+    system.folded(t, q, 0.0 * q)
+    courses = system.engine.courses(np.array([t]))[0, ::3].tolist()
+    constraints, poses, names = system.joint_rows(dict(zip(system.engine.layout.driven, courses, strict=True)))
+    found = constraints.residuals(poses, list(system.mechanism.joints)).tolist()
+    return dict(zip(names, found, strict=True))
+
+
+def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded:
+    """The nearest state of a planar system with closed loops, with accelerations and reactions."""
+    system.folded(t, q, v)
+    return system.unfold(system.states(system.engine.row(t)[None]))
 
 
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:

@@ -11,7 +11,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.coupled_state import State, last_state
+from kaneflex.solve.coupled_state import SavedState, last_state
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
@@ -198,6 +198,6 @@ def test_quaternions_that_are_not_of_unit_length():
 
 
 def test_a_state_with_other_names_is_refused(crank):
-    state = State("by hand", 0.0, ("blade.x",), np.zeros(1), np.zeros(1))
+    state = SavedState("by hand", 0.0, ("blade.x",), np.zeros(1), np.zeros(1))
     with pytest.raises(SceneError, match=r"after = 'by hand': the scene has no coordinate blade\.x"):
         run(CRANK, 0.02, 20, state)

@@ -19,8 +19,8 @@ from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_rates import rates_of
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.support.errors import SceneError
 
@@ -96,7 +96,7 @@ def test_accelerations_in_space_in_c_are_those_of_the_engine(scene, compiler, tm
         assert accelerate(_address(state), ctypes.c_double(t), *map(_address, (q, u, rates, found))) == 0
         assert abs(expected.du).max() > 0.0
         assert (found - expected.du) / unit == pytest.approx(0.0, abs=1e-9 * abs(expected.du / unit).max())
-        wanted = rates_of(system, expected.q[None], expected.u[None])[0]
+        wanted = rates_of(system.engine, expected.q[None], expected.u[None])[0]
         assert rates == pytest.approx(wanted, abs=1e-12 * abs(rates).max())
 
 
@@ -145,8 +145,8 @@ def test_accelerations_in_c_are_those_of_the_engine(compiler, tmp_path):
     scene = ("slider-crank-150-coupled",)
     texts, begun = coupled_in_c(model(*scene).scene), run(*scene)
     system = begun.model.coupled
-    system.fold(begun.trajectory.q[0], begun.trajectory.v[0])
     engine = system.engine
+    engine.set(next(engine.states_of(begun.trajectory.rows[:1], engine.choice)))
     name = "slider_crank_150_coupled"
     library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
     size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
@@ -231,7 +231,7 @@ def example(w, n, x):
         total -= float(k) / 3
     a, b = several(w, 1)
     a, total = total, a if n > 3 and x < 0.0 <= total else -total
-    w[0] = w[4] = abs(x) + b ** 2 + (-7.5) % 2.0 + n / 4 + (b - 5) % 3 + (b - 9) // 4
+    w[0] = w[4] = abs(x) + b**2 + (-7.5) % 2.0 + n / 4 + (b - 5) % 3 + (b - 9) // 4
     return total + a * (x % -3.0) - k + min(x, 0.5) * max(total, x - 1.0, 3.0)
 
 
@@ -293,7 +293,10 @@ def test_the_command_writes_a_folder(compiler, tmp_path):
     subprocess.run([compiler, "-std=c11", *sources], cwd=tmp_path / "b", check=True)
     cli("derive", "four-bar-motor", "--language", "c", "-o", tmp_path / "c")
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
-        "CMakeLists.txt", "four_bar_motor.c", "four_bar_motor.h", "four_bar_motor_run.c"
+        "CMakeLists.txt",
+        "four_bar_motor.c",
+        "four_bar_motor.h",
+        "four_bar_motor_run.c",
     ]
     refused(cli("derive", "stick-slip", "--language", "c", "-o", tmp_path / "d"), "joints.rub")
     assert not (tmp_path / "d").exists()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sm
-from runs import moments
+from runs import gaps, moments
 
 import kaneflex
 from kaneflex.derive.body_equations import planar_equations
@@ -81,7 +81,7 @@ def moved(engine):
     """A state of the engine under way, with what its equations say there: t, q, v, a, multipliers."""
     found = simulate_coupled(engine).trajectory
     k = slice(13, 14)
-    state = engine.coupled.states(found.times[k], found.q[k], found.v[k])
+    state = engine.coupled.unfold(engine.coupled.states(found.rows[k]))
     return found.times[13], state.q[0], state.v[0], state.a[0], state.reactions[0]
 
 
@@ -95,8 +95,8 @@ def inertia_forces(model, q, v, a):
     return found
 
 
-def gaps(system, t, q):
-    found = system.gaps(t, q)
+def opened(system, t, q):
+    found = gaps(system, t, q)
     return np.array([found[name] for name in system.constraints])
 
 
@@ -104,18 +104,18 @@ def test_the_state_satisfies_balance_and_constraints(engine, moved):
     """Of every body's speeds: what its motion takes is what joints and gas exert, by virtual work."""
     t, q, v, a, multipliers = moved
     system, n, h = engine.coupled, engine.coupled.size, 1e-6
-    G = np.array([gaps(system, t, q + step) - gaps(system, t, q - step) for step in h * np.eye(n)]).T / (2 * h)
+    G = np.array([opened(system, t, q + step) - opened(system, t, q - step) for step in h * np.eye(n)]).T / (2 * h)
     given = np.zeros(n)
     gas, k = engine.motion.at(t)["gas"][0], system.start["piston"]
     given[k : k + 2] = gas * np.array(engine.scene.loads["gas"].direction)
     left = inertia_forces(engine, q, v, a)
     assert abs(left - given - G.T @ multipliers).max() < 1e-8 * abs(left).max()
     assert abs(gas) > 1.0 and abs(left[system.modal("rod")]).max() > 1.0
-    assert abs(gaps(system, t, q)).max() < 1e-12
+    assert abs(opened(system, t, q)).max() < 1e-12
     # The loops stay closed along the motion, to the second order in time.
     for h, order, largest in ((1e-7, 1, abs(v).max()), (1e-5, 2, abs(a).max())):
-        after, before = (gaps(system, t + s, q + s * v + s * s / 2 * a) for s in (h, -h))
-        rate = (after - before) / (2 * h) if order == 1 else (after + before - 2 * gaps(system, t, q)) / h**2
+        after, before = (opened(system, t + s, q + s * v + s * s / 2 * a) for s in (h, -h))
+        rate = (after - before) / (2 * h) if order == 1 else (after + before - 2 * opened(system, t, q)) / h**2
         assert abs(rate).max() < 1e-5 * largest, order
 
 
@@ -166,9 +166,9 @@ def test_stiffness_at_speed_is_that_of_the_stiffened_model():
     settings = ["solve.preset=coupled", "beam.axially_rigid=true"]
     model = kaneflex.load(with_settings(read_scene("spin-up"), settings))
     system, t = model.coupled, 20.0
-    equations = prepare(system, t, *rigid_state(system, model.motion.at(t)))
+    equations, state = prepare(system, system.folded(t, *rigid_state(system, model.motion.at(t))))
     still = np.zeros(len(equations.names))
-    K = equations.linear(equations.deformed(equations.now(t), still, still, still)).K
+    K = equations.linear(equations.deformed(state, still, still, still)).K
     plain = kaneflex.load(read_scene("spin-up"))
     free = [row for row in range(27) if row not in (0, 1, 2)]
     Phi = system.shapes["beam"].transverse[free]

@@ -15,12 +15,13 @@ import kaneflex
 from kaneflex import load
 from kaneflex.cli import main
 from kaneflex.multibody.model import system
+from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.time import shooting
 from kaneflex.scene import with_settings
 from kaneflex.solve import coupled, coupled_corrections, error_estimates
+from kaneflex.solve.coupled_state import state_after
 from kaneflex.solve.error_stages import Read
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.spatial_loading import state_after
 
 COUPLED = ("solve.preset=coupled",)
 FINE = (*COUPLED, "solve.modes=8", "solve.tolerance=1e-10")
@@ -245,7 +246,8 @@ def test_richer_models_in_space_begin_at_a_given_state():
         for _, scene, options in coupled_corrections._richer(read.model):
             richer = coupled_corrections.refined(read.model, scene, options)
             system = richer.in_space.module.system
-            found, _ = state_after(system, coupled_corrections._embedded(read, richer))
+            embedded = coupled_corrections._embedded(read, richer)
+            found, _ = state_after(system, embedded, lambda given, of=system: choose(of, given.q))
             places = system.work.sections[:, :3].copy()
             own.project(start.t, start.q, start.u, start.choice)
             bent = abs(start.q[own.modal_coordinates]).max()

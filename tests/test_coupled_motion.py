@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import STENCIL, model, run
+from runs import STENCIL, gaps, model, run
 
 from kaneflex.mechanism.wrenches import Wrench
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
@@ -20,9 +20,10 @@ from kaneflex.solve.coupled import as_result
 
 
 def still(system: CoupledSystem, q: np.ndarray) -> CoupledTrajectory:
-    """States at rest, all at t = 0."""
-    none = np.zeros_like(q)
-    return by_themselves(np.zeros(len(q)), q, none, none, np.zeros((len(q), len(system.constraints))))
+    """Frames and shapes at rest, all at t = 0."""
+    rows, none = np.zeros((len(q), len(system.engine.row(0.0)))), 0.0 * q
+    reactions = np.zeros((len(q), len(system.constraints)))
+    return by_themselves(rows, Unfolded(q, none, none, reactions, *4 * [none]))
 
 
 def test_rates_are_the_derivatives_of_places():
@@ -33,7 +34,9 @@ def test_rates_are_the_derivatives_of_places():
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
-    solution = as_result(given, replace(still(given.coupled, q), times=times, v=v, a=a), 0.0)
+    moved = still(given.coupled, q)
+    moved.rows[:, 0] = times
+    solution = as_result(given, replace(moved, v=v, a=a), 0.0)
     motion = solution.motion
     found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
     for name, (place, rate, accel) in found.items():
@@ -46,14 +49,14 @@ def test_constraints_are_the_gaps_between_these_places():
     given = model("slider-crank-150-coupled")
     system, joints = given.coupled, given.scene.joints
     q = 0.1 * np.random.default_rng(5).normal(size=(1, system.size))
-    gaps = system.gaps(0.0, q[0])
+    found = gaps(system, 0.0, q[0])
     motion = CoupledMotion(given, given.motion.at(0.0), still(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
         first, second = (motion.joined(address)[0][:, 0] for address in addresses)
         for k, axis in enumerate("xy"):
-            assert gaps[f"{joint}.force_{axis}"] == pytest.approx(second[k] - first[k], abs=1e-12), (joint, axis)
+            assert found[f"{joint}.force_{axis}"] == pytest.approx(second[k] - first[k], abs=1e-12), (joint, axis)
 
 
 def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond():

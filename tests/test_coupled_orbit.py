@@ -72,9 +72,9 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
     assert found.multipliers[0] == pytest.approx(expected, rel=1e-3)
     # and by the nonlinear ones: a cycle beside it, in the direction that grows
     run = found.trajectory
-    equations = prepare(found.model.coupled, 0.0, run.q[0], run.v[0])
+    engine = found.model.coupled.engine
+    equations, start = prepare(found.model.coupled, next(engine.states_of(run.rows[:1], engine.choice)))
     cycles = PlanarCycles(equations, run.times, coupled.method_of(found.model))
-    start = equations.at(0.0, run.q[0], run.v[0])
     values, directions = np.linalg.eig(cycles.monodromy(run))
     away = 1e-4 * directions[:, abs(values).argmax()].real / abs(directions).max()
     beside = cycles.run(cycles.moved(start, away))
@@ -132,6 +132,5 @@ def test_what_does_not_repeat_is_named(table, entry, said):
 def test_none_where_more_than_shapes_is_free():
     """A mechanism that its motor turns has no motion of its own to be given; nor have contacts, which remember."""
     model = kaneflex.load(kaneflex.read_scene("four-bar-motor"))
-    q, v = coupled.beginning(model)
-    equations = prepare(model.coupled, 0.0, q, v)
-    assert coupled.orbit_start(equations, lambda times: [equations.at(0.0, q, v)], 0.0, 1.0, 1e-6) is None
+    equations, start = prepare(model.coupled, coupled.beginning(model))
+    assert coupled.orbit_start(equations, lambda times: [start], 0.0, 1.0, 1e-6) is None

@@ -5,7 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from runs import solved
+from runs import closed, gaps, solved
 from scipy.linalg import eigh
 
 import kaneflex
@@ -116,8 +116,8 @@ def moved_state(system, q, v, seed):
         q[modal.start : modal.start + axial] *= 0.2
         v[modal.start : modal.start + axial] *= 2.0
         v[modal.start + axial : modal.stop] *= 200.0
-    closed = system.states(np.array([T]), q[None], v[None])
-    return closed.q[0], closed.v[0]
+    found = closed(system, T, q, v)
+    return found.q[0], found.v[0]
 
 
 def seen_from_the_end(system, other, links, q, v):
@@ -156,12 +156,9 @@ def test_accelerations_and_reactions_know_no_direction(name):
     system, other = model.coupled, build_system(turned, lambda stage: None)[0]
     q, v = moved_state(system, *rigid_state(system, model.motion.at(np.array([T]))), 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
-    found, mirrored = (
-        each.states(np.array([T]), *state)
-        for each, state in ((system, (q[None], v[None])), (other, (there[None], rates[None])))
-    )
+    found, mirrored = closed(system, T, q, v), closed(other, T, there, rates)
     assert mirrored.q[0] == pytest.approx(there, abs=1e-10) and mirrored.v[0] == pytest.approx(rates, abs=1e-8)
-    assert max(abs(gap) for gap in other.gaps(T, there).values()) < 1e-10
+    assert max(abs(gap) for gap in gaps(other, T, there).values()) < 1e-10
     (a,), (reactions,), (a_there,), (reactions_there,) = found.a, found.reactions, mirrored.a, mirrored.reactions
     assert reactions_there == pytest.approx(reactions, rel=1e-7, abs=1e-9 * abs(reactions).max())
     assert mirrored.sums[0, :3] == pytest.approx(found.sums[0, :3], rel=1e-9)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,15 @@ class Engine:
         y, v, a = (self.numbers(part, self.size) for part in (at.Y, at.RATE, at.ACCEL))
         return y, v, a, self.numbers(at.NOW, self.count(at.REACTIONS))
 
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """Columns of a row of the integration: coordinates q, speeds u, accelerations du, modes of contacts and holds,
+        works."""
+        n, reactions = self.size, self.count(at.REACTIONS)
+        ends = np.cumsum([1, n, n, n, reactions, len(self.standing), self.count(at.WORKS)]).tolist()
+        names = "q", "u", "du", "reactions", "modes", "works"
+        return {name: slice(*pair) for name, pair in zip(names, pairwise(ends), strict=True)}
+
     def row(self, t: float) -> np.ndarray:
         """Current motion at t [s] as a row of the integration, with zero works."""
         return np.concatenate([[t], *self.motion, self.standing, np.zeros(self.count(at.WORKS))])
@@ -130,6 +140,17 @@ class Engine:
         """Open all contacts and free all holds."""
         self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
 
+    def set(self, state: State) -> None:
+        """Set coordinates and speeds to those of a state; contacts are open, and holds free."""
+        self.part()
+        self.motion[0][:], self.motion[1][:] = state.q, state.u
+
+    def states_of(self, rows: np.ndarray, choice: Choice) -> Iterator[State]:
+        """States of rows of the integration; sizes of loads are the current ones."""
+        parts = (rows[:, self.columns[name]].copy() for name in ("q", "u", "du"))
+        sizes = self.sizes.copy()
+        return (State(t, *each, sizes, choice) for t, *each in zip(rows[:, 0].tolist(), *parts, strict=True))
+
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set coordinates and rates of the bodies, in the tree's order."""
         self.part()
@@ -157,7 +178,7 @@ class Engine:
         extent = max(abs(self.sections[:, :2]).max(initial=0.0), measure[~self.turns].max(initial=0.0))
         sizes = [1.0] * n
         G = gradient.tolist()  # lists are faster than numpy for so few numbers
-        units = np.where(self._sides[:, :2].any(axis=1), extent, 1.0).tolist() if even else [_ROUNDED * extent] * rows
+        units = np.where(self.sides[:, :2].any(axis=1), extent, 1.0).tolist() if even else [_ROUNDED * extent] * rows
         for row, unit in zip(G, units, strict=True):
             most = max([unit, 1e-300, *(abs(row[k]) for k in joints if not even)])
             row[:] = [value / most for value in row]
@@ -209,10 +230,15 @@ class Engine:
         self.chosen[0] = choice
 
     @property
-    def _sides(self) -> np.ndarray:
+    def sides(self) -> np.ndarray:
         """Force and moment of each row's unit reaction on the cut joint's first side, (rows, 3)."""
         rows = self.numbers(at.CUT, at.ROW_SIZE * self.count(at.REACTIONS)).reshape(-1, at.ROW_SIZE)
         return rows[:, 3:6]
+
+    def cut_of(self, row: int) -> str:
+        """Joint of a cut's row; of a resting contact the last one."""
+        acts = self.tables.acts[: self.count(at.HOLDS), at.ROW_AT]
+        return self.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
     @cached_property
     def _row_acts(self) -> tuple[list[int], list[int]]:
@@ -254,6 +280,12 @@ class Engine:
             joints += [k for k in of_joint if self.tables.plan[free + k]]
             shapes += range(row[at.MODAL], row[at.MODAL] + row[at.SHAPES])
         return joints, shapes
+
+    @cached_property
+    def free_drives(self) -> list[int]:
+        """Coordinates of free drives in the tree."""
+        drives = self.tables.acts[self.count(at.DRIVES) : self.count(at.LOADS), at.COURSE_AT]
+        return list(drives[drives >= 0].tolist())
 
     @property
     def choice(self) -> Choice:
@@ -358,47 +390,27 @@ class Engine:
         """Follow rows, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
         return int(self._call(unfolding.follow_rows, len(into), into, side, rows))
 
-    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
-        """Rows of states of the bodies, loops closed, with accelerations and reactions; None if one is singular.
+    def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
+        """Rows of the integration with closed loops, accelerations and reactions, from those of nearby states; None if
+        one is singular.
 
-        ``begun`` (n_times, standing): states of contacts and holds at each instant; contacts with overlapping sides are
-        closed.
-        """
-        return self._states(times, q, v, False, begun)
-
-    def held(
-        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, columns: Sequence[int], begun: np.ndarray
-    ) -> np.ndarray | None:
-        """The same with accelerations and reactions as if some coordinates had a huge mass.
-
-        ``begun`` (n_times, standing): states of contacts and holds at each instant.
+        Contacts with overlapping sides are closed. The ``held`` coordinates are not accelerated, as far as the joints
+        allow: they have a mass much larger than all others.
         """
         n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
-        hold = np.zeros(n)
-        hold[list(columns)] = _HUGE * mass
         stiffness, damping = (self.numbers(part, n) for part in (at.STIFFNESS, at.DAMPING))
-        kept = stiffness.copy(), damping.copy()
-        stiffness[:], damping[:] = hold, 0.0
-        found = self._states(times, q, v, True, begun)
+        kept, rows, done = (stiffness.copy(), damping.copy()), rows.copy(), 0
+        if len(held):
+            stiffness[:] = damping[:] = 0.0
+            stiffness[list(held)] = _HUGE * mass
+        while done < len(rows):
+            self.stand(rows[done])  # resting contacts are kept closed
+            self.choose(float(rows[done, 0]))
+            before, done = done, self._call(unfolding.states, rows, len(rows), done, len(held) > 0)
+            if done == before:
+                break
         stiffness[:], damping[:] = kept
-        return found
-
-    def _states(
-        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, held: bool, begun: np.ndarray
-    ) -> np.ndarray | None:
-        parts = [np.ascontiguousarray(part, float) for part in (times, q, v)]
-        rows, works = np.zeros((len(times), len(self.row(0.0)))), self.count(at.WORKS)
-        rows[:, rows.shape[1] - works - begun.shape[1] : rows.shape[1] - works] = begun
-        done, touching = 0, slice(len(self.holds), len(self.holds) + len(self.contacts))
-        while done < len(times):
-            self.fold(parts[1][done], parts[2][done])
-            self.contacts[:, at.BEGUN_AT] = begun[done, touching]  # resting ones are kept closed
-            self.choose(float(times[done]))
-            now = self._call(unfolding.states, parts[0], len(times), *parts[1:], done, held, rows)
-            if now == done:
-                return None
-            done = now
-        return rows
+        return rows if done == len(rows) else None
 
     def integrate(
         self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray, wide: int = 1

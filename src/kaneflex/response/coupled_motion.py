@@ -28,7 +28,8 @@ class CoupledMotion(FloatingMotion):
 
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.trajectory.q.T, self.trajectory.v.T
+        of = self.system.engine.columns
+        return self.trajectory.rows[:, of["q"]].T, self.trajectory.rows[:, of["u"]].T
 
     @property
     def energy(self) -> Energy:
@@ -39,7 +40,7 @@ class CoupledMotion(FloatingMotion):
         """True if rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
         vibrate with them."""
         scene, twin = self.model.scene, self.model.module
-        deforms = self.system.shape_columns and not (scene.contacts or scene.frictions)
+        deforms = self.system.engine.shapes.any() and not (scene.contacts or scene.frictions)
         return bool(deforms) and not twin.FREE and twin.determined
 
     @cached_property
@@ -60,14 +61,12 @@ class CoupledMotion(FloatingMotion):
 
     def taken(self, instants: np.ndarray) -> CoupledMotion:
         rigid = self.rigid.taken(instants)
-        picked = {key: getattr(self.trajectory, key)[instants] for key in ("times", "q", "v", "a", "multipliers")}
+        picked = {key: getattr(self.trajectory, key)[instants] for key in ("rows", "q", "v", "a", "multipliers")}
         shift = {name: part[instants] for name, part in self.shift.items()}
-        contacts = self.trajectory.contacts
-        frictions, standing = self.trajectory.frictions, self.trajectory.standing
+        contacts, frictions = self.trajectory.contacts, self.trajectory.frictions
         trajectory = replace(
             self.trajectory, **picked, contacts=contacts and contacts.taken(instants),
             frictions=frictions and frictions.taken(instants),
-            standing=None if standing is None else standing[instants],
         )  # fmt: skip
         return replace(self, rigid=rigid, trajectory=trajectory, shift=shift, whole=self.whole or self)
 

@@ -165,13 +165,13 @@ class FloatingMotion(Motion):
         motion, up to the squared ratio of frequencies. If masses differ too much for a solution, the motion is
         unchanged.
         """
-        t, system = self.trajectory, self.system
-        still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
-                                for b, (axial, _) in system.counts.items()]).astype(int)  # fmt: skip
-        if not len(still):
+        t, engine = self.trajectory, self.system.engine
+        names = (name.rpartition(".")[2] for name, _ in engine.layout.coordinates)
+        still = [k for k, name in enumerate(names) if engine.shapes[k] and name.startswith("axial")]
+        if not still:
             return self
         try:
-            found = system.held(t.times, t.q, t.v, still, t.standing)
+            found = self.system.unfold(self.system.states(t.rows, still))
         except ArithmeticError:
             return self
         return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))

@@ -12,8 +12,8 @@ import numpy as np
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side
+from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
-from kaneflex.multibody.model.spatial_rates import rates_of
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.spatial_dalembert import SpatialBalance
@@ -36,7 +36,7 @@ class SpatialCoupledMotion(Motion):
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         system, curve = self._moving.system, cast(CoupledKinematics, self._moving.motion).curve
         found = system.instants(curve.moved(self.times))
-        return found.q.T, rates_of(system, found.q, found.u).T
+        return found.q.T, rates_of(system.engine, found.q, found.u).T
 
     def modal(self, body: str) -> Rates:
         return self._moving.modal(body)

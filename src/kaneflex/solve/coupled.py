@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 
+from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model import initial_rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.state import State
@@ -26,23 +26,22 @@ from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
-from kaneflex.solve.coupled_state import State as Given
-from kaneflex.solve.coupled_state import check_closed, openings
+from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.forward import with_courses
-from kaneflex.solve.initial import given_start, laid_over, start_dimensions
+from kaneflex.solve.initial import given_start
 from kaneflex.solve.law_checks import check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
-Start = tuple[np.ndarray, np.ndarray]
-"""q and v (size,) of the bodies."""
+_MISSED = 1e-3
+"""Largest change of a free joint's initial speed by loops, as a share of it."""
 
 
 def simulate_coupled(
-    model: Model, progress: Callable[[float], None] | None = None, after: Given | None = None, closer: float = 1.0
+    model: Model, progress: Callable[[float], None] | None = None, after: SavedState | None = None, closer: float = 1.0
 ) -> RunResult:
     """Integrate the coupled equations over the model's duration, from the state ``after`` if given; ``closer``: see
     :func:`repeated`."""
@@ -51,45 +50,43 @@ def simulate_coupled(
     assert system is not None
     method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
-    q, v = beginning(model) if after is None else after.fitted(system, method.length)
+    start = beginning(model) if after is None else state_after(system, after, system.choose)[0]
     stops = [event for event in model.scene.events.values() if event.stop]
 
     def stop(part: CoupledTrajectory) -> bool:
         return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        trajectory = repeated(model, times, (q, v), progress, closer, by_harmonics=closer == 1.0)
+        trajectory = repeated(model, times, start, progress, closer, by_harmonics=closer == 1.0)
     else:
-        trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
+        trajectory = integrate(system, start, times, method, progress, stop if stops else None)
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
 
 def repeated(
-    model: Model, times: np.ndarray, near: Start, progress: Callable[[float], None] | None = None, closer: float = 1.0,
+    model: Model, times: np.ndarray, near: State, progress: Callable[[float], None] | None = None, closer: float = 1.0,
     by_harmonics: bool = False,
 ) -> CoupledTrajectory:  # fmt: skip
-    """Periodic motion over ``times`` [s] near a start q, v, or ``by_harmonics`` if these find one.
+    """Periodic motion over ``times`` [s] near a start, or ``by_harmonics`` if these find one.
 
     ``closer``: factor on the tolerance of its change over the cycle; other than 1 for a cycle near a known one, whose
     stability is then not judged.
     """
-    system, t = model.coupled, float(times[0])
+    system, start = model.coupled, None
     assert system is not None
     system.compile()
-    equations, start = prepare(system, t, *near), None
+    equations, first = prepare(system, near)
     cycles = PlanarCycles(equations, times, method_of(model), closer)
-    first, engine = equations.at(t, *near), system.engine
-    row = engine.row(t)
 
     def sizes(t: float) -> np.ndarray:  # where free joints start
-        engine.stand(row)
-        engine.project(t)
-        return engine.sizes.copy()
+        system.engine.set(first)
+        system.engine.project(t)
+        return system.engine.sizes.copy()
 
-    check_repeats(system, system.engine.layout.driven, sizes, t, cycles.period)
+    check_repeats(system, system.engine.layout.driven, sizes, near.t, cycles.period)
     if by_harmonics and not cycles.touches:
-        bare = partial(_undeformed, model, equations, near[0])
-        start = orbit_start(equations, bare, t, cycles.period, HARMONICS)
+        bare = partial(_undeformed, model, equations, near)
+        start = orbit_start(equations, bare, near.t, cycles.period, HARMONICS)
     trajectory, verdict = cycles.repeated(start or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
@@ -100,50 +97,49 @@ def method_of(model: Model) -> Method:
     return Method(options.integrator, options.tolerance, longest(model.scene), options.bounded)
 
 
-def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Initial q and v: of the rigid mechanism, of the quasi-static start, or as the scene gives them.
+def beginning(model: Model) -> State:
+    """Initial state: of the rigid mechanism, of the quasi-static start, or as the scene gives it.
 
-    They are computed once per model.
+    It is computed once per model.
     """
-    q, v = _BEGINNINGS.of(model, lambda: _beginning(model))
-    return q.copy(), v.copy()
+    return _BEGINNINGS.of(model, lambda: _beginning(model))
 
 
-_BEGINNINGS: Kept[Model, tuple[np.ndarray, np.ndarray]] = Kept()
+_BEGINNINGS: Kept[Model, State] = Kept()
 
 
-def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    system, first = model.coupled, model.motion.at(0.0)
+def _beginning(model: Model) -> State:
+    system, rigid = model.coupled, model.motion.at(0.0)
     assert system is not None
-    q, v = rigid_state(system, first)
+    q, v = rigid_state(system, rigid)
+    start = system.folded(0.0, unwrapped(model.scene, system, q, rigid), v)
     if model.options.start == "given":
-        return _given(model, system, q, v)
-    q = unwrapped(model.scene, system, q, first)
-    _check_turns(model.scene, system, q)
+        start = _given(model, start, rigid)
+    _check_turns(model.scene, system, start)
     if model.options.start == "quasistatic":
-        return _slow(model, q, first)
-    initial_rates.check_kept(model.scene, system, q, v)
-    return q, v
+        return _slow(model, start)
+    if model.options.start != "given":
+        _check_speeds(model.scene, system, start)
+    return start
 
 
-def _given(
-    model: Model, system: CoupledSystem, rigid_q: np.ndarray, rigid_v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Initial q and v as the scene gives them, completed by the rigid mechanism's; joints closed, rates included."""
-    scene, tables = model.scene, given_start(model.scene)
-    before, v = laid_over(scene, start_dimensions(model), rigid_q, rigid_v)
-    given = [name for name in system.start if f"{name}.phi" in tables.displacements]
-    q = unwrapped(scene, system, before, model.motion.at(0.0), given)
-    check_closed(
-        openings(system, 0.0, q, longest(scene)), "solve.start", "a table of a state",
-        "Give the coordinates of all bodies, or shapes that leave the joints where they are",
-    )  # fmt: skip
-    check_turns_kept(scene, system, before, q, given)
-    _check_turns(scene, system, q)
-    found = initial_rates.closed(system, q, v)
-    if found is None:  # the run reports it
-        return q, v
-    return found, initial_rates.fitted(scene, system, found, v, tables.velocities)
+def _given(model: Model, start: State, rigid: RigidMotion) -> State:
+    """Initial state with the coordinates and rates that the scene gives, the others of the start; with as many full
+    turns as drives, welds and guides prescribe.
+
+    Raises SceneError if springs or laws depend on others, and as :func:`kaneflex.solve.coupled_state.closed_state`.
+    """
+    scene, system, tables = model.scene, model.coupled, given_start(model.scene)
+    assert system is not None
+    laid, engine = laid_state(scene, system, start), system.engine
+    before, _ = system.frames(laid)
+    q = unwrapped(scene, system, before, rigid, system.start)
+    check_turns_kept(scene, system, before, q)
+    turns = engine.turns & ~engine.shapes
+    given = replace(laid, q=laid.q + turns * whole_turns(system.folded(laid.t, q, 0.0 * q).q - laid.q))
+    asked = [k for k, (name, _) in enumerate(system.state_coordinates)
+             if name in (*tables.displacements, *tables.velocities) and not engine.shapes[k]]  # fmt: skip
+    return closed_state(scene, system, given, system.choose(given, asked or engine.free_drives))
 
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
@@ -158,7 +154,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=replace(model.motion, parameters=p))
     assert model.coupled is not None
-    if isinstance(model.motion, TwinKinematics) and not model.coupled.shape_columns:
+    if isinstance(model.motion, TwinKinematics) and not model.coupled.engine.shapes.any():
         motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
         model = replace(model, motion=motion)
     return RunResult(model, trajectory, seconds)
@@ -171,8 +167,11 @@ def longest(scene: Scene) -> float:
     return length or (1.0 if scene.is_spatial else mechanism_of(scene).size)
 
 
-def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
+def _check_turns(scene: Scene, system: CoupledSystem, start: State) -> None:
     """Raise SceneError if the bodies of a joint with backlash start with different whole turns."""
+    if not any(joint.clearance is not None for joint in scene.joints.values()):
+        return
+    q, _ = system.frames(start)
     for name, joint in scene.joints.items():
         if joint.clearance is not None:
             first, second = (q[system.start[a.body] + 2] if a.body != "ground" else 0.0 for a in joint.addresses)
@@ -185,24 +184,37 @@ def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
                 )  # fmt: skip
 
 
-def _slow(model: Model, q: np.ndarray, rigid: RigidMotion) -> Start:
-    """Initial q and v of a quasi-static start (:mod:`kaneflex.solve.slow_start`), from those of undeformed bodies."""
+def _check_speeds(scene: Scene, system: CoupledSystem, start: State) -> None:
+    """Check that free joints start with their given speeds, which locked loops may prevent."""
+    speeds = {name: drive.initial_speed for name, drive in scene.drives.items()
+              if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
+    if not speeds or scene.contacts:  # sides that touch may change them at once
+        return
+    try:
+        system.project(start.t, start.q, start.u, system.choose(start))
+    except ArithmeticError:  # the run reports it
+        return
+    for name, speed in speeds.items():
+        if not abs(system.rate(name) - speed) <= _MISSED * abs(speed):
+            raise changed_speed(f"drives.{name}.initial_speed", speed, system.rate(name))
+
+
+def _slow(model: Model, start: State) -> State:
+    """State of a quasi-static start (:mod:`kaneflex.solve.slow_start`), from that of undeformed bodies."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
         raise SceneError(
             "solve.start", model.options.start, f"{free[0]} is free and has no equilibrium",
             "Start from zero",
         )  # fmt: skip
-    system, t = model.coupled, float(rigid.times[0])
-    assert system is not None
-    equations = prepare(system, t, q, rigid_state(system, rigid)[1])
-    return equations.bodies(slow_state(equations, equations.now(t), model.options.duration))
+    assert model.coupled is not None
+    return slow_state(*prepare(model.coupled, start), model.options.duration)
 
 
-def _undeformed(model: Model, equations: PlanarEquations, first: np.ndarray, times: np.ndarray) -> list[State]:
-    """Instants of the undeformed bodies, with as many full turns as in ``first`` (size,)."""
-    system = equations.system
-    q, v = rigid_states(system, model.motion.at(times))
-    turns = [k + 2 for k in system.start.values()]
-    q[:, turns] += whole_turns(first[turns] - q[0, turns])
-    return [equations.at(*each) for each in zip(times.tolist(), q, v, strict=True)]
+def _undeformed(model: Model, equations: PlanarEquations, first: State, times: np.ndarray) -> list[State]:
+    """States of the undeformed bodies, with as many full turns as at first."""
+    q, v = rigid_states(equations.system, model.motion.at(times))
+    found = [equations.system.folded(*each) for each in zip(times.tolist(), q, v, strict=True)]
+    turns = equations.engine.turns & ~equations.engine.shapes
+    missing = turns * whole_turns(first.q - found[0].q)
+    return [replace(state, q=state.q + missing, choice=equations.choice) for state in found]

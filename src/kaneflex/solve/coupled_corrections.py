@@ -19,7 +19,7 @@ from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.solve.coupled import simulate_coupled
-from kaneflex.solve.coupled_state import State, with_turns
+from kaneflex.solve.coupled_state import SavedState, with_turns
 from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import start_coordinates
 from kaneflex.solve.loading import load, refined
@@ -81,7 +81,7 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
     return _run(model, progress, _embedded(read, model) if as_before else None).motion.taken(2 * read.stored)
 
 
-def _run(model: Model, progress: Progress, near: State | None = None) -> RunResult:
+def _run(model: Model, progress: Progress, near: SavedState | None = None) -> RunResult:
     """Run of a coupled model, from or near a state; raises Unknown if it stops early."""
     closer = 1.0 if near is None else _CLOSER
     found = (run_one_way if model.coupled is None else simulate_coupled)(model, progress, near, closer)
@@ -90,7 +90,7 @@ def _run(model: Model, progress: Progress, near: State | None = None) -> RunResu
     return found
 
 
-def _embedded(read: Read, richer: Model) -> State:
+def _embedded(read: Read, richer: Model) -> SavedState:
     """Initial state of a richer model."""
     names, state = start_coordinates(read.model), [part[:, 0] for part in read.motion.state]
     wanted, known = start_coordinates(richer), dict(zip(names, np.transpose(state), strict=True))
@@ -103,7 +103,7 @@ def _embedded(read: Read, richer: Model) -> State:
             found[:, into] = np.array(state)[:, own] @ _carried(shapes, others[body]).T
     t = float(read.times[0])
     turned = {} if read.model.in_space is None else read.model.in_space.turned(t)
-    return State("the run", t, *with_turns(wanted, found[0], found[1], turned))
+    return SavedState("the run", t, *with_turns(wanted, found[0], found[1], turned))
 
 
 def _shapes(model: Model) -> Mapping[str, Any]:

@@ -55,8 +55,8 @@ def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, 
     if model.coupled is not None:
         rigid = model.motion.at(t)
         q, v = rigid_state(model.coupled, rigid)
-        planar = prepare(model.coupled, t, unwrapped(model.scene, model.coupled, q, rigid), moves * v)
-        return planar, planar.now(t)
+        state = model.coupled.folded(t, unwrapped(model.scene, model.coupled, q, rigid), moves * v)
+        return prepare(model.coupled, state)
     motion, end = cast(CoupledKinematics, model.motion), model.options.duration
     if motion.module.FREE and not 0.0 <= t <= end:
         reason = f"the motion of {motion.module.FREE[0]} is computed from 0 to {end:.6g} s only"
@@ -69,11 +69,11 @@ def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, 
 
 def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
     """Largest decay rate [1/s] of an overdamped mode about the last state of a planar run; 0 if there is none."""
-    system, t = model.coupled, float(trajectory.times[-1])
+    system = model.coupled
     assert system is not None
-    equations = prepare(system, t, trajectory.q[-1], trajectory.v[-1])
+    equations, state = prepare(system, next(system.engine.states_of(trajectory.rows[-1:], system.engine.choice)))
     try:
-        values = np.linalg.eigvals(state_matrix(*equations.matrices(equations.now(t))))
+        values = np.linalg.eigvals(state_matrix(*equations.matrices(state)))
     except (ArithmeticError, np.linalg.LinAlgError):
         return 0.0
     return float(-values.real[abs(values.imag) < abs(values.real)].min(initial=0.0))

@@ -26,7 +26,6 @@ from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.initial import dimensions_in_space
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.spatial_run import first_state
 from kaneflex.support.errors import SceneError
@@ -88,10 +87,10 @@ def _in_plane(model: Model) -> Begun:
         assert isinstance(found, CoupledTrajectory)
         if not len(found.times):
             raise SceneError("solve.start", "periodic", found.message, "Start from zero")
-        q, v = found.q[0], found.v[0]
+        start = next(system.engine.states_of(found.rows[:1], system.engine.choice))
     else:
-        q, v = beginning(model)
-    run = Run(system, q, v, times, method_of(model), np.zeros(0))
+        start = beginning(model)
+    run = Run(system, start, times, method_of(model), np.zeros(0))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")
@@ -153,7 +152,7 @@ def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
     forces = [f"{joint}.{part}" for joint in system.mechanism.joints for part in COMPONENTS]
     return {
         "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
-        "position": list(dimensions_in_space(system)), "speed": layout.speeds,
+        "position": [name for name, _ in system.state_coordinates], "speed": layout.speeds,
     }  # fmt: skip
 
 

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.multibody.model.coordinate_rates import rates_of, speeds_of
+from kaneflex.multibody.model.state import NONE, Choice, State
+from kaneflex.solve.initial import given_start, laid_over, start_coordinates, state_dimensions
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.labelled import read_labelled
+from kaneflex.support.units import ANGLE, LENGTH
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.scene import Scene
     from kaneflex.solve.run_result import RunResult
 
+_TABLE = "a table of a state"
 _OF_STATE = ("state", "last_state", "last_rate")
 CONTINUE = "Continue with the lengths and drives of that run"
 OPEN = 1e-3
@@ -25,7 +32,7 @@ OPEN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class SavedState:
     """All coordinates of a coupled system at one time, of a ball in space the components of its unit quaternion.
 
     Attributes
@@ -35,8 +42,7 @@ class State:
     t : float
         Time [s].
     names : tuple of str
-        Coordinates of the coupled system's bodies; in space those of its joints and shapes, then the angles of joints
-        that close loops, which only count turns.
+        Coordinates of joints and shapes; in space also the angles of joints that close loops, which only count turns.
     q, v : ndarray (n,)
         Coordinates [m or rad] and their rates.
     """
@@ -46,15 +52,6 @@ class State:
     names: tuple[str, ...]
     q: np.ndarray
     v: np.ndarray
-
-    def fitted(self, system: CoupledSystem, length: float) -> tuple[np.ndarray, np.ndarray]:
-        """q and v in a system's order.
-
-        Raises SceneError if the system has other coordinates, or the state opens its joints.
-        """
-        q, v = self.ordered([name for name, _ in system.coordinates])
-        check_closed(openings(system, self.t, q, length), "after", self.source, CONTINUE)
-        return q, v
 
     def ordered(self, wanted: Sequence[str], others: Collection[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """q and v of the wanted coordinates. Raises SceneError if one is missing, or there are more than ``others``."""
@@ -69,14 +66,6 @@ class State:
         return self.q[order], self.v[order]
 
 
-def openings(system: CoupledSystem, t: float, q: np.ndarray, length: float) -> Iterator[tuple[str, float, float]]:
-    """Joints of a planar system, by how much q opens them at t [s] [m or rad], and the unit of that."""
-    for name, gap in system.gaps(t, q).items():
-        joint, _, part = name.rpartition(".")
-        slides = part == "drive" and system.mechanism.joints[joint].kind == "prismatic"
-        yield joint, gap, length if slides or part not in ("moment", "drive") else 1.0
-
-
 def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str, cure: str) -> None:
     """Raise SceneError (of ``key``, ``source`` and ``cure``) if a state opens a joint."""
     for joint, gap, unit in gaps:
@@ -84,10 +73,91 @@ def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str
             raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 
-def last_state(solution: RunResult) -> State:
-    """Last state of a coupled solution. Raises SceneError if there is none."""
-    from kaneflex.solve.initial import start_coordinates
+def laid_state(scene: Scene, system: CoupledSystem | SpatialSystem, start: State) -> State:
+    """Start with the coordinates and rates that the scene gives; loops are not closed.
 
+    Raises SceneError as :func:`kaneflex.solve.initial.laid_over`, and for a quaternion that is not of unit length.
+    """
+    dimensions, engine = state_dimensions(system), system.engine
+    q = laid_over(scene, dimensions, start.q, np.zeros(len(dimensions)))[0]
+    _normalise(system, q, "solve.start", _TABLE)
+    v = laid_over(scene, dimensions, q, rates_of(engine, q[None], start.u[None])[0])[1]
+    return replace(start, q=q, u=speeds_of(engine, q[None], v[None])[0])
+
+
+def closed_state(scene: Scene, system: CoupledSystem | SpatialSystem, given: State, choice: Choice) -> State:
+    """State of a scene with closed loops, by the independent speeds of a choice.
+
+    Raises SceneError if joints or drives change given coordinates or rates, or shapes.
+    """
+    dimensions, engine, tables = state_dimensions(system), system.engine, given_start(scene)
+    size = system.mechanism.size or 1.0
+    measure = np.array([size if dimension is LENGTH else 1.0 for dimension in dimensions.values()])
+    try:
+        found = system.project(given.t, given.q, given.u, choice)
+        asked = np.array([name in tables.displacements for name in dimensions], bool)
+        asked[engine.own[engine.shapes[engine.own[:, 1]], 0]] = True
+        off, reason = (
+            (abs(found.q - given.q) / measure)[asked].max(initial=0.0),
+            "joints or drives don't fit this state",
+        )
+    except ArithmeticError as error:
+        off, reason = np.inf, f"in this state {error}"
+    if not off <= OPEN:
+        cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
+        raise SceneError("solve.start", _TABLE, reason, cure)
+    wanted, rates = (rates_of(engine, found.q[None], each.u[None])[0] for each in (given, found))
+    largest = abs(rates / measure).max(initial=0.0)
+    for k, (name, dimension) in enumerate(dimensions.items()):
+        if name in tables.velocities and abs(rates[k] - wanted[k]) > OPEN * measure[k] * largest:
+            unit = {LENGTH: "m/s", ANGLE: "rad/s"}.get(dimension, "1/s")
+            raise SceneError(
+                f"solve.start.velocities.{name}", tables.velocities[name],
+                f"joints and drives make it {rates[k] + 0.0:.6g} {unit}",
+                "Give rates consistent with the joints, for example those of solution.state()",
+            )  # fmt: skip
+    return found
+
+
+def state_after(
+    system: CoupledSystem | SpatialSystem, after: SavedState, choose: Callable[[State], Choice]
+) -> tuple[State, dict[str, float]]:
+    """Initial state of a run that continues another one, and the angles of joints that close loops, with whole turns.
+
+    Raises SceneError if the state has other coordinates, opens joints, or has a quaternion that is not of unit length.
+    """
+    names, joints = list(state_dimensions(system)), {f"{name}.angle": name for name in system.mechanism.joints}
+    q, v = after.ordered(names, joints)
+    _normalise(system, q, "after", after.source)
+    u = speeds_of(system.engine, q[None], v[None])[0]
+    given = State(after.t, q, u, 0.0 * u, system.engine.sizes.copy(), NONE)
+    check_closed(system.openings(given), "after", after.source, CONTINUE)
+    try:
+        found = system.project(given.t, q, u, choose(given))
+    except ArithmeticError as error:
+        raise SceneError("after", after.source, f"in this state {error}", CONTINUE) from None
+    known = zip(after.names, after.q.tolist(), strict=True)
+    return found, {joints[name]: angle for name, angle in known if name in joints and name not in names}
+
+
+def _normalise(system: CoupledSystem | SpatialSystem, q: np.ndarray, key: str, source: str) -> None:
+    """Scale the quaternions of a state to unit length, which it may miss by rounding.
+
+    Raises SceneError (of ``key`` and ``source``) if one misses it by more.
+    """
+    for k in system.engine.balls[:, 0].tolist():
+        length = float(np.linalg.norm(q[k : k + 4]))
+        if not abs(length - 1.0) <= OPEN:
+            owner = system.state_coordinates[k][0].rpartition(".")[0]
+            raise SceneError(
+                key, source, f"the quaternion of {owner} has length {length:.6g}, which is not 1",
+                f"Give {owner}.quaternion_w, _x, _y and _z with w^2 + x^2 + y^2 + z^2 = 1",
+            )  # fmt: skip
+        q[k : k + 4] /= length
+
+
+def last_state(solution: RunResult) -> SavedState:
+    """Last state of a coupled solution. Raises SceneError if there is none."""
     model = solution.model
     if model.options.dynamics != "coupled":
         raise _none(repr(solution))
@@ -95,20 +165,17 @@ def last_state(solution: RunResult) -> State:
     names, (q, v) = start_coordinates(model), (part[:, -1] for part in solution.motion.taken(np.array([-1])).state)
     if model.in_space is not None:
         names, q, v = with_turns(names, q, v, model.in_space.turned(t))
-    return State(repr(solution), t, names, q, v)
+    return SavedState(repr(solution), t, names, q, v)
 
 
-def first_state(model: Model) -> State | None:
+def first_state(model: Model) -> SavedState | None:
     """State from which a run in space continues another one; None if it starts as the scene does."""
-    from kaneflex.multibody.model.spatial_rates import rates_of
-    from kaneflex.solve.initial import start_coordinates
-
     if model.in_space is None or model.in_space.curve.turned is None:
         return None
     start, turned = model.in_space.curve.start, model.in_space.curve.turned
-    rates = rates_of(model.in_space.module.system, start.q[None], start.u[None])[0]
+    rates = rates_of(model.in_space.module.system.engine, start.q[None], start.u[None])[0]
     turns = {name: (angle, 0.0) for name, angle in turned.items()}
-    return State(repr(model), start.t, *with_turns(start_coordinates(model), start.q, rates, turns))
+    return SavedState(repr(model), start.t, *with_turns(start_coordinates(model), start.q, rates, turns))
 
 
 def with_turns(
@@ -120,7 +187,7 @@ def with_turns(
 
 
 @takes(path="path")
-def read_state(path: Path | str) -> State:
+def read_state(path: Path | str) -> SavedState:
     """Last state of a run, from its folder or its ``results.nc``.
 
     Raises
@@ -141,7 +208,7 @@ def read_state(path: Path | str) -> State:
     numbers = all(each.dtype.kind == "f" for each in (q, v, times)) and names.shape == q.shape == v.shape and times.size
     if not numbers or not np.isfinite([times[-1], *q, *v]).all():
         raise SceneError("after", str(path), "its last state is incomplete or damaged", cure)
-    return State(str(path), float(times[-1]), tuple(map(str, names)), q, v)
+    return SavedState(str(path), float(times[-1]), tuple(map(str, names)), q, v)
 
 
 def _none(source: str) -> SceneError:

@@ -18,13 +18,13 @@ from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
-    from kaneflex.solve.coupled_state import State
+    from kaneflex.solve.coupled_state import SavedState
 
 Share = Callable[[float], None]
 _INTEGRATED: Kept[Model, Model] = Kept()
 
 
-def integrated(model: Model, share: Share = silent, after: State | None = None, closer: float = 1.0) -> Model:
+def integrated(model: Model, share: Share = silent, after: SavedState | None = None, closer: float = 1.0) -> Model:
     """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
 
     ``share`` is called with the finished share, 0 to 1; ``after``: state of a coupled mechanism in space at which the

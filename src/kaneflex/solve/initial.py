@@ -17,10 +17,12 @@ from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimensio
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.scene import Scene
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
 _QUATERNION = Dimension("a component of a unit quaternion", "", "0.5")
+_OF_UNIT = {"m": LENGTH, "rad": ANGLE, "1": _QUATERNION}
 _RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE, _QUATERNION: _QUATERNION}
 _TURNING = ("theta", "turn")
 STATE = ("displacements", "velocities")
@@ -39,10 +41,9 @@ def start_coordinates(model: Model) -> tuple[str, ...]:
 
 def start_dimensions(model: Model) -> dict[str, Dimension]:
     """Dimension of each of these coordinates."""
-    if model.coupled is not None:
-        return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
-    if model.coupled_in_space is not None:
-        return dimensions_in_space(model.coupled_in_space.module.system)
+    system = model.coupled or (model.coupled_in_space and model.coupled_in_space.module.system)
+    if system is not None:
+        return state_dimensions(system)
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH
@@ -50,22 +51,9 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
     }
 
 
-def dimensions_in_space(system: SpatialSystem) -> dict[str, Dimension]:
-    """Dimension of each coordinate of a mechanism in space, in the system's order."""
-    from kaneflex.multibody.model.spatial_layout import BALL, KIND, SHAPES, SLIDE, SPEED, TURN
-
-    body_of = {node: body for body, node in system.layout.node_of.items()}
-    found = dict[str, Dimension]()
-    for node, (kind, speed) in enumerate(system.tables.nodes[:, [KIND, SPEED]].tolist()):
-        if kind in (TURN, SLIDE):
-            found[system.layout.speeds[speed]] = ANGLE if kind == TURN else LENGTH
-        elif kind == BALL:
-            owner = system.layout.speeds[speed].rpartition(".")[0]
-            found |= {f"{owner}.quaternion_{part}": _QUATERNION for part in "wxyz"}
-        elif kind == SHAPES:
-            twisting = system.layout.shapes[body_of[node]].twisting
-            found |= {f"{body_of[node]}.shape_{k}": ANGLE if twists else LENGTH for k, twists in enumerate(twisting)}
-    return found
+def state_dimensions(system: CoupledSystem | SpatialSystem) -> dict[str, Dimension]:
+    """Dimension of each coordinate of a coupled system, in its order."""
+    return {name: _OF_UNIT[unit] for name, unit in system.state_coordinates}
 
 
 def given_start(scene: Scene) -> Start:

@@ -16,7 +16,7 @@ from kaneflex.solve.run_result import RunResult
 
 if TYPE_CHECKING:
     from kaneflex.integrate.run import Run
-    from kaneflex.solve.coupled_state import State
+    from kaneflex.solve.coupled_state import SavedState
 
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
@@ -26,7 +26,7 @@ _ROUNDING = 1e-12
 
 
 def run_one_way(
-    model: Model, progress: Progress | None = None, after: State | None = None, closer: float = 1.0
+    model: Model, progress: Progress | None = None, after: SavedState | None = None, closer: float = 1.0
 ) -> RunResult:
     """Run of a model without planar coupled equations, up to the first event that stops it; in space also from the
     state ``after``. ``closer``: see :func:`kaneflex.solve.coupled.repeated`."""
@@ -42,7 +42,7 @@ def run_one_way(
     return until_stop(found)
 
 
-def _moved(model: Model, progress: Progress, after: State | None, closer: float) -> tuple[Model, Progress]:
+def _moved(model: Model, progress: Progress, after: SavedState | None, closer: float) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
     from kaneflex.solve.free_motion import integrated

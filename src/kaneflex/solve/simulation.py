@@ -15,12 +15,13 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import ValidityWarning, refuse
 
 if TYPE_CHECKING:
-    from kaneflex.solve.coupled_state import State
-
+    from kaneflex.solve.coupled_state import SavedState
 
 
 @takes(model="model", progress="function", after="state")
-def simulate(model: SceneLike, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+def simulate(
+    model: SceneLike, progress: Progress | None = None, after: Solution | SavedState | None = None
+) -> Solution:
     """Solve a model over one cycle or the scene's duration, by integration or at each instant.
 
     Parameters
@@ -28,7 +29,7 @@ def simulate(model: SceneLike, progress: Progress | None = None, after: Solution
     model : Model, Solution, Scene or path
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
-    after : Solution or State, optional
+    after : Solution or SavedState, optional
         Run whose last state is the start, under preset ``coupled``: see :func:`kaneflex.read_state`.
 
     Returns
@@ -53,7 +54,7 @@ def simulate(model: SceneLike, progress: Progress | None = None, after: Solution
     return solution
 
 
-def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+def solve(model: Model, progress: Progress | None = None, after: Solution | SavedState | None = None) -> Solution:
     """Like :func:`simulate`, without issuing the warnings."""
     if after is not None:
         from kaneflex.solve.coupled_state import last_state

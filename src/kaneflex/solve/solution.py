@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
     from kaneflex.scene import Scene
-    from kaneflex.solve.coupled_state import State
+    from kaneflex.solve.coupled_state import SavedState
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
@@ -72,9 +72,7 @@ class Solution(RunResult):
         """Error estimates by sensor, and the reason if they are missing."""
         return self.estimated()
 
-    def estimated(
-        self, progress: Callable[[float], None] | None = None
-    ) -> tuple[Mapping[str, ErrorEstimate], str]:
+    def estimated(self, progress: Callable[[float], None] | None = None) -> tuple[Mapping[str, ErrorEstimate], str]:
         """Same as :attr:`errors`; at the first call ``progress`` is called with the finished share, 0 to 1."""
         if "_errors" not in vars(self):
             from kaneflex.solve.error_estimates import error_estimates
@@ -164,7 +162,7 @@ class Solution(RunResult):
 
 def _restored(
     scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None,
-    after: State | None,
+    after: SavedState | None,
 ) -> Solution:  # fmt: skip
     """Solution from its pickled parts."""
     from kaneflex.solve.free_motion import integrated

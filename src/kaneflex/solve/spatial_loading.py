@@ -3,7 +3,7 @@ reactions are statically indeterminate because of redundant constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeVar
 
@@ -22,7 +22,6 @@ from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_r
 from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_layout import KIND, TURN
-from kaneflex.multibody.model.spatial_rates import rates_of, speeds_of
 from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
@@ -32,14 +31,12 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled_state import CONTINUE, OPEN, check_closed
-from kaneflex.solve.coupled_state import State as Given
-from kaneflex.solve.initial import dimensions_in_space, given_start, laid_over
+from kaneflex.solve.coupled_state import closed_state, laid_state
+from kaneflex.solve.initial import given_start
 from kaneflex.solve.law_checks import check_finite, check_springs
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
-from kaneflex.support.units import ANGLE, LENGTH, Dimension
 
 Progress = Callable[[str], None]
 Moving = TypeVar("Moving", bound=SpatialKinematics)
@@ -47,9 +44,7 @@ _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 """Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
 
 
-def load_spatial(
-    scene: Scene, options: Options, progress: Progress
-) -> tuple[Model, tuple[str, ...], float, float]:
+def load_spatial(scene: Scene, options: Options, progress: Progress) -> tuple[Model, tuple[str, ...], float, float]:
     """Model of a mechanism in space, notes on its scene, and the seconds of derivation and compilation."""
     generated, derived = find_laws_module(scene, progress)
     coupled = options.dynamics == "coupled"
@@ -176,87 +171,12 @@ def _before(scene: Scene, sensor: Sensor) -> Iterator[str]:
 def given_state(system: SpatialSystem, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives; whole turns of drives are removed.
 
-    Raises SceneError as ``laid_over``, and for a state that the loops or drives change.
+    Raises SceneError as :func:`kaneflex.solve.coupled_state.closed_state`.
     """
-    names, scene, key, source = dimensions_in_space(system), system.scene, "solve.start", "a table of a state"
-    q = laid_over(scene, names, start.q, np.zeros(len(names)))[0]
-    _normalise(system, q, key, source)
-    driven, angles = system.driven_coordinates, system.courses(start.t)[:, 0]
+    given, driven, angles = laid_state(system.scene, system, start), system.driven_coordinates, system.courses(start.t)
     turns = np.isin(system.tables.nodes[[system.node(name) for name in system.driven], KIND], TURN)
-    q[driven] -= turns * whole_turns(q[driven] - angles)
-    v = laid_over(scene, names, q, rates_of(system, q[None], start.u[None])[0])[1]
+    given.q[driven] -= turns * whole_turns(given.q[driven] - angles[:, 0])
     # a complete state may lie far from the start, where other speeds are independent
-    choice = choose(system, q, prefer=True) if set(names) <= set(given_start(scene).displacements) else start.choice
-    try:
-        found = system.project(start.t, q, speeds_of(system, q[None], v[None])[0], choice)
-        far = abs(found.q - q) / np.array([system.mechanism.size if kind is LENGTH else 1.0 for kind in names.values()])
-        asked = [k for k, name in enumerate(names) if name in given_start(scene).displacements]
-        off = far[[*asked, *system.modal_coordinates]].max(initial=0.0)
-        reason = "joints or drives don't fit this state"
-    except ArithmeticError as error:
-        off, reason = np.inf, f"in this state {error}"
-    if not off <= OPEN:
-        cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
-        raise SceneError(key, source, reason, cure)
-    _check_rates(system, names, v, rates_of(system, found.q[None], found.u[None])[0])
-    return found
-
-
-def _normalise(system: SpatialSystem, q: np.ndarray, key: str, source: str) -> None:
-    """Scale the quaternions of a state to unit length, which it may miss by rounding.
-
-    Raises SceneError (of ``key`` and ``source``) if one misses it by more.
-    """
-    names = list(dimensions_in_space(system))
-    for k in system.engine.parts["balls"][:, 0].tolist():
-        length = float(np.linalg.norm(q[k : k + 4]))
-        if not abs(length - 1.0) <= OPEN:
-            owner = names[k].rpartition(".")[0]
-            raise SceneError(
-                key, source, f"the quaternion of {owner} has length {length:.6g}, which is not 1",
-                f"Give {owner}.quaternion_w, _x, _y and _z with w^2 + x^2 + y^2 + z^2 = 1",
-            )  # fmt: skip
-        q[k : k + 4] /= length
-
-
-def _check_rates(system: SpatialSystem, names: Mapping[str, Dimension], asked: np.ndarray, found: np.ndarray) -> None:
-    """Raise SceneError if joints or drives change a given rate."""
-    given, size = given_start(system.scene).velocities, system.mechanism.size
-    measure = np.array([size if dimension is LENGTH else 1.0 for dimension in names.values()])
-    largest = abs(found / measure).max(initial=0.0)
-    for k, (name, dimension) in enumerate(names.items()):
-        if name in given and abs(found[k] - asked[k]) > OPEN * measure[k] * largest:
-            unit = {LENGTH: "m/s", ANGLE: "rad/s"}.get(dimension, "1/s")
-            raise SceneError(
-                f"solve.start.velocities.{name}", given[name], f"joints and drives make it {found[k] + 0.0:.6g} {unit}",
-                "Give rates consistent with the joints, for example those of solution.state()",
-            )  # fmt: skip
-
-
-def state_after(system: SpatialSystem, given: Given) -> tuple[State, dict[str, float]]:
-    """Initial state of a run that continues another one, and the angles of joints that close loops, with whole turns.
-
-    Raises SceneError if the state has other coordinates, opens joints, or has a quaternion that is not of unit length.
-    """
-    names, joints = list(dimensions_in_space(system)), {f"{name}.angle": name for name in system.mechanism.joints}
-    q, v = given.ordered(names, joints)
-    _normalise(system, q, "after", given.source)
-    system.place(q)
-    check_closed(_openings(system, given.t, q), "after", given.source, CONTINUE)
-    u = speeds_of(system, q[None], v[None])[0]
-    try:
-        found = system.project(given.t, q, u, choose(system, q))
-    except ArithmeticError as error:
-        raise SceneError("after", given.source, f"in this state {error}", CONTINUE) from None
-    known = zip(given.names, given.q.tolist(), strict=True)
-    return found, {joints[name]: angle for name, angle in known if name in joints and name not in names}
-
-
-def _openings(system: SpatialSystem, t: float, q: np.ndarray) -> Iterator[tuple[str, float, float]]:
-    """Joints, by how much the coordinates q, which ``work`` has, open them at t [s] [m or rad], and its unit."""
-    for name, rows in system.layout.cuts.items():
-        for row in range(rows.start, rows.stop):
-            yield name, float(system.work.rows[row, 0]), float(system.row_measure[row])
-    for name, k, course in zip(system.driven, system.driven_coordinates, system.courses(t), strict=True):
-        slides = system.mechanism.joints[name].kind == "prismatic"
-        yield name, float(q[k] - course[0]), system.mechanism.size if slides else 1.0
+    complete = {name for name, _ in system.state_coordinates} <= set(given_start(system.scene).displacements)
+    choice = choose(system, given.q, prefer=True) if complete else start.choice
+    return closed_state(system.scene, system, given, choice)

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
-from kaneflex.multibody.model.independent_speeds import choose_for_all
+from kaneflex.multibody.model.independent_speeds import choose, choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice, State
@@ -22,10 +22,10 @@ from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
-from kaneflex.solve.coupled_state import State as Given
+from kaneflex.solve.coupled_state import SavedState, state_after
 from kaneflex.solve.law_checks import check_finite, check_repeats, check_springs
 from kaneflex.solve.slow_start import slow_state
-from kaneflex.solve.spatial_loading import check_stage, given_state, state_after, with_open_reactions
+from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
 
 Share = Callable[[float], None]
 Near = tuple[State, Mapping[str, float] | None]
@@ -34,12 +34,12 @@ _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
 
 
-def integrated_in_space(model: Model, share: Share, after: Given | None = None, closer: float = 1.0) -> Model:
+def integrated_in_space(model: Model, share: Share, after: SavedState | None = None, closer: float = 1.0) -> Model:
     """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
     begun, coupled, options = model.in_space, model.coupled_in_space, model.options
     assert begun is not None
     system, verdict = begun.module.system, COMPLETED
-    near = None if after is None else state_after(system, after)
+    near = None if after is None else state_after(system, after, lambda given: choose(system, given.q))
     if coupled is not None and options.start == "periodic":
         run, verdict = _cycle(system, near, options, share, closer)
     else:

@@ -26,7 +26,7 @@ def unresolved(solution: RunResult) -> list[UnresolvedMode]:
     may exceed the accelerations of a slow mechanism.
     """
     model, trajectory = solution.model, solution.trajectory
-    if model.coupled is None or isinstance(trajectory, Trajectory) or not model.coupled.shape_columns:
+    if model.coupled is None or isinstance(trajectory, Trajectory) or not model.coupled.engine.shapes.any():
         return []
     if trajectory.steps == 0:
         return []

@@ -14,12 +14,12 @@ from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.unilateral.contacts import stand_closed
 from kaneflex.multibody.dynamics.loop_condition import orientation
 from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
-from kaneflex.multibody.time.state_record import give, row_size, standing, stands, take, works_at
+from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES, ELASTIC,
     ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST, LAW, LOCAL,
     LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE,
-    REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, kernel, shifted,
+    REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, WORKS, Y, apart, kernel, shifted,
     turned,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
@@ -153,27 +153,24 @@ def follow_rows(m, count, into, side, rows):
 
 
 @njit(**ENTRY)
-def states(m, times, count, q, v, first, held, rows):
-    """Rows of states of the bodies, from the ``first`` one on, with closed loops, accelerations and reactions.
+def states(m, rows, count, first, held):
+    """Close the loops of rows from the ``first`` one on, and compute their accelerations and reactions.
 
-    held: STIFFNESS is an additional mass of coordinates if true. The rows come with BEGUN_AT of the contacts, which
-    holds for overlapping sides, and the modes of holds. Returns the row that is singular, or whose resting contacts
-    differ from those of the dependent coordinates, or their number.
+    held: STIFFNESS is an additional mass of coordinates if true. Returns the row that is singular, or whose resting
+    contacts differ from those of the dependent coordinates, or their number.
     """
-    size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
+    touching = m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
-        t = times[row]
-        fold(m, shifted(q, row * size), shifted(v, row * size))
         out = shifted(rows, row * row_size(m))
-        stands(m, shifted(out, works_at(m) - standing(m)))
+        take(m, out)
         for c in range(touching):
             k = m.plan[CONTACT] + CONTACT_SIZE * c
             if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
                 return row
-        done = project_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
-        if not (done and (held or stand_closed(m, t, m.real))):
+        done = project_now(m, out[0], m.real, 1.0 if held else 0.0, 1 if held else 2)
+        if not (done and (held or stand_closed(m, out[0], m.real))):
             return row
-        give(m, t, out)
+        give(m, out[0], out)
     return count
 
 
@@ -229,7 +226,7 @@ ENTRIES = {
     courses_at: void(MECHANISM, N, int64, N, int64),
     magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
     follow_rows: int64(MECHANISM, int64, N, N, N),
-    states: int64(MECHANISM, N, int64, N, N, int64, boolean, N),
+    states: int64(MECHANISM, N, int64, int64, boolean),
     openings: void(MECHANISM, float64, N),
 }
 """Signatures of the functions that Python calls."""

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """Elastic stage of a mechanism in the plane or in space.
@@ -201,7 +202,7 @@ class Model:
         if self.coupled_in_space is not None:
             return self.coupled_in_space.freedoms
         if self.coupled is not None:
-            return len(mechanism_of(self.scene).free) + len(self.coupled.shape_columns)
+            return len(mechanism_of(self.scene).free) + int(self.coupled.engine.shapes.sum())
         return self.reduced.size
 
     @property
@@ -367,9 +368,7 @@ def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> 
 def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:
     """:func:`sums` of some equations with the complete term groups that the options keep."""
     zero = Affine.zero(equations.size, equations.size)
-    spin = equations.K_d.only(
-        lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
-    )
+    spin = equations.K_d.only(lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin)
     return sums(
         replace(
             equations, K_d=spin, C_s=equations.C_s if options.damping else zero,

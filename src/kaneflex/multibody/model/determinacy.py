@@ -7,7 +7,7 @@ indeterminate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,17 +32,13 @@ _MASSLESS, _LENT = 1e-14, 1e-12
 inertia of a speed that counts as none."""
 
 
-def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> np.ndarray:
-    """Derivatives of all ``reactions`` rows of a planar system with respect to the speeds of all bodies at a state q
-    (size,).
-
-    Then those of the coordinates of ``free`` drives.
-    """
-    system.fold(q, np.zeros_like(q))
+def jacobian(system: CoupledSystem, q: np.ndarray) -> np.ndarray:
+    """Derivatives of all ``reactions`` rows of a planar system with respect to the speeds of all bodies; q (size,) has
+    the frames and shapes of the bodies."""
+    system.folded(0.0, q, np.zeros_like(q))
     engine, mechanism = system.engine, system.mechanism
     engine.openings(0.0)  # computes twists of the sections
-    rows = [*system.constraints, *(f"{name}.drive" for name in free)]
-    drives = {name: 0.0 for name in mechanism.joints if f"{name}.drive" in rows}
+    drives = {name: 0.0 for name in mechanism.joints if f"{name}.drive" in system.constraints}
     constraints, poses, names = system.joint_rows(drives)
     W = np.zeros((3 * len(poses), system.size))
     for k, side in enumerate(side for joint in mechanism.joints.values() for side in joint.sides):
@@ -51,7 +47,7 @@ def jacobian(system: CoupledSystem, q: np.ndarray, free: Sequence[str] = ()) -> 
             columns = slice(system.start[side.body], system.modal(side.body).stop)
             W[3 * k : 3 * k + 3, columns] = _twist(engine, section)
     found = constraints.jacobian(poses, list(poses), list(mechanism.joints)) @ W
-    return found[[names.index(row) for row in rows]]
+    return found[[names.index(row) for row in system.constraints]]
 
 
 def _twist(engine: Engine, k: int) -> np.ndarray:

@@ -137,7 +137,9 @@ class RigidTwin:
     def _table(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         drives = self._drives(times, p)
         said = self._said(times, drives)
-        return self.table_of(said, *self._followed(drives, said))
+        # bodies that the drives place by themselves are known anywhere
+        found = self._told(drives, said).unfold(self._followed(drives))
+        return self.table_of(said, found.q, found.v, found.a)
 
     def table_of(self, said: np.ndarray, *moved: np.ndarray) -> np.ndarray:
         """Scalars from the first columns, and q, v, a of the bodies, (n_times, BODY bodies)."""
@@ -155,9 +157,11 @@ class RigidTwin:
         said = self._said(times, drives)
         for k, name in enumerate(self.mechanism.loads, start=len(self.mechanism.drives)):
             said[:, k] += shift.get(name, 0.0)
-        q, v, _ = self._followed(drives, said)
-        found = self._told(drives, said).states(np.arange(len(times), dtype=float), q, v)
-        return by_themselves(times, found.q, found.v, found.a, found.reactions)
+        told = self._told(drives, said)
+        rows = told.states(self._followed(drives))
+        found = told.unfold(rows)
+        rows[:, 0] = times
+        return by_themselves(rows, found)
 
     def _drives(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Coordinate, speed and acceleration of all drives, then of bodies that move freely, (n_times, 3 of them)."""
@@ -179,8 +183,8 @@ class RigidTwin:
         unknown = np.zeros((len(times), 3 * len(self.mechanism.observed)))
         return self.system.load_sizes(times, np.column_stack([drives, unknown]))
 
-    def _followed(self, drives: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """States q, v, a of the bodies along the drives' path; NaN if the loops can't be followed.
+    def _followed(self, drives: np.ndarray) -> np.ndarray:
+        """Rows of the engine along the drives' path, at times 0, 1, 2, ...; NaN if the loops can't be followed.
 
         Beyond such a position every further one is tried by itself, from the last closed position. Every call begins at
         the initial position, so that results don't depend on earlier calls.
@@ -200,8 +204,7 @@ class RigidTwin:
             done += passed + (passed < ahead)
             ahead = len(drives) - done if passed else min(1, len(drives) - done)
         rows[:, 0] = np.arange(len(rows))
-        found = self._told(drives, said).unfold(rows)  # bodies that the drives place by themselves are known anywhere
-        return found.q, found.v, found.a
+        return rows
 
     def _told(self, drives: np.ndarray, said: np.ndarray | None = None) -> CoupledSystem:
         """``rigid`` with tabulated positions of its drives, at times 0, 1, 2, ..., and sizes of its loads."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -147,6 +147,16 @@ class SpatialSystem:
         """Absolute violation of every row at the position of ``work``, in rad or sizes of the mechanism."""
         return abs(self.work.rows[:, 0]) / self.row_measure
 
+    def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
+        """Joints, by how much a state opens them [m or rad], and the unit of that."""
+        self.place(state.q)
+        for name, rows in self.layout.cuts.items():
+            for row in range(rows.start, rows.stop):
+                yield name, float(self.work.rows[row, 0]), float(self.row_measure[row])
+        for name, k, course in zip(self.driven, self.driven_coordinates, self.courses(state.t), strict=True):
+            slides = self.mechanism.joints[name].kind == "prismatic"
+            yield name, float(state.q[k] - course[0]), self.mechanism.size if slides else 1.0
+
     def passed_on(self, multipliers: np.ndarray) -> Instants:
         """Joint forces of multipliers of the rows alone, at the position of ``work``."""
         self.work.multipliers[:] = multipliers
@@ -190,6 +200,22 @@ class SpatialSystem:
     def coordinates(self) -> int:
         """Coordinates of the tree, four a ball."""
         return int(sum(COORDINATES[kind] for kind in self.tables.nodes[:, KIND])) + len(self.modal_speeds)
+
+    @cached_property
+    def state_coordinates(self) -> list[tuple[str, str]]:
+        """Name and unit of each coordinate."""
+        body_of = {node: body for body, node in self.layout.node_of.items()}
+        found = list[tuple[str, str]]()
+        for node, (kind, speed) in enumerate(self.tables.nodes[:, [KIND, SPEED]].tolist()):
+            if kind in (TURN, SLIDE):
+                found.append((self.layout.speeds[speed], "rad" if kind == TURN else "m"))
+            elif kind == BALL:
+                owner = self.layout.speeds[speed].rpartition(".")[0]
+                found += [(f"{owner}.quaternion_{part}", "1") for part in "wxyz"]
+            elif kind == SHAPES:
+                twisting = self.layout.shapes[body_of[node]].twisting
+                found += [(f"{body_of[node]}.shape_{k}", "rad" if twists else "m") for k, twists in enumerate(twisting)]
+        return found
 
     @cached_property
     def modal_speeds(self) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
@@ -13,7 +14,7 @@ from kaneflex.fem.links import Link, link_of_scene
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import Constraints, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.planar import BodyPoint, whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
@@ -34,8 +35,8 @@ BODY = 3
 class CoupledSystem:
     """Coupled equations of a scene with its numbers.
 
-    The engine uses joint coordinates of a tree of bodies and shapes; a state here has the frames and shapes of the
-    bodies: q, v (size,) in the order of ``coordinates``.
+    States have the coordinates of the engine: of the joints of a tree, and of shapes. Motions read from them have the
+    frames and shapes of the bodies: q, v (size,) in the order of ``coordinates``.
 
     Attributes
     ----------
@@ -144,9 +145,46 @@ class CoupledSystem:
         """Unit of each coordinate: ``length`` [m], or 1 rad."""
         return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
 
-    def fold(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Set the engine's coordinates and rates from those of the bodies."""
+    def folded(self, t: float, q: np.ndarray, v: np.ndarray) -> State:
+        """State at t [s] by frames and shapes of the bodies, (size,); loops are not closed."""
         self.engine.fold(q[self.order], v[self.order])
+        return self.engine.state(t, self.engine.choice)
+
+    @property
+    def state_coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of a state."""
+        return self.engine.layout.coordinates
+
+    def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Frames and shapes of the bodies with their rates at a state, (size,) each; loops are not closed, and drives
+        have their courses up to whole turns."""
+        engine, turned = self.engine, dict[str, float]()
+        engine.set(state)
+        found = self.unfold(engine.row(state.t)[None])
+        lost = np.where(engine.turns, whole_turns(state.q - engine.motion[0]), 0.0)  # drives now have their courses
+        owners, index = engine.tables.sections[:, at.OWNER], engine.layout.bodies
+        for body, fields in zip(index, engine.tables.bodies, strict=True):
+            own = lost[fields[at.FIRST] : fields[at.FIRST] + fields[at.DOF]].sum()
+            base = owners[fields[at.PARENT]]
+            turned[body] = (turned[index[base]] if base >= 0 else 0.0) + engine.tables.w[fields[at.NUMBERS]] * own
+            found.q[0, self.start[body] + 2] += turned[body]
+        return found.q[0], found.v[0]
+
+    def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
+        """Joints, by how much a state opens them [m or rad], and the unit of that."""
+        engine, layout, size = self.engine, self.engine.layout, self.mechanism.size or 1.0
+        engine.set(state)
+        gaps = engine.openings(state.t)[: engine.count(at.JOINT_ROWS)].tolist()
+        for k, (name, unit) in enumerate(layout.coordinates):  # the drives now have their positions
+            yield name.rpartition(".")[0], float(state.q[k] - engine.motion[0][k]), 1.0 if unit == "rad" else size
+        for row, gap in enumerate(gaps):
+            yield engine.cut_of(row), gap, size if engine.sides[row, :2].any() else 1.0
+
+    def choose(self, state: State, spared: Sequence[int] = ()) -> Choice:
+        """Choice of the independent speeds at a state, see :meth:`kaneflex.multibody.engine.Engine.choose`."""
+        self.engine.set(state)
+        self.engine.choose(state.t, spared)
+        return self.engine.choice
 
     def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """State at t [s] near coordinates q of the tree with the independent ones of the speeds u; contacts are closed
@@ -178,32 +216,16 @@ class CoupledSystem:
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
 
-    def held(
-        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray, begun: np.ndarray | None = None
-    ) -> Unfolded:
-        """States (n_times, size) on the constraints, with accelerations and reactions for shapes held at rest.
+    def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
+        """Rows of the engine on the constraints, see :meth:`kaneflex.multibody.engine.Engine.states`.
 
-        Shapes ``still`` (places in q) are not accelerated, as far as the joints allow: they get a mass much larger than
-        all others. ``begun`` (n_times, standing) has the modes of contacts and holds, as in a run's trajectory; without
-        it contacts are open, and friction is zero.
-        """
-        columns = [self.shape_columns[k] for k in still.tolist()]
-        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
-        return self._unfolded(self.engine.held(times, q[:, self.order], v[:, self.order], columns, begun))
-
-    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
-        """States (n_times, size) with their loops closed, accelerations and reactions.
-
-        ``begun``: see :meth:`held`; of contacts whose sides overlap. Raises ArithmeticError at a singular state.
+        Raises ArithmeticError at a singular state.
         """
         self.compile()
-        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
-        return self._unfolded(self.engine.states(times, q[:, self.order], v[:, self.order], begun))
-
-    def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
-        if rows is None:
+        found = self.engine.states(rows, held)
+        if found is None:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
-        return self.unfold(rows)
+        return found
 
     def load_sizes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Sizes of all loads [N, N m or N/m], (n_times, loads).
@@ -213,14 +235,16 @@ class CoupledSystem:
         """
         return self.engine.magnitudes(times, np.hstack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3]]))
 
-    @cached_property
-    def shape_columns(self) -> dict[int, int]:
-        """Place of every shape's coordinate in q -> its place among the tree's coordinates."""
-        found: dict[int, int] = {}
-        for body, fields in zip(self.engine.layout.bodies, self.engine.tables.bodies, strict=True):
-            first = self.modal(body).start
-            found |= {first + j: int(fields[at.MODAL]) + j for j in range(fields[at.SHAPES])}
-        return found
+    def rate(self, joint: str) -> float:
+        """Rate [rad/s or m/s] of a joint's coordinate at the state of the tables."""
+        of, layout = self.mechanism.joints[joint], self.engine.layout
+        first, second = (self.engine.sections[layout.sections[side.body, side.name], :6] for side in of.sides)
+        apart = second - first
+        if not of.slides:
+            return float(apart[5])
+        (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
+        along = np.array([c * x - s * y, s * x + c * y])
+        return float(along @ (apart[3:5] + first[5] * np.array([apart[1], -apart[0]])))
 
     def joint_rows(self, drives: Mapping[str, float]) -> tuple[Constraints, dict[str, np.ndarray], list[str]]:
         """Constraints of all joints and of ``drives`` between sections at the position of the tables, each section as a
@@ -234,14 +258,6 @@ class CoupledSystem:
         names = [row for joint in joints.values() for row, *_ in reactions(joint)]
         names += [f"{name}.drive" for name in joints if name in drives]
         return Constraints(replace(self.mechanism, joints=joints), drives), poses, names
-
-    def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
-        """Violation of every joint's rows [m or rad], and of every prescribed drive [m or rad], at t [s]: by name."""
-        self.fold(q, np.zeros(self.size))
-        courses = self.engine.courses(np.array([t]))[0, ::3].tolist()
-        constraints, poses, names = self.joint_rows(dict(zip(self.engine.layout.driven, courses, strict=True)))
-        found = constraints.residuals(poses, list(self.mechanism.joints)).tolist()
-        return dict(zip(names, found, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,29 +35,30 @@ class PlanarCycles(Cycles[CoupledTrajectory]):
         self.touches = bool(len(engine.contacts) or len(engine.holds))
 
     def run(self, start: State) -> CoupledTrajectory:
-        bodies = self.equations.bodies(start)
-        return integrate(self.equations.system, *bodies, self.times, self.method, ends=self.ends)
+        return integrate(self.equations.system, start, self.times, self.method, ends=self.ends)
 
     def completed(self, cycle: CoupledTrajectory) -> bool:
         return cycle.outcome is Outcome.COMPLETED
 
     def states(self, cycle: CoupledTrajectory, count: int) -> Iterator[State]:
         rows = np.linspace(0, len(cycle.times) - 1, count).round().astype(int)
-        return map(self.equations.at, cycle.times[rows].tolist(), cycle.q[rows], cycle.v[rows])
+        return self.equations.engine.states_of(cycle.rows[rows], self.equations.choice)
 
     def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterator[State]:
-        path = between(self.equations.system, cycle, self.times[0] + shares * self.period)
-        for state in map(self.equations.at, path.times.tolist(), path.q, path.v):
-            yield self.equations.system.project(state.t, state.q, state.u, self.equations.choice)
+        equations, path = self.equations, between(self.equations.system, cycle, self.times[0] + shares * self.period)
+        for state in equations.engine.states_of(path.rows, equations.choice):
+            yield equations.system.project(state.t, state.q, state.u, equations.choice)
 
     def deformation(self, cycle: CoupledTrajectory) -> float:
-        return float(abs(cycle.q[:, list(self.equations.system.shape_columns)]).max(initial=0.0))
+        engine = self.equations.engine
+        return float(abs(cycle.rows[:, engine.columns["q"]][:, engine.shapes]).max(initial=0.0))
 
     def end(self, cycle: CoupledTrajectory) -> State:
-        turns = np.array([k + 2 for k in self.equations.system.start.values()])
-        q = cycle.q[-1].copy()
-        q[turns] -= whole_turns(q[turns] - cycle.q[0, turns])
-        return self.equations.at(float(self.times[0]), q, cycle.v[-1])
+        engine = self.equations.engine
+        start, end = engine.states_of(cycle.rows[[0, -1]], self.equations.choice)
+        turns = engine.turns & ~engine.shapes
+        end.q[turns] -= whole_turns(end.q[turns] - start.q[turns])
+        return replace(end, t=start.t)
 
 
 class SpatialCycles(Cycles[Run]):

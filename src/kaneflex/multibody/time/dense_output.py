@@ -31,30 +31,19 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     constraints; accelerations and reactions from the equations. Where changes are no longer stored, closed contacts
     have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
-    path = _with_changes(trajectory)
-    knots = path.times
+    path, engine = _with_changes(trajectory), system.engine
+    of, knots = engine.columns, path.times
     k = np.searchsorted(knots, times, side="right") - 1
     piece = Pieces.of(knots, k, times)
-    q, v = piece.quintic(path.q, path.v, path.a)
-    begun = None
-    if path.standing is not None:
-        before, after = (path.standing[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
-        begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
-        held, width = len(system.engine.holds), len(before[0])
-        bends = np.array([each.law == "lugre" for each in system.mechanism.frictions.values()], bool)
-        columns = width - len(bends) + np.flatnonzero(bends)
-        begun[:, columns] = piece.line(path.standing)[:, columns]
-        rigid = np.zeros(width, bool)
-        rigid[held : held + len(system.mechanism.contacts)] = [
-            contact.law == "newton" for contact in system.mechanism.contacts.values()
-        ]
-        parted = (knots[k] != times)[:, None] & ((before == 0.0) | (after == 0.0)) & rigid
-        begun[parted] = 0.0
-    found = system.states(times, q, v, begun)
+    rows = np.zeros((len(times), path.rows.shape[1]))
+    rows[:, 0], rows[:, of["modes"]] = times, _modes(system, path, piece, k, times)
+    rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
+    rows = system.states(rows)
+    found = system.unfold(rows)
     dissipated = piece.cubic(path.energy.dissipated, path.loss)
     supplied = piece.cubic(path.energy.supplied, path.power)
     energy, loss, power = balance(found, dissipated, supplied)
-    contacts, standing = path.contacts, begun
+    contacts = path.contacts
     if contacts is not None:
         lost = piece.line(contacts.lost)
         gap, force = (found.gaps[:, : len(contacts.names), k] for k in (0, 1))
@@ -64,9 +53,28 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
         lost = piece.line(frictions.lost)
         frictions = friction_results.FrictionRecord.of(frictions.names, found.frictions, lost, frictions.jams)
     return replace(
-        trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
-        power=power, contacts=contacts, frictions=frictions, standing=standing,
+        trajectory, rows=rows, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
+        power=power, contacts=contacts, frictions=frictions,
     )  # fmt: skip
+
+
+def _modes(
+    system: CoupledSystem, path: CoupledTrajectory, piece: Pieces, k: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Modes of contacts and holds at ``times`` [s], whose last knots are ``k``."""
+    modes, held = path.rows[:, system.engine.columns["modes"]], len(system.engine.holds)
+    before, after = (modes[np.minimum(n, len(modes) - 1)] for n in (k, k + 1))
+    on = (path.times[k] == times)[:, None]
+    found = np.where((before != 0.0) | on, before, after)
+    bends = np.array([each.law == "lugre" for each in system.mechanism.frictions.values()], bool)
+    columns = modes.shape[1] - len(bends) + np.flatnonzero(bends)
+    found[:, columns] = piece.line(modes)[:, columns]
+    rigid = np.zeros(modes.shape[1], bool)
+    rigid[held : held + len(system.mechanism.contacts)] = [
+        contact.law == "newton" for contact in system.mechanism.contacts.values()
+    ]
+    found[~on & ((before == 0.0) | (after == 0.0)) & rigid] = 0.0
+    return found
 
 
 def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
@@ -84,9 +92,8 @@ def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
 
     zero, contacts, frictions = np.zeros(len(times)), trajectory.contacts, trajectory.frictions
     return replace(
-        trajectory, times=times[order], q=merged("q"), v=merged("v"), a=merged("a"), loss=merged("loss"),
-        power=merged("power"), energy=Energy(zero, zero, zero, merged("energy.dissipated"), merged("energy.supplied")),
+        trajectory, rows=merged("rows"), loss=merged("loss"), power=merged("power"),
+        energy=Energy(zero, zero, zero, merged("energy.dissipated"), merged("energy.supplied")),
         contacts=contacts and replace(contacts, lost=merged("contacts.lost")),
         frictions=frictions and replace(frictions, lost=merged("frictions.lost")),
-        standing=None if trajectory.standing is None else merged("standing"),
     )  # fmt: skip

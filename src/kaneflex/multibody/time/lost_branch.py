@@ -33,15 +33,15 @@ def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_
     if not len(suspects) or not len(_free(system)) or not loops:
         return None
     some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
-    rows = _loops(system, path.times[some], path.q[some])
+    rows = _loops(system, path.rows[some])
     scale = np.maximum(abs(rows).max(axis=(0, 2), keepdims=True), 1e-300)
     regular = _least(system, rows / scale).max()
     part = np.linspace(0.0, 1.0, _BETWEEN)
     for k in suspects.tolist():
-        times = path.times[k] + part * (path.times[k + 1] - path.times[k])
-        least = _least(system, _loops(system, times, path.q[k] + part[:, None] * (path.q[k + 1] - path.q[k])) / scale)
+        between = path.rows[k] + part[:, None] * (path.rows[k + 1] - path.rows[k])
+        least = _least(system, _loops(system, between) / scale)
         if least.min() < _NEAR * regular:
-            return k, float(times[least.argmin()])
+            return k, float(between[least.argmin(), 0])
     return None
 
 
@@ -51,15 +51,15 @@ def _free(system: CoupledSystem) -> list[int]:
     return [k for k in (*engine.choice.independent.tolist(), *engine.choice.dependent.tolist()) if not engine.shapes[k]]
 
 
-def _loops(system: CoupledSystem, times: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Derivatives of the cut joints' rows by the joints' free coordinates at some states, (n_times, rows,
+def _loops(system: CoupledSystem, path: np.ndarray) -> np.ndarray:
+    """Derivatives of the cut joints' rows by the joints' free coordinates at rows of a path, (n_times, rows,
     coordinates)."""
     engine, found = system.engine, []
     n, rows = engine.size, engine.count(at.JOINT_ROWS)
     free = _free(system)
-    for t, here in zip(times, q, strict=True):
-        system.fold(here, np.zeros_like(here))
-        engine.openings(float(t))
+    for state in engine.states_of(path, engine.choice):
+        engine.set(state)
+        engine.openings(state.t)
         gradient = engine.numbers(at.GRADIENT, rows * n).reshape(rows, n) * engine.numbers(at.MEASURE, n)
         found.append(gradient[:, free])
     return np.array(found)

@@ -32,15 +32,13 @@ def unwrapped(
     return q
 
 
-def check_turns_kept(
-    scene: Scene, system: CoupledSystem, before: np.ndarray, q: np.ndarray, given: Collection[str]
-) -> None:
-    """Raise SceneError if springs and laws have other turns in q than by the ``given`` angles in ``before``."""
+def check_turns_kept(scene: Scene, system: CoupledSystem, before: np.ndarray, q: np.ndarray) -> None:
+    """Raise SceneError if springs and laws have other turns in q than in the given state ``before``."""
     was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
-    now = _between(scene, now, given)
+    now = _between(scene, now, system.start)
     sprung = {spring.torsional_at for spring in scene.springs.values()}
     laws = [law for law in map(scene.law, scene.loads) if law is not None]
-    for name, turned in _between(scene, was, given).items():
+    for name, turned in _between(scene, was, system.start).items():
         knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
         if knows and round((turned - now[name]) / math.tau):
             raise SceneError(

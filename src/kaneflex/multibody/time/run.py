@@ -14,6 +14,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
@@ -44,19 +45,18 @@ Stop = Callable[[CoupledTrajectory], bool]
 
 def integrate(
     system: CoupledSystem,
-    q: np.ndarray,
-    v: np.ndarray,
+    start: State,
     times: np.ndarray,
     method: Method,
     progress: Callable[[float], None] | None = None,
     stop: Stop | None = None,
     ends: np.ndarray | None = None,
 ) -> CoupledTrajectory:
-    """Integrate from q, v at times[0]; returns the motion at ``times`` [s] up to its end.
+    """Integrate from a start at times[0]; returns the motion at ``times`` [s] up to its end.
 
     ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control.
     """
-    run = Run(system, q, v, times, method, _NONE if ends is None else ends)
+    run = Run(system, start, times, method, _NONE if ends is None else ends)
     started = time.perf_counter()
     ended = run.go(progress, stop)
     ns = 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1])
@@ -86,7 +86,7 @@ class Run:
     """Rows of one integration, filled piece by piece."""
 
     def __init__(
-        self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method, given: np.ndarray
+        self, system: CoupledSystem, start: State, times: np.ndarray, method: Method, given: np.ndarray
     ) -> None:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
         self.given: np.ndarray = given
@@ -104,9 +104,9 @@ class Run:
         self.impacts: tuple[impact_results.Impact, ...] = ()
         if self.touching:
             engine.take_impacts()
-        system.fold(q, v)
+        engine.set(start)
         dropped = engine.choose(float(times[0]))
-        self.twice = tuple(dict.fromkeys(self._joint_of(row) for row in dropped.tolist()))
+        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in dropped.tolist()))
         self.projected = engine.project(float(times[0]))
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
@@ -196,13 +196,8 @@ class Run:
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
-        return (f"over-constrained after t = {t:.6g} s: a constraint of {self._joint_of(row)} is redundant, "
+        return (f"over-constrained after t = {t:.6g} s: a constraint of {engine.cut_of(row)} is redundant, "
                 f"and violated by {apart[row]:.2g} of the mechanism's size")  # fmt: skip
-
-    def _joint_of(self, row: int) -> str:
-        """Joint of a cut's row; of a resting contact the last one."""
-        acts = self.engine.tables.acts[: self.engine.count(at.HOLDS), at.ROW_AT]
-        return self.engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
     def _is_in_doubt(self) -> bool:
         """True if steps are so short that friction may be inconsistent with its reactions.
@@ -326,23 +321,20 @@ class Run:
         rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
         jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
         frictions = friction_results.FrictionRecord.of(rubs, found.frictions, rubbed, jams)
-        standing = rows[:, -works - len(self.engine.standing) : -works]
         return CoupledTrajectory(
-            rows[:, 0].copy(), found.q, found.v, found.a, found.reactions,
+            rows, found.q, found.v, found.a, found.reactions,
             *balance(
                 found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
             ),
             int(self.counts[0]), int(self.counts[1]), outcome, message, ns, ends,
-            contacts=contacts, frictions=frictions, standing=standing,
+            contacts=contacts, frictions=frictions,
         )  # fmt: skip
 
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
-HOLDS = (
-    "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
-)
+HOLDS = "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
 """Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
+from kaneflex.multibody.model.system import Unfolded
 from kaneflex.multibody.unilateral import friction_results, impact_results
 
 _NONE = np.zeros(0)
@@ -19,9 +21,10 @@ class CoupledTrajectory:
 
     Attributes
     ----------
-    times : ndarray (n_times,)
+    rows : ndarray (n_times, row)
+        Rows of the engine, see ``Engine.columns``; their loops are closed.
     q, v, a : ndarray (n_times, n)
-        Coordinates of the system's bodies with their rates; their joints are closed.
+        Frames and shapes of the system's bodies with their rates.
     multipliers : ndarray (n_times, m)
         Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
     energy : Energy
@@ -35,8 +38,6 @@ class CoupledTrajectory:
         Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
     frictions : FrictionRecord or None
         The same of frictions.
-    standing : ndarray (n_times, standing) or None
-        Modes of contacts and frictions, see ``Engine.standing``.
     changes : CoupledTrajectory or None
         The states before and after each change of a contact or a friction, one after the other, as far as they are
         kept: speeds and accelerations may jump there.
@@ -44,7 +45,7 @@ class CoupledTrajectory:
         Floquet multipliers of a cycle, by decreasing modulus, if requested.
     """
 
-    times: np.ndarray
+    rows: np.ndarray
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
@@ -60,16 +61,18 @@ class CoupledTrajectory:
     ends: np.ndarray = field(default_factory=lambda: _NONE)
     contacts: impact_results.ContactRecord | None = None
     frictions: friction_results.FrictionRecord | None = None
-    standing: np.ndarray | None = None
     changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
 
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Stored instants [s], (n_times,)."""
+        return self.rows[:, 0].copy()
 
-def by_themselves(
-    times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray
-) -> CoupledTrajectory:
-    """States (n_times, size) without a run: energies, contacts and frictions are unknown."""
-    zero = np.zeros(len(times))
+
+def by_themselves(rows: np.ndarray, found: Unfolded) -> CoupledTrajectory:
+    """Rows without a run, with the motion of the bodies there: energies, contacts and frictions are unknown."""
+    zero = np.zeros(len(rows))
     energy = Energy(zero, zero, zero, zero, zero)
     ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
-    return CoupledTrajectory(times, q, v, a, multipliers, energy, zero, zero, *ended)
+    return CoupledTrajectory(rows, found.q, found.v, found.a, found.reactions, energy, zero, zero, *ended)

@@ -139,7 +139,7 @@ class _PlanarReplay(Replay):
         return self.solution.trajectory
 
     def first(self, model: Model) -> State:
-        return self._equations(model).at(float(self.own.times[0]), *beginning(model))
+        return replace(beginning(model), t=float(self.own.times[0]), choice=self._prepared.choice)
 
     def cycles(self, model: Model) -> PlanarCycles:
         stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
@@ -156,7 +156,7 @@ class _PlanarReplay(Replay):
     def _prepared(self) -> PlanarEquations:
         own, system = self.own, self.solution.model.coupled
         assert system is not None
-        return prepare(system, float(own.times[0]), own.q[0], own.v[0])
+        return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
 
 
 class _SpatialReplay(Replay):
