@@ -93,19 +93,19 @@ def closed_state(scene: Scene, system: CoupledSystem | SpatialSystem, given: Sta
     dimensions, engine, tables = state_dimensions(system), system.engine, given_start(scene)
     size = system.mechanism.size or 1.0
     measure = np.array([size if dimension is LENGTH else 1.0 for dimension in dimensions.values()])
+    asked = np.array([name in tables.displacements for name in dimensions], bool)
+    asked[engine.own[engine.shapes[engine.own[:, 1]], 0]] = True
+    cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
     try:
         found = system.project(given.t, given.q, given.u, choice)
-        asked = np.array([name in tables.displacements for name in dimensions], bool)
-        asked[engine.own[engine.shapes[engine.own[:, 1]], 0]] = True
-        off, reason = (
-            (abs(found.q - given.q) / measure)[asked].max(initial=0.0),
-            "joints or drives don't fit this state",
-        )
     except ArithmeticError as error:
-        off, reason = np.inf, f"in this state {error}"
-    if not off <= OPEN:
-        cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
-        raise SceneError("solve.start", _TABLE, reason, cure)
+        raise SceneError("solve.start", _TABLE, f"in this state {error}", cure) from None
+    changed = np.where(asked, abs(found.q - given.q) / measure, 0.0)
+    if not changed.max(initial=0.0) <= OPEN:
+        k = int(changed.argmax())
+        name, unit = system.state_coordinates[k]
+        made = f"joints and drives make it {found.q[k] + 0.0:.6g} {unit}"
+        raise SceneError(f"solve.start.displacements.{name}", tables.displacements.get(name, 0.0), made, cure)
     wanted, rates = (rates_of(engine, found.q[None], each.u[None])[0] for each in (given, found))
     largest = abs(rates / measure).max(initial=0.0)
     for k, (name, dimension) in enumerate(dimensions.items()):

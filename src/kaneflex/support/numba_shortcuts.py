@@ -115,8 +115,8 @@ def _rewrite_where_mentioned(ssa: Any) -> None:
 
 
 def _with_lifetimes_for_deletions(run: Any) -> Any:
-    """``PostProcessor.run`` of numba, which finds lifetimes of variables three times before it deletes any, without them
-    until then. Other packages may use them elsewhere."""
+    """``PostProcessor.run`` of numba without lifetimes of variables until it deletes some, as it finds them three times
+    before. Other packages may use them elsewhere."""
 
     def process(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
         of = self.func_ir
