@@ -75,12 +75,12 @@ def read_foreign(
     each = turn[:d, :d] if d < TURNS else block_diag(turn, length * turn)  # moments and turns beside forces and ways
     turned, place = csc_array(kron(eye_array(len(at)), each)), place[:, : min(d, 3)]
     M = csc_array(turned @ M @ turned.T)
-    bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
-    bare = replace(bare, sections=_sections(bare, sections or {}, length))
+    link = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
+    link = replace(link, sections=_sections(link, sections or {}, length))
     if modes is not None:
-        found = _of_modes(bare, modes, stiffness, numbers, turned)
+        found = _of_modes(link, modes, stiffness, numbers, turned)
     else:
-        found = replace(bare, K=csc_array(turned @ K @ turned.T))
+        found = replace(link, K=csc_array(turned @ K @ turned.T))
     _check(found, mass, stiffness)
     return found
 
@@ -126,8 +126,8 @@ def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[
         if name == "mid" and abs(length * x - link.length / 2) > OPPOSITE * link.length:
             raise Fault(f"section mid at {x:g} is not half-way", "Give it another name")
         if not 0.0 < length * x < link.length:
-            told = f"section {name} at {x:g} is not between the start and the end, at {link.length / length:g}"
-            raise Fault(told, "Give its distance from the start, in the unit of length of the files")
+            reason = f"section {name} at {x:g} is not between the start and the end, at {link.length / length:g}"
+            raise Fault(reason, "Give its distance from the start, in the unit of length of the files")
     found = {name: length * x for name, x in given.items()}
     return found if "mid" in link.points or "mid" in found else {"mid": link.length / 2} | found
 

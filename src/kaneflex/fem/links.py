@@ -144,9 +144,9 @@ class Link:
         (elements, 6, 6 or 1) each."""
         if (kept, alpha, beta) not in self._sums:
             found: dict[tuple[str, Monomial], np.ndarray] = {}
-            for (key, monomial, blocks), here in zip(self.element_terms, kept, strict=True):
+            for (key, monomial, blocks), is_kept in zip(self.element_terms, kept, strict=True):
                 weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
-                for name, factor in ((key[0], float(here)), ("C", weight)):
+                for name, factor in ((key[0], float(is_kept)), ("C", weight)):
                     if factor:
                         found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
             self._sums[kept, alpha, beta] = found

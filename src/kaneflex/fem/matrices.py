@@ -307,6 +307,6 @@ def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, 
             f"{path} has no direction {absent % axes + 1} of node {numbers[absent // axes]}",
             "Export the link free, without supports, with all of its nodes",
         )
-    here, kept = np.flatnonzero(rows >= 0), rows[rows >= 0]
+    present, kept = np.flatnonzero(rows >= 0), rows[rows >= 0]
     of = coo_array(found[:, kept][kept])
-    return csc_array(coo_array((of.data, (here[of.row], here[of.col])), (len(rows),) * 2))
+    return csc_array(coo_array((of.data, (present[of.row], present[of.col])), (len(rows),) * 2))

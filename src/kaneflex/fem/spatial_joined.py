@@ -164,7 +164,7 @@ class Joined:
         turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
         R_1, R_2 = (turned[side.body] for side in joint.sides)
         apart = place_of(motion, joint.sides[1]) - place_of(motion, joint.sides[0])
-        stands = [self.mechanism.stands(side.body) for side in joint.sides]
+        first, second = (self.mechanism.stands(side.body) for side in joint.sides)
         none = np.zeros((3, len(motion.times), 3))
         rows: list[tuple[Rates3, Rates3, Rates3, Rates3]] = []
         """Global vectors before displacement and rotation of the first point, and of the second."""
@@ -183,7 +183,7 @@ class Joined:
         for axis in across or ():
             slides_not(turned_by(R_1, axis))
         for one, other in joint.parallel:
-            turns_not(cross(turned_by(R_1, one), turned_by(R_2, stands[1].T @ stands[0] @ other)))
+            turns_not(cross(turned_by(R_1, one), turned_by(R_2, second.T @ first @ other)))
         for what, axis in joint.moves if freedoms else self._held(joint):
             (slides_not if what == "position" else turns_not)(turned_by(R_1, axis))
         d_1, t_1, d_2, t_2 = (np.stack(part, axis=2) for part in zip(*rows, strict=True))
@@ -237,7 +237,7 @@ class Joined:
         Raises
         ------
         SceneError
-            If none do: the links then pass where they no longer say how the mechanism stands.
+            If none do: the links pass a position where they do not determine that of the mechanism.
         """
         J = self._scaled_rows(motion)
         if still is not None:
@@ -282,9 +282,9 @@ class Joined:
         before = {block: {*of[needs[of == block].any(axis=0)].tolist()} - {block} for block in range(count)}
         found = []
         for block in TopologicalSorter(before).static_order():
-            own, said = rows[of == block], dependent[says[of == block]]
-            given = np.setdiff1d(np.flatnonzero(ties[own].any(axis=0)), said)
-            found.append(Block(own, self.places(said), self.places(given)))
+            own, following = rows[of == block], dependent[says[of == block]]
+            given = np.setdiff1d(np.flatnonzero(ties[own].any(axis=0)), following)
+            found.append(Block(own, self.places(following), self.places(given)))
         return tuple(found)
 
     def independent_rows(self, motion: RigidMotion) -> np.ndarray:
@@ -310,25 +310,25 @@ class Joined:
         at = np.flatnonzero(np.isin(independent, tied))
         L[0][:, self.places(independent[at]), at] = 1.0
         for block in choice.blocks:
-            own, others = (J[:, :, block.rows[:, None], each] for each in (block.said, block.given))
-            given, square = product(others, L[:, :, block.given]), len(block.rows) == len(block.said)
+            own, others = (J[:, :, block.rows[:, None], each] for each in (block.dependent, block.given))
+            given, square = product(others, L[:, :, block.given]), len(block.rows) == len(block.dependent)
             back = -(np.linalg.inv if square else np.linalg.pinv)(own[0])
             L_0 = back @ given[0]
             L_1 = back @ (given[1] + own[1] @ L_0)
-            L[:, :, block.said] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
+            L[:, :, block.dependent] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
         L *= self.measure[tied][:, None] / self.measure[independent]
         return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Rows of joints, coordinates that they say, as many or fewer, and those that they say them of.
+    """Rows of joints, the coordinates that they determine, as many or fewer, and those that these depend on.
 
     The coordinates are given by their places among the tied ones.
     """
 
     rows: np.ndarray
-    said: np.ndarray
+    dependent: np.ndarray
     given: np.ndarray
 
 

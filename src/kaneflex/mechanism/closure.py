@@ -45,7 +45,7 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
             raise SceneError(
                 f"joints.{name.removesuffix('.gap')}", None,
                 f"the loop cannot close: a gap of {rigid[name][worst]:.2g} m remains at "
-                f"{stand(mechanism, rigid, worst)}, near a dead centre",
+                f"{drive_positions(mechanism, rigid, worst)}, near a dead centre",
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
     for name in _margins(rigid):
@@ -54,7 +54,7 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]
         if closes.all():
-            at = stand(mechanism, rigid, int(np.argmin(rigid[name])))
+            at = drive_positions(mechanism, rigid, int(np.argmin(rigid[name])))
             raise SceneError(
                 f"joints.{joint.name}.branch", joint.written_branch,
                 f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
@@ -63,7 +63,7 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
             )  # fmt: skip
         raise SceneError(
             f"joints.{joint.name}.branch", joint.written_branch,
-            f"the loop cannot close: at {stand(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
+            f"the loop cannot close: at {drive_positions(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
             f"Change the lengths, or {_elsewhere(mechanism)}",
         )  # fmt: skip
 
@@ -81,11 +81,12 @@ def check_start(mechanism: Mechanism, rigid: RigidMotion, acceleration: np.ndarr
         still = np.flatnonzero(np.diag(inertia) == 0.0)
         joint = free[still[0] if len(still) else int(np.argmax(abs(np.linalg.svd(inertia)[2][-1])))]
         raise SceneError(
-            f"drives.{joint}", "free", f"singular mass matrix at {stand(mechanism, rigid)}: the joint moves no inertia",
+            f"drives.{joint}", "free",
+            f"singular mass matrix at {drive_positions(mechanism, rigid)}: the joint moves no inertia",
             "Give the bodies that move with it a mass or an inertia, or prescribe it",
         )  # fmt: skip
     raise SceneError(
-        f"drives.{free[0]}", "free", f"the forces are not finite at the start, {stand(mechanism, rigid)}",
+        f"drives.{free[0]}", "free", f"the forces are not finite at the start, {drive_positions(mechanism, rigid)}",
         "Change loads or start",
     )  # fmt: skip
 
@@ -112,8 +113,8 @@ def swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) 
     """Error for a linkage that moves into the limit position of the loop that a joint closes."""
     return SceneError(
         f"joints.{joint}", None,
-        f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, {stand(mechanism, rigid, index)}: "
-        f"beyond it {apart(mechanism.joints[joint])}",
+        f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, "
+        f"{drive_positions(mechanism, rigid, index)}: beyond it {apart(mechanism.joints[joint])}",
         "Shorten the duration, change lengths, loads or start, or use preset coupled, which can continue",
     )  # fmt: skip
 
@@ -146,7 +147,7 @@ def _margins(rigid: RigidMotion) -> list[str]:
     return [name for name in rigid.motion.column if name.endswith(".closure")]
 
 
-def stand(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) -> str:
+def drive_positions(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) -> str:
     """Positions of the first three drives at an instant, like "main = 90 deg"."""
     first = list(mechanism.drives)[:3]
     return ", ".join(f"{name} = {mechanism.joints[name].written(rigid[f'{name}.angle'][index])}" for name in first)

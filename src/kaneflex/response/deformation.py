@@ -145,8 +145,8 @@ class Deformation:
 
         Without a load they are equal up to the residual of a reduction: the mean.
         """
-        here = self.link.node_at(x)
-        if any(self.link.node_at(at) == here for at in self.model.scene.acted_on(self.link.name)):
+        node = self.link.node_at(x)
+        if any(self.link.node_at(at) == node for at in self.model.scene.acted_on(self.link.name)):
             return (behind if after else before).copy()
         return 0.5 * (before + behind)
 

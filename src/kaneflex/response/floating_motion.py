@@ -141,7 +141,7 @@ class FloatingMotion(Motion):
             return found.q[:, k], found.v[:, k], found.a[:, k]
         kind, direction = self.model.scene.joints[joint].kind, self.model.scene.joints[joint].direction
         first, second = (self.joined(address) for address in self.model.scene.joints[joint].addresses)
-        gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
+        gap, gap_rate, gap_accel = (end - start for start, end in zip(first, second, strict=True))
         if kind != "prismatic":
             return gap[2], gap_rate[2], gap_accel[2]
         angle, omega, epsilon = (part[2] for part in first)
@@ -216,9 +216,9 @@ class FloatingMotion(Motion):
             return self.moving_place(body, at)
         moved = self.moving_place(body, (at[0], 0.0))
         (_, _, angle), (_, _, omega), (_, _, epsilon) = moved
-        x, y = rotate(np.cos(angle), np.sin(angle), (0.0, at[1]))
-        arms = (x, y), (-omega * y, omega * x), (-epsilon * y - omega**2 * x, epsilon * x - omega**2 * y)
-        return tuple(part + np.array([*arm, 0.0 * x]) for part, arm in zip(moved, arms, strict=True))
+        arm = rotate(np.cos(angle), np.sin(angle), (0.0, at[1]))
+        arms = arm, velocity(omega, arm), acceleration(omega, epsilon, arm)
+        return tuple(part + np.array([*own, 0.0 * angle]) for part, own in zip(moved, arms, strict=True))
 
     def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
         """Global position of a point in this motion, known even where the rigid mechanism does not close."""
@@ -300,7 +300,7 @@ class FloatingMotion(Motion):
     def spring_tension(self, name: str) -> np.ndarray:
         spring = mechanism_of(self.model.scene).springs[name]
         first, second = (self.moving_place(side.body, side.at) for side in spring.sides)
-        gap, gap_rate, _ = (there - here for here, there in zip(first, second, strict=True))
+        gap, gap_rate, _ = (end - start for start, end in zip(first, second, strict=True))
         if not spring.ends:
             return springs.tension(spring, gap[2], gap_rate[2])
         length = np.hypot(gap[0], gap[1])

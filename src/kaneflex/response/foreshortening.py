@@ -172,8 +172,8 @@ def _closing(
     batch = max(1, _CHUNK // len(used) ** 2)
     for start in range(0, len(rigid.times), batch):
         rows = slice(start, start + batch)
-        here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
-        stiff, rate, accel = map(here.matrices, joined.S)
+        batch_motion = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
+        stiff, rate, accel = map(batch_motion.matrices, joined.S)
         for part in (stiff, rate, accel):  # all alike, so that z' and z'' are the rates of z
             np.einsum("tii->ti", part)[...] *= 1.0 + _LEAST
         diagonal = np.einsum("tii->ti", stiff)

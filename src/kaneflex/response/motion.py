@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.section_forces import LinkForces
@@ -157,7 +158,7 @@ class Motion(ABC):
             angle[there] = np.unwrap(angle[there])
             return angle
         near = np.interp(self.times, self.whole.times, self.whole.turned(body))
-        return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
+        return near + wrapped(angle - near)
 
     def angle(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
         """Angle of a body at a point, elastic rotation included [rad]."""
@@ -191,9 +192,9 @@ class Motion(ABC):
     def slide(self, joint: str) -> np.ndarray:
         """Coordinate of a guide: position of its second body along it [m]."""
         of = self.model.scene.joints[joint]
-        (first, here), (second, there) = ((each.body, self.model.scene.point(each)) for each in of.addresses)
-        along = self.rigid.frame(first).to_global(of.direction)
-        return (along * (self.place(second, there) - self.place(first, here))).sum(axis=0)
+        first, second = (self.place(each.body, self.model.scene.point(each)) for each in of.addresses)
+        along = self.rigid.frame(of.addresses[0].body).to_global(of.direction)
+        return (along * (second - first)).sum(axis=0)
 
     def _in_axes(self, body: str, moved: Rates) -> Rates:
         """Components of a global displacement in the rigid body's axes, with their rates."""

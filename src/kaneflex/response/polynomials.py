@@ -254,8 +254,8 @@ def _traced(
         return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
     from kaneflex.multibody.time.spatial_motion import SpatialMotion
 
-    here = SpatialMotion(model.motion, np.zeros(1), scalars.T)
-    return SpatialElasticMotion(model, here, coordinates, solver=tape.solve)
+    instant = SpatialMotion(model.motion, np.zeros(1), scalars.T)
+    return SpatialElasticMotion(model, instant, coordinates, solver=tape.solve)
 
 
 def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:

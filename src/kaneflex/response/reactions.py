@@ -124,15 +124,15 @@ def _exerted(
     rigid: RigidMotion, deformed: Mapping[str, Deformation], joint: Joint, driven: bool
 ) -> Iterator[tuple[Site, list[list[Number]]]]:
     """Global force x, y and moment by each of a joint's unit reactions on its sites, about these."""
-    stands, sites, sides = {GROUND: Pose(0.0, 0.0, 1.0, 0.0)}, dict[str, Site](), []
+    axes, sites, sides = {GROUND: Pose(0.0, 0.0, 1.0, 0.0)}, dict[str, Site](), []
     for side in joint.sides:
         if side.body != GROUND:
             frame, link = rigid.frame(side.body), deformed.get(side.body)
             x, y = frame.origin
-            stands[side.body] = Pose(x, y, frame.c, frame.s)
+            axes[side.body] = Pose(x, y, frame.c, frame.s)
             sites[side.body] = side.body, None if link is None else link.link.node_at(side.at[0])
             if link is not None:
-                stands[side.body], side = stands[side.body].section(side.at), replace(side, at=(0.0, 0.0))
+                axes[side.body], side = axes[side.body].section(side.at), replace(side, at=(0.0, 0.0))
         sides.append(side)
-    for body, exerted in derivatives_of(replace(joint, first=sides[0], second=sides[1]), stands, driven, sites):
+    for body, exerted in derivatives_of(replace(joint, first=sides[0], second=sides[1]), axes, driven, sites):
         yield sites[body], exerted

@@ -114,11 +114,12 @@ def displacement_of(
 
 def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
     """Strain u' - y v'' - z w'' of a fibre along a link, from the force N and moments E I_z v'' = M_z, -E I_y w'' =
-    M_y."""
+    M_y; in the plane z = 0."""
     address, after = address_of(sensor), sensor.cut == "after"
-    here = scene.bodies[address.body].profile.at(scene.point(address)[0], after)
-    y, z = cast(tuple[float, float], sensor.fibre)
-    return N / here.E_A + z * M_y / here.E_I_y - y * M_z / here.E_I_z
+    section = scene.bodies[address.body].profile.at(scene.point(address)[0], after)
+    y, z = sensor.fibre if isinstance(sensor.fibre, tuple) else (sensor.fibre, 0.0)
+    strain = N / section.E_A - y * M_z / section.E_I_z
+    return strain + z * M_y / section.E_I_y if z else strain
 
 
 class Reader:
@@ -286,15 +287,11 @@ class Reader:
         M / (E I)."""
         if sensor.kind == "axial_force":
             return section[0]
+        if sensor.kind == "strain":
+            return strain_of(self.scene, sensor, section[0], section[-2], section[-1])
         if len(section) == 6:
-            if sensor.kind == "strain":
-                return strain_of(self.scene, sensor, section[0], section[4], section[5])
             first = {"shear_force": 0, "torsional_moment": 3, "bending_moment": 3}[sensor.kind]
             return section[first + max(0, "xyz".find(sensor.component))]
-        if sensor.kind == "strain":
-            body, x, after = self._cut(sensor)
-            here = self.scene.bodies[body].profile.at(x, after)
-            return section[0] / here.E_A - sensor.fibre * section[2] / here.E_I_z
         return section[1 + (sensor.kind == "bending_moment")]
 
     def _is_bushing(self, sensor: Sensor) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.fem.mobility import check_determined, check_held_twice
-from kaneflex.mechanism.closure import SWEEP, check_closure, stand
+from kaneflex.mechanism.closure import SWEEP, check_closure, drive_positions
 from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
@@ -254,7 +254,7 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
         raise SceneError(
-            "joints", joints, f"the loop cannot close at {stand(mechanism, rigid, int(lost[0]))}, or is in a "
+            "joints", joints, f"the loop cannot close at {drive_positions(mechanism, rigid, int(lost[0]))}, or is in a "
             "singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
