@@ -446,6 +446,8 @@ class Engine:
             return self.shared
         if len(self.holds):
             return at.HOLD_MECHANISM
+        if self.count(at.RIGID):
+            return at.IMPACT_MECHANISM
         return at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM
 
     @cached_property

@@ -18,7 +18,14 @@ from kaneflex.generated import body, contact, friction, joints
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.dynamics import reduction, unfolding
 from kaneflex.multibody.model import layout
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
+from kaneflex.multibody.model.layout import (
+    CONTACT_MECHANISM,
+    HOLD_MECHANISM,
+    IMPACT_MECHANISM,
+    MECHANISM,
+    OUTER,
+    Handed,
+)
 from kaneflex.multibody.time import collocation
 from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
@@ -35,8 +42,8 @@ def sources(*left_out: str) -> list[str]:
 
 _made_of_parts = made_of(*sources("spatial"), body.__file__, contact.__file__, friction.__file__, joints.__file__)
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
-_plain, _with_contacts, _with_holds = (
-    entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM)
+_plain, _with_contacts, _with_impacts, _with_holds = (
+    entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM)
 )
 
 
@@ -54,12 +61,19 @@ def _addresses_with_contacts():
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
+def _addresses_with_impacts():
+    return _with_impacts()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
 def _addresses_with_holds():
     return _with_holds()
 
 
 _ENTERED = {
-    MECHANISM: _addresses, CONTACT_MECHANISM: _addresses_with_contacts, HOLD_MECHANISM: _addresses_with_holds,
+    MECHANISM: _addresses, CONTACT_MECHANISM: _addresses_with_contacts, IMPACT_MECHANISM: _addresses_with_impacts,
+    HOLD_MECHANISM: _addresses_with_holds,
 }  # fmt: skip
 
 
@@ -67,6 +81,6 @@ _ENTERED = {
 def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
     """C functions of all entries, by their numba functions; all compiled on the first call.
 
-    ``mechanism``: the argument type; those with contacts or holds have more functions.
+    ``mechanism``: the argument type; those with contacts, impacts or holds have more functions.
     """
     return called(_ENTERED[mechanism], ENTRIES)

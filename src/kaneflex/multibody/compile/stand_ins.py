@@ -7,7 +7,16 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, SPACE, SWITCHED_SPACE
+from kaneflex.multibody.model.layout import (
+    CONTACT_MECHANISM,
+    HOLD_MECHANISM,
+    IMPACT_MECHANISM,
+    MECHANISM,
+    SPACE,
+    SWITCHED_SPACE,
+)  # fmt: skip
+
+_WITH_CONTACTS = CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM
 
 
 def of_contacts(otherwise):
@@ -16,12 +25,17 @@ def of_contacts(otherwise):
 
     Most mechanisms have no contacts and save a third of the compilation.
     """
-    return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM))
+    return _where(otherwise, _WITH_CONTACTS)
 
 
 def of_changes(otherwise):
     """As :func:`of_contacts`, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
-    return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM, SWITCHED_SPACE))
+    return _where(otherwise, (*_WITH_CONTACTS, SWITCHED_SPACE))
+
+
+def of_impacts(otherwise):
+    """As :func:`of_contacts`, for mechanisms with holds, or with contacts by Newton's law."""
+    return _where(otherwise, (IMPACT_MECHANISM, HOLD_MECHANISM))
 
 
 def of_holds(otherwise):
@@ -31,7 +45,7 @@ def of_holds(otherwise):
 
 def of_stiffness(otherwise):
     """As :func:`of_contacts`, for mechanisms with elastic bodies, or springs and loads that need derivatives."""
-    return _where(otherwise, (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM, SPACE, SWITCHED_SPACE))
+    return _where(otherwise, (MECHANISM, *_WITH_CONTACTS, SPACE, SWITCHED_SPACE))
 
 
 def _where(otherwise, mechanisms):

@@ -11,7 +11,7 @@ from kaneflex.generated import body
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.model.layout import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FORCE,
@@ -21,7 +21,7 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 
 
-@of_contacts(None)
+@of_impacts(None)
 @njit(**OPTIONS)
 def rest_rows(m):
     """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""

@@ -319,8 +319,8 @@ PARTS = {
     "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
-MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
-    Handed(name, 3, **PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
+MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (
+    Handed(f"Mechanism{kind}", 3, **PARTS) for kind in ("", " with contacts", " with impacts", " with holds")
 )
 SPACE, RIGID_SPACE, SWITCHED_SPACE = (
     Handed(f"Mechanism in space{kind}", 6, **PARTS) for kind in ("", " without stiffness", " with discontinuous loads")

@@ -19,7 +19,7 @@ from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, near,
 from kaneflex.multibody.unilateral.contacts import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.time.state_record import take
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds, of_impacts
 from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.model.layout import (
     ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS, LARGEST, LAW,
@@ -238,6 +238,7 @@ def look(m, table, t, h, here, searched):
     return CHANGED
 
 
+@of_impacts(True)
 @njit(**OPTIONS)
 def _note_rests(m, t, h, last):
     """Store the forces of rigid sides at rest, in the stages and at the end; False: singular.

@@ -30,7 +30,7 @@ from kaneflex.multibody.unilateral.contacts import LETS_GO, part
 from kaneflex.multibody.unilateral.impulse_response import answer, share, weigh
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.time.state_record import give, works_at
-from kaneflex.multibody.compile.stand_ins import of_contacts
+from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.model.layout import (
     ACTS, ALLOWED, APPROACH, AT, BEGAN_X, BEGAN_Y, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE,
     FLANK, GAP, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, PLACE_X,
@@ -49,7 +49,7 @@ _TURNS = 40
 several joints stop at once, their loads are statically indeterminate: one solution is taken."""
 
 
-@of_contacts(0.0)
+@of_impacts(0.0)
 @njit(**OPTIONS)
 def collide(m, state, A, wanted):
     """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
