@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 31,
     "report": 5,
     "response": 30,
-    "scene": 62,
+    "scene": 59,
     "solve": 26,
     "study": 70,
     "support": 3,

@@ -83,7 +83,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
 
     N, V, M = beyond(0.0)
     hub = Wrench("hub", (0.0, 0.0), np.zeros((2, 1)), np.array([[-N], [-V]]), np.array([-M]))
-    balance = Balance(motion, "strip", (hub,))
+    balance = Balance(motion, "strip", lambda: (hub,))
     for x in (0.0, 0.07, 0.5, 0.63, 1.0):
         assert balance.section(x)[:, 0] == pytest.approx(beyond(x), rel=1e-12, abs=1e-12), x
 

@@ -137,12 +137,5 @@ def _carriers(scene: Scene, displaced: Mapping[Node, int], held: list[tuple[str,
 def _side(scene: Scene, links: Mapping[str, Link], prescribed: set[str], address: Address) -> Node | str:
     """Node of a link, or name of a rigid body ("prescribed" for all bodies placed by drives)."""
     if address.body in links:
-        x, y = scene.point(address)
-        node = links[address.body].node_at(x) if y == 0 else None
-        if node is None:
-            raise SceneError(
-                f"bodies.{address.body}", str(address), "a joint on an elastic body must lie on its axis",
-                "Move the point onto the axis, between start and end",
-            )  # fmt: skip
-        return address.body, node
+        return address.body, links[address.body].node_of_joint(scene.point(address), str(address))
     return "prescribed" if address.body in prescribed else address.body

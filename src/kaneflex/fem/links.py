@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType, ModuleType
@@ -15,6 +15,7 @@ from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
+from kaneflex.support.errors import SceneError
 
 SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
@@ -97,6 +98,16 @@ class Link:
         """Index of the node at distance x [m] from the start; None without one."""
         index = int(np.argmin(abs(self.nodes - x)))
         return index if abs(self.nodes[index] - x) <= SAME * self.length else None
+
+    def node_of_joint(self, at: Sequence[float], written: object) -> int:
+        """Node at a point of the link, ``written`` as in the scene; raises SceneError for a point off its axis."""
+        node = None if any(at[1:]) else self.node_at(at[0])
+        if node is None:
+            raise SceneError(
+                f"bodies.{self.name}", written, "a joint on an elastic body must lie on its axis",
+                "Move the point onto the axis, between start and end",
+            )  # fmt: skip
+        return node
 
     def locate(self, x: float) -> tuple[int, float]:
         """Element at distance x [m] from the start, and the distance from its own start [m]."""

@@ -54,20 +54,8 @@ def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
     for name, sides in ends + [(name, spring.sides) for name, spring in mechanism.springs.items()]:
         for side in sides:
             if side.body == link.name:
-                found.setdefault(node_of(link, side), []).append(name)
+                found.setdefault(link.node_of_joint(side.at, list(side.at)), []).append(name)
     return found
-
-
-def node_of(link: Link, side: Side) -> int:
-    """Node at a point of an elastic link; raises SceneError for a point off its axis."""
-    x, y, z = side.at
-    node = None if y or z else link.node_at(x)
-    if node is None:
-        raise SceneError(
-            f"bodies.{link.name}", list(side.at), "a joint on an elastic body must lie on its axis",
-            "Move the point onto the axis, between start and end",
-        )  # fmt: skip
-    return node
 
 
 class Joined:
@@ -107,7 +95,8 @@ class Joined:
 
     def site(self, side: Side) -> Site:
         """Node of a link at a joint's point, or the start of its rigid body."""
-        return side.body, node_of(self.links[side.body], side) if side.body in self.links else None
+        link = self.links.get(side.body)
+        return side.body, None if link is None else link.node_of_joint(side.at, list(side.at))
 
     def columns(self, site: Site) -> np.ndarray:
         """Indices of the six coordinates of a site."""

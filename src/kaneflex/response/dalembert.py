@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,7 @@ _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
 
 
+@dataclass(frozen=True, eq=False)
 class DAlembert(ABC):
     """Equilibrium of one link in its deformed configuration by d'Alembert's principle.
 
@@ -36,7 +37,14 @@ class DAlembert(ABC):
 
     Sums are a force and its moment about the link's start, in the axes of its floating frame, (components, n_times).
     Mass-proportional damping (Rayleigh's alpha, viscous) acts on the deformation only and is not a force on the link.
+
+    ``wrenches``: function that gives those of joints, loads, springs, contacts and lumped masses, all but inertia,
+    weight and distributed loads.
     """
+
+    motion: Any
+    link: str
+    wrenches: Callable[[], Iterable[Wrench]]
 
     def before(self, x: float, after: bool) -> np.ndarray:
         """Force and moment that the part before x [m] needs, just before or just after the loads at x.
@@ -71,15 +79,11 @@ class DAlembert(ABC):
     @cached_property
     def _acting(self) -> list[tuple[float, np.ndarray]]:
         """Positions [m] of loads, and their sums."""
-        return [(each.on[0], each.about_start) for each in self._wrenches()]
+        return [(each.on[0], each.about_start) for each in self.wrenches()]
 
     @property
     @abstractmethod
     def _link(self) -> Link: ...
-
-    @abstractmethod
-    def _wrenches(self) -> Iterable[Wrench]:
-        """All but inertia, weight and distributed loads."""
 
     @abstractmethod
     def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -114,24 +118,13 @@ class DAlembert(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Balance(DAlembert):
-    """Equilibrium of a planar link.
-
-    Attributes
-    ----------
-    wrenches : tuple of Wrench
-        Forces and moments of joints, loads, springs, contacts and lumped masses.
-    """
+    """Equilibrium of a planar link."""
 
     motion: FloatingMotion
-    link: str
-    wrenches: tuple[Wrench, ...]
 
     @property
     def _link(self) -> Link:
         return self.motion.system.links[self.link]
-
-    def _wrenches(self) -> Iterable[Wrench]:
-        return self.wrenches
 
     @cached_property
     def _axes(self) -> BodyFrame:
@@ -211,7 +204,7 @@ class FloatingForces(LinkForces):
 
     def balance(self, link: str) -> Balance:
         """Equilibrium of a link with all forces on it."""
-        return Balance(self.motion, link, tuple(self.wrenches(link)))
+        return Balance(self.motion, link, partial(self.wrenches, link))
 
 
 def balanced(motion: FloatingMotion) -> dict[str, Balanced]:

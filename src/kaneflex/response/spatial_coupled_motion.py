@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import cast
 
 import numpy as np
@@ -16,6 +16,7 @@ from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.response.motion import Motion, Section
+from kaneflex.response.section_forces import LinkForces
 from kaneflex.response.spatial_dalembert import SpatialBalance
 from kaneflex.scene.quantities import Address
 
@@ -94,7 +95,10 @@ class SpatialCoupledMotion(Motion):
 
     @cached_property
     def _balances(self) -> dict[str, SpatialBalance]:
-        return {body: SpatialBalance(self._moving, body) for body in self._moving.system.layout.shapes}
+        moving = self._moving
+        forces = LinkForces(moving.system.scene, moving, moving.section_frame)
+        bodies = moving.system.layout.shapes
+        return {body: SpatialBalance(moving, body, partial(forces.wrenches, body)) for body in bodies}
 
     @property
     def _moving(self) -> SpatialMotion:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import cast
@@ -12,12 +11,11 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.spatial import Side
 from kaneflex.mechanism.spatial_frame import applied, cross
-from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.time.spatial_motion import SpatialMotion
 from kaneflex.multibody.time.spatial_sections import Deformed
 from kaneflex.response.dalembert import DAlembert
-from kaneflex.response.section_forces import LinkForces, carried, spread_loads
+from kaneflex.response.section_forces import carried, spread_loads
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +23,6 @@ class SpatialBalance(DAlembert):
     """Equilibrium of a body in space, with the rotary inertia of its sections."""
 
     motion: SpatialMotion
-    body: str
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Section forces in the axes of the tangent, the chord or the mean rotation, as in the plane; (6, n_times)."""
@@ -33,7 +30,7 @@ class SpatialBalance(DAlembert):
         return cast(np.ndarray, np.einsum("jit,kjt->kit", self._axes, total.reshape(2, 3, -1)).reshape(6, -1))
 
     def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        part, profile = self._at(x), self.motion.system.scene.bodies[self.body].profile
+        part, profile = self._at(x), self.motion.system.scene.bodies[self.link].profile
         (d, rate, accel), (turning, faster) = part.moved, part.turning
         place, (specific_force, omega, epsilon) = d + np.array([[x], [0.0], [0.0]]), self._carried
         specific_force = specific_force + accel + cross(epsilon, place) + 2.0 * cross(omega, rate)
@@ -47,30 +44,27 @@ class SpatialBalance(DAlembert):
 
     @cached_property
     def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return carried(self.motion.system.scene, self.motion, self.body)
-
-    def _wrenches(self) -> Iterator[Wrench]:
-        return LinkForces(self.motion.system.scene, self.motion, self.motion.section_frame).wrenches(self.body)
+        return carried(self.motion.system.scene, self.motion, self.link)
 
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         to_body = partial(applied, self._at(0.0).turned)
-        return list(spread_loads(self.motion.system.scene, self.motion, self.body, to_body))
+        return list(spread_loads(self.motion.system.scene, self.motion, self.link, to_body))
 
     def _at(self, x: float) -> Deformed:
-        return self.motion.deformed(Side(self.body, (x, 0.0, 0.0)))
+        return self.motion.deformed(Side(self.link, (x, 0.0, 0.0)))
 
     @cached_property
     def _axes(self) -> np.ndarray:
         """Axes of the components in the body's axes, columns (3, 3, n_times)."""
         from scipy.spatial.transform import Rotation
 
-        q, *_ = self.motion.modal(self.body)
+        q, *_ = self.motion.modal(self.link)
         return Rotation.from_rotvec((self._shapes.turn @ q).T).as_matrix().transpose(1, 2, 0)
 
     @property
     def _shapes(self) -> Shapes:
-        return cast(Shapes, self.motion.system.layout.shapes[self.body])
+        return cast(Shapes, self.motion.system.layout.shapes[self.link])
 
     @property
     def _link(self) -> Link:

@@ -101,16 +101,9 @@ def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> It
 
 def _addresses(scene: Scene) -> Iterator[tuple[str, Address]]:
     """Addresses of points whose deformation is needed, with their keys."""
-    for name, joint in scene.joints.items():
-        for address in joint.addresses:
-            yield f"joints.{name}.{joint.kind}", address
-    for name, load in scene.forces.items():
-        yield f"loads.{name}.force_on", load.force_on
-    for name, spring in scene.springs.items() if scene.is_spatial else ():
-        for end in spring.ends:
-            yield f"springs.{name}.between", end
-    for name, mass in scene.masses.items():
-        yield f"masses.{name}.at", mass.at
+    apart = {contact.entry(name) for name, contact in scene.contacts.items()}
+    apart |= {f"springs.{name}.between" for name in ({} if scene.is_spatial else scene.springs)}
+    yield from ((entry, address) for entry, address in scene.acting if entry not in apart)
     for name, sensor in scene.sensors.items():
         if sensor.kind not in POINT_KINDS or sensor.target.body not in scene.bodies:
             continue
