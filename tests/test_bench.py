@@ -50,6 +50,7 @@ def test_what_is_called_in_a_loop_is_what_was_found_to_agree(hand):
         np.testing.assert_allclose(arrays[name], matrix, rtol=0.0, atol=AGREEMENT * abs(matrix).max())
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", TASKS)
 def test_all_programs_that_are_installed_agree(name, hand, compiler, tmp_path):
     task = TASKS[name]()

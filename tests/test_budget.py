@@ -4,8 +4,10 @@ Also which large packages the quick commands import.
 """
 
 import json
+import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -67,29 +69,31 @@ HEAVY += ("xarray", "kaneflex.plots", "numpy.ma", "numpy.random", "email")
 IMPORTED = """
 import gc, sys
 from kaneflex.cli import main
-collected = [each["collections"] for each in gc.get_stats()]
-try:
-    main({arguments}, standalone_mode=False)
-finally:
+for arguments in {commands}:
+    collected = [each["collections"] for each in gc.get_stats()]
+    main(arguments, standalone_mode=False)
     print(sum(each["collections"] for each in gc.get_stats()) - sum(collected), gc.isenabled())
     print([name for name in {heavy} if name in sys.modules])
-    if "matplotlib" in sys.modules:
-        from matplotlib.axes import Axes
-        assert "antialiased" not in Axes.plot.__doc__, "lists of properties in docstrings take 0.1 s"
+if "matplotlib" in sys.modules:
+    from matplotlib.axes import Axes
+    assert "antialiased" not in Axes.plot.__doc__, "lists of properties in docstrings take 0.1 s"
 """
+LIGHT = ("list", "check engine", "check four-bar", "modes engine", "run engine --no-plots -o results --force")
+"""Commands that import none of these, one after the other in one process."""
 
 
-@pytest.mark.parametrize(("command", "used"), [
-    ("list", []), ("check engine", []), ("check four-bar", []), ("modes engine", []),
-    ("run engine --no-plots -o results --force", []),
-    ("check swept-blade", ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random", "email"]),
-    ("show engine -o shown.png --force", ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
-    ("run engine -o results --force", ["matplotlib", "kaneflex.plots", "numpy.ma"]),
+@pytest.mark.parametrize(("commands", "used"), [
+    (LIGHT, []),
+    (["check swept-blade"], ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random", "email"]),
+    (["show engine -o shown.png --force"], ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
+    (["run engine -o results --force"], ["matplotlib", "kaneflex.plots", "numpy.ma"]),
 ])  # fmt: skip
-def test_a_command_imports_only_what_it_uses(command, used, tmp_path):
-    code = IMPORTED.format(arguments=command.split(), heavy=HEAVY)
-    *_, collections, imported = told(code, tmp_path, lambda lines: lines[-1] == str(used))
-    assert imported == str(used)
-    number, enabled = collections.split()
-    assert enabled == "True"
-    assert int(number) <= 20 or "run" in command  # 178 of check where garbage is looked for meanwhile
+def test_a_command_imports_only_what_it_uses(commands, used, tmp_path):
+    code = IMPORTED.format(commands=[command.split() for command in commands], heavy=HEAVY)
+    lines = told(code, tmp_path, lambda lines: lines[-1] == str(used))
+    found = [pair for pair in pairwise(lines) if re.fullmatch(r"\d+ (True|False)", pair[0])]
+    assert [imported for _, imported in found] == [str(used)] * len(commands)
+    for command, (collections, _) in zip(commands, found, strict=True):
+        number, enabled = collections.split()
+        assert enabled == "True"
+        assert int(number) <= 20 or "run" in command  # 178 of check where garbage is looked for meanwhile

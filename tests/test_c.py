@@ -81,7 +81,7 @@ def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
     level = "-O2" if name == "engine" else "-O0"
     library = ctypes.CDLL(str(built(c_model(bound.scene).texts, tmp_path, compiler, *SHARED, level=level)))
     prefix = name.replace("-", "_")
-    times = np.linspace(0.0, bound.options.duration, 97)
+    times = np.linspace(0.0, bound.options.duration, 33)
     expected = bound.motion.table(times)
     found = np.zeros_like(expected)
     for t, row in zip(times, found, strict=True):
