@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import cantilever
 from runs import derived_on_the_fly
 from scipy.optimize import brentq
 
@@ -12,22 +13,17 @@ from kaneflex.scene import read_scene
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
-CANTILEVER = """
-schema = 1
-[bodies.arm]
-length = "1 m"
-beam = {{{beam}, elements = 24}}
-[joints]
-clamp = {{weld = ["ground", "arm.start"]}}
-[loads]
-tip = {{force_on = "arm.end", direction = [0, 1], value = "10 N"}}
-[sensors]
-tip = {{displacement = "arm.end", component = "y"}}
-mid = {{displacement = "arm.mid", component = "y"}}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
-"""
+
+def loaded(beam, more=""):
+    """A cantilever of this beam under a force at its tip."""
+    return cantilever(
+        f'length = "1 m", {more}beam = {{{beam}, elements = 24}}', "arm", "clamp",
+        loads='tip = {force_on = "arm.end", direction = [0, 1], value = "10 N"}',
+        sensors="""
+tip = {displacement = "arm.end", component = "y"}
+mid = {displacement = "arm.mid", component = "y"}""",
+        solve={"preset": "quasistatic", "duration": "0.1 s"},
+    )
 STEP = 0.4
 E, RHO = (2.1e11, 7.0e10), (7850.0, 2700.0)
 A, I = 2e-4, 0.01 * 0.02**3 / 12
@@ -39,13 +35,13 @@ SHAFT = (
 
 def arm(folder, beam):
     file = folder / "scene.toml"
-    file.write_text(CANTILEVER.format(beam=beam))
+    file.write_text(loaded(beam))
     return read_scene(str(file)).bodies["arm"]
 
 
 @pytest.fixture(scope="module")
 def shaft(tmp_path_factory):
-    return derived_on_the_fly(CANTILEVER.format(beam=SHAFT), tmp_path_factory.mktemp("shaft"))
+    return derived_on_the_fly(loaded(SHAFT), tmp_path_factory.mktemp("shaft"))
 
 
 def test_mass_and_inertia_are_the_sums_of_both_materials(shaft):
@@ -139,7 +135,7 @@ def test_the_shear_coefficient_of_a_shape_takes_the_segments_own_ratio(tmp_path)
 def test_a_given_mass_keeps_the_ratio_of_the_densities(tmp_path):
     file = tmp_path / "scene.toml"
     mass = A * (RHO[0] * STEP + RHO[1] * (1 - STEP))
-    file.write_text(CANTILEVER.format(beam=SHAFT).replace('"1 m"', f'"1 m"\nmass = {mass * (1 + 5e-7)!r}', 1))
+    file.write_text(loaded(SHAFT, f"mass = {mass * (1 + 5e-7)!r}, "))
     profile = read_scene(str(file)).bodies["arm"].profile
     assert profile.inertia(1.0).mass == pytest.approx(mass * (1 + 5e-7), rel=1e-14)
     assert profile.at(0.1).rho_A / profile.at(0.9).rho_A == pytest.approx(RHO[0] / RHO[1], rel=1e-12)
@@ -161,7 +157,7 @@ def test_deflection_of_a_cantilever_with_linear_stiffness(tmp_path):
     """E I v'' = F (L - x), I = I_0 (1 - c x/L): v(L) = F L^3/(E I_0) int_0^1 (1 - s)^2/(1 - c s) ds, with
     the integral = (c (3 c - 2) / 2 - (1 - c)^2 ln(1 - c)) / c^3."""
     beam = 'material = "steel", A = "200 mm^2", I = "6000 mm^4", I_end = "1500 mm^4"'
-    series = solve(derived_on_the_fly(CANTILEVER.format(beam=beam), tmp_path)).series
+    series = solve(derived_on_the_fly(loaded(beam), tmp_path)).series
     c = 0.75
     integral = (c * (3 * c - 2) / 2 - (1 - c) ** 2 * math.log(1 - c)) / c**3
     assert series["tip"].values == pytest.approx(10 / (2.1e11 * 6e-9) * integral, rel=2e-6)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machines import cantilever, pendulum
 from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
@@ -250,41 +251,26 @@ def test_craig_bampton_with_every_mode_is_the_link_itself():
 
 # ---- whole scenes, derived on the fly ---------------------------------------------------------------------------
 
-CLAMPED = """
-schema = 1
-[bodies.beam]
-length = "1 m"
-beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 8}
-points = {quarter = ["250 mm", 0]}
-[joints]
-clamp = {weld = ["ground", "beam.start"]}
-[loads]
-tip = {force_on = "beam.end", direction = [0, 1], value = "100 N"}
-[sensors]
+BAR = 'length = "1 m", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"'
+CLAMPED = cantilever(
+    f"{BAR}, elements = 8}}, points = {{quarter = [\"250 mm\", 0]}}", "beam", "clamp",
+    loads='tip = {force_on = "beam.end", direction = [0, 1], value = "100 N"}',
+    sensors="""
 tip = {displacement = "beam.end", component = "y"}
 tip_angle = {displacement = "beam.end", component = "angle"}
 quarter_moment = {bending_moment = "beam.quarter"}
 shear = {shear_force = "beam.mid"}
 clamp_force = {joint_force = "clamp", component = "y"}
-clamp_moment = {joint_force = "clamp", component = "angle"}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
-"""
-SPINNING = """
-schema = 1
-[bodies]
-beam = {length = "1 m", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 24}}
-[joints]
-hub = {revolute = ["ground", "beam.start"]}
-[drives]
-hub = {speed = "100 rad/s", cycle = "360 deg"}
-[sensors]
+clamp_moment = {joint_force = "clamp", component = "angle"}""",
+    solve={"preset": "quasistatic", "duration": "0.1 s"},
+)
+SPINNING = pendulum(
+    f"{BAR}, elements = 24}}", 'speed = "100 rad/s", cycle = "360 deg"', "beam", "hub",
+    sensors="""
 tip = {displacement = "beam.end", component = "x"}
-hub_force = {joint_force = "hub", component = "x"}
-[solve]
-preset = "quasistatic"
-"""
+hub_force = {joint_force = "hub", component = "x"}""",
+    solve={"preset": "quasistatic"},
+)
 
 
 @pytest.fixture(scope="module")

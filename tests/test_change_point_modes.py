@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused, unrendered
 from lifting import lifted
+from machines import STRIP, WEIGHT, four_bar
 from scipy.integrate import solve_ivp
 
 from kaneflex import simulate
@@ -13,28 +14,12 @@ from kaneflex.scene import scene_of
 from kaneflex.solve.loading import load
 from kaneflex.support.errors import SceneError
 
-PARALLELOGRAM = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {P = ["0.3 m", 0]}
-[bodies]
-crank = {length = "0.1 m", mass = "0.2 kg"}
-coupler = {length = "0.3 m", beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}}
-rocker = {length = "0.1 m", mass = "0.2 kg"}
-[joints]
-A = {revolute = ["ground", "crank.start"]}
-B = {revolute = ["crank.end", "coupler.start"]}
-D = {revolute = ["ground.P", "rocker.start"]}
-C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
-[drives]
-A = {free = true, angle = 1.0, initial_speed = "20 rad/s"}
-[sensors]
-phi = {position = "A", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "0.4 s"
-steps = 160
-"""
+PARALLELOGRAM = four_bar(
+    'length = "0.1 m", mass = "0.2 kg"', STRIP, 'length = "0.1 m", mass = "0.2 kg"',
+    'free = true, angle = 1.0, initial_speed = "20 rad/s"', "P", names="ABCD", more={"C": 'branch = "+"'},
+    gravity=WEIGHT, ground={"P": ["0.3 m", 0]}, sensors='phi = {position = "A", component = "angle"}',
+    solve={"preset": "coupled", "duration": "0.4 s", "steps": 160},
+)  # fmt: skip
 
 
 def test_a_run_through_a_change_point_is_written(tmp_path, monkeypatch):
@@ -146,37 +131,26 @@ def test_a_loss_of_energy_at_a_change_point_is_not_blamed_on_the_tolerance(monke
     assert "jumps at t = 6.5" in said and "singular position" in said and "tolerance does not help" in said
 
 
-FOUR_BAR = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {{P = [{ground}, 0]}}
-[bodies]
-crank = {{length = {crank}, mass = "1 kg"}}
-coupler = {{length = {coupler}, mass = "1 kg"}}
-rocker = {{length = {rocker}, mass = "1 kg"}}
-[joints]
-A = {{revolute = ["ground", "crank.start"]}}
-B = {{revolute = ["crank.end", "coupler.start"]}}
-D = {{revolute = ["ground.P", "rocker.start"]}}
-C = {{revolute = ["coupler.end", "rocker.end"], branch = "+"}}
-[drives]
-A = {{{drive}}}
-[sensors]
-phi = {{position = "A", component = "angle"}}
-psi = {{position = "D", component = "angle"}}
-[solve]
-preset = "{preset}"
-duration = "3 s"
-steps = 300
-errors = "none"
-"""
 BARS = {"crank": 1.0, "coupler": 3.0, "rocker": 2.5, "ground": 4.5}
+
+
+def unequal(drive, preset, bars=BARS, **solve):
+    """A four-bar linkage of these lengths."""
+    *bodies, far = (bars[name] for name in ("crank", "coupler", "rocker", "ground"))
+    return four_bar(
+        *(f'length = {length}, mass = "1 kg"' for length in bodies), drive, "P", names="ABCD",
+        more={"C": 'branch = "+"'}, gravity=WEIGHT, ground={"P": [far, 0]},
+        sensors="""
+phi = {position = "A", component = "angle"}
+psi = {position = "D", component = "angle"}""",
+        solve={"preset": preset, "duration": "3 s", "steps": 300, "errors": "none", **solve},
+    )  # fmt: skip
 
 
 def test_a_linkage_that_stands_at_its_change_point_is_named():
     drive = 'speed = "0 rpm", angle = "180 deg"'
     with pytest.raises(SceneError, match=r"singular position.*A = 180 deg.*coupler and rocker lie on one line"):
-        load(scene_of(FOUR_BAR.format(**BARS, drive=drive, preset="rigid")))
+        load(scene_of(unequal(drive, "rigid")))
 
 
 def test_a_run_that_starts_at_a_change_point_is_named():
@@ -203,7 +177,7 @@ def test_a_free_joint_that_stops_at_a_singular_position_is_told_so():
 def test_a_change_point_of_unequal_bars_keeps_the_energy():
     """At 180 deg; where the motion is interpolated nothing but the energy knows that it is the right one."""
     drive = 'free = true, angle = "90 deg", initial_speed = "4 rad/s"'
-    solution = simulate(load(scene_of(FOUR_BAR.format(**BARS, drive=drive, preset="coupled") + "tolerance = 1e-11")))
+    solution = simulate(load(scene_of(unequal(drive, "coupled", tolerance=1e-11))))
     assert solution.outcome is Outcome.COMPLETED
     assert np.ptp(solution.series["phi"].values) > 3 * 2 * np.pi  # it turns, and passes more than three times
     assert solution.energy.drift < 1e-9
@@ -213,7 +187,7 @@ def test_a_change_point_of_unequal_bars_keeps_the_energy():
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_a_linkage_of_any_size_closes(scale, preset):
     bars = {name: scale * length for name, length in BARS.items()} | {"ground": 4.0 * scale}
-    solution = simulate(load(scene_of(FOUR_BAR.format(**bars, drive='speed = "20 rpm"', preset=preset))))
+    solution = simulate(load(scene_of(unequal('speed = "20 rpm"', preset, bars))))
     psi = np.ravel(solution.series["psi"].values)
     phi = np.ravel(solution.series["phi"].values)
     off = np.hypot(4.0 + 2.5 * np.cos(psi) - np.cos(phi), 2.5 * np.sin(psi) - np.sin(phi)) - 3.0
@@ -248,7 +222,7 @@ def test_loops_in_space_go_on_as_they_move(count, tolerance, integrator):
 
 def test_a_change_point_of_unequal_bars_in_space_goes_on_as_in_the_plane():
     drive = 'free = true, angle = "90 deg", initial_speed = "4 rad/s"'
-    flat = FOUR_BAR.format(**BARS, drive=drive, preset="coupled") + "tolerance = 1e-11"
+    flat = unequal(drive, "coupled", tolerance=1e-11)
     plane = simulate(load(scene_of(flat)))
     space = simulate(load(scene_of(in_space(flat, {"phi": "A", "psi": "D"}, tolerance=1e-11))))
     for name in ("phi", "psi"):

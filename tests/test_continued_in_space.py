@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tomlkit
+from machines import four_bar
 from runs import solved
 
 import kaneflex
@@ -40,31 +41,15 @@ modes = 1
 duration = 1
 """
 """Elastic rod on a ball."""
-DRAG_LINK = """
-schema = 1
-name = "drag-link"
-ground = {a = [0, 0, 0], b = [1, 0, 0]}
-[bodies]
-crank = {length = "2 m", mass = 1, inertia = [0.1, 1, 1], rotation = {x = [0, 1, 0], y = [-1, 0, 0]}}
-coupler = {length = "2 m", mass = 1, inertia = [0.1, 1, 1]}
-follower = {length = "2.2 m", mass = 1, inertia = [0.1, 1, 1], rotation = {x = [0, 1, 0], y = [-1, 0, 0]}}
-[joints]
-main = {revolute = ["ground.a", "crank.start"], axis = [0, 0, 1]}
-first = {revolute = ["crank.end", "coupler.start"], axis = [0, 0, 1]}
-second = {revolute = ["coupler.end", "follower.end"], axis = [0, 0, 1]}
-back = {revolute = ["ground.b", "follower.start"], axis = [0, 0, 1]}
-[drives]
-main = {speed = "1 rad/s"}
-[sensors]
-main = {position = "main", component = "angle"}
-first = {position = "first", component = "angle"}
-second = {position = "second", component = "angle"}
-back = {position = "back", component = "angle"}
-[solve]
-preset = "coupled"
-errors = "none"
-duration = 1
-"""
+LOOP = ("main", "first", "second", "back")
+DRAG_LINK = four_bar(
+    'length = "2 m", mass = 1, inertia = [0.1, 1, 1], rotation = {x = [0, 1, 0], y = [-1, 0, 0]}',
+    'length = "2 m", mass = 1, inertia = [0.1, 1, 1]',
+    'length = "2.2 m", mass = 1, inertia = [0.1, 1, 1], rotation = {x = [0, 1, 0], y = [-1, 0, 0]}',
+    'speed = "1 rad/s"', "b", names=LOOP, deep=True, title="drag-link", ground={"b": [1, 0, 0]},
+    sensors="\n".join(f'{each} = {{position = "{each}", component = "angle"}}' for each in LOOP),
+    solve={"preset": "coupled", "errors": "none", "duration": 1},
+)  # fmt: skip
 """Double crank, whose four joints all have sensors: the last of them closes the loop, and turns fully."""
 ROD = (SWINGING, "solve.tolerance=1e-9")
 

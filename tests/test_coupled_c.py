@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from hostile_names import NAME
+from machines import slider_crank
 from numba import njit, types
 from runs import model, run
 from test_c import HEADS, SHARED, built
@@ -172,25 +173,11 @@ def _address(array):
     return ctypes.c_void_p(array.ctypes.data)
 
 
-CRANK = """
-schema = 1
-name = "crank"
-[bodies]
-crank = {length = 0.1, mass = 1.0, inertia = 1e-3}
-rod = {length = 0.1005, mass = 1.0, inertia = 1e-2}
-piston = {mass = 0.2}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "rod.start"]}
-wrist = {revolute = ["rod.end", "piston"]}
-guide = {prismatic = ["ground", "piston"], direction = [1, 0]}
-[drives]
-main = {free = true, angle = "85 deg", initial_speed = "30 rad/s"}
-[solve]
-preset = "coupled"
-duration = "20 ms"
-steps = 40
-"""
+CRANK = slider_crank(
+    "length = 0.1, mass = 1.0, inertia = 1e-3", "length = 0.1005, mass = 1.0, inertia = 1e-2", "mass = 0.2",
+    'free = true, angle = "85 deg", initial_speed = "30 rad/s"', guide="guide", title="crank",
+    solve={"preset": "coupled", "duration": "20 ms", "steps": 40},
+)
 
 
 def test_a_run_ends_where_python_chooses_other_coordinates(compiler, tmp_path):

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from machines import cantilever
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
@@ -121,24 +122,12 @@ def test_a_chain_with_a_stiff_spring_is_wrong_by_the_tolerance(tmp_path, integra
     assert max(ratios) < 10.0 * min(ratios) or integrator == "gauss", ratios
 
 
-BEAM = """
-schema = 1
-description = "A clamped beam under a force that is switched on"
-[bodies]
-beam = {length = "350 mm", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
-[joints]
-wall = {weld = ["ground", "beam.start"]}
-[loads]
-push = {force_on = "beam.end", direction = [0, 1], law = "100"}
-[sensors]
-tip = {position = "beam.end", component = "y"}
-root = {bending_moment = "beam.start"}
-[solve]
-preset = "coupled"
-modes = 1
-duration = "150 ms"
-steps = 200
-"""
+BEAM = cantilever(
+    'length = "350 mm", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}',
+    "beam", "wall", loads='push = {force_on = "beam.end", direction = [0, 1], law = "100"}',
+    sensors='tip = {position = "beam.end", component = "y"}\nroot = {bending_moment = "beam.start"}',
+    solve={"preset": "coupled", "modes": 1, "duration": "150 ms", "steps": 200},
+)
 
 
 @pytest.fixture(scope="module")

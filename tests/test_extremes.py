@@ -9,6 +9,7 @@ import pytest
 from extreme_cases import CASES, spike_cases, spiked
 from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
+from machines import cantilever, pendulum
 from runs import derived_on_the_fly, model, run
 
 from kaneflex.response.time_statistics import at_least, between_steps
@@ -19,21 +20,14 @@ from kaneflex.solve.validity import FEWEST_STEPS, few_steps, validity_warnings
 from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
-CANTILEVER = """
-schema = 1
-[bodies]
-bar = {{length = "500 mm", beam = {{material = "steel", A = "400 mm^2", I = "13333 mm^4"}}}}
-[joints]
-wall = {{weld = ["ground", "bar.start"]}}
-[loads]
-push = {{force_on = "bar.end", direction = [0, -1], law = "{law}"}}
-[sensors]
-tip = {{displacement = "bar.end", component = "x"}}
-[solve]
-preset = "quasistatic"
-duration = "1 s"
-steps = 10
-"""
+def pressed(law):
+    """A cantilever under a force by a law."""
+    return cantilever(
+        'length = "500 mm", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"}', root="wall",
+        loads=f'push = {{force_on = "bar.end", direction = [0, -1], law = "{law}"}}',
+        sensors='tip = {displacement = "bar.end", component = "x"}',
+        solve={"preset": "quasistatic", "duration": "1 s", "steps": 10},
+    )
 
 
 @pytest.mark.parametrize(
@@ -45,28 +39,20 @@ steps = 10
 )
 def test_a_load_without_a_value_is_refused_before_anything_is_computed(law, message, tmp_path):
     with pytest.raises(SceneError, match=message):
-        derived_on_the_fly(CANTILEVER.format(law=law), tmp_path)
+        derived_on_the_fly(pressed(law), tmp_path)
 
 
 def test_a_drive_without_a_speed_is_refused_before_anything_is_computed(tmp_path):
-    text = """
-schema = 1
-[bodies]
-rotor = {inertia = "1 kg m^2", mass = "1 kg"}
-[joints]
-shaft = {revolute = ["ground", "rotor"]}
-[drives]
-shaft = {law = "sqrt(t)"}
-[solve]
-duration = "1 s"
-"""
+    text = pendulum(
+        'inertia = "1 kg m^2", mass = "1 kg"', 'law = "sqrt(t)"', "rotor", "shaft", solve={"duration": "1 s"},
+    )
     with pytest.raises(SceneError, match=r"drives\.shaft = 'sqrt\(t\)': the motion or a derivative of it has no"):
         derived_on_the_fly(text, tmp_path)
 
 
 def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
     """The force is a number, the square of the slope that it causes is none."""
-    solution = solve(derived_on_the_fly(CANTILEVER.format(law="1e60 * t * 1e60 * 1e60 * 1e20"), tmp_path))
+    solution = solve(derived_on_the_fly(pressed("1e60 * t * 1e60 * 1e60 * 1e20"), tmp_path))
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
         _ = solution.series
     assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Check the numbers")
@@ -93,20 +79,11 @@ def test_a_spike_between_all_instants_that_are_looked_at_is_named(tmp_path):
     assert said.startswith("loads.gas changes and returns within a step, by 100% of its largest value at t = 0.01028 s")
 
 
-BAR = """
-schema = 1
-[bodies]
-bar = {length = 0.5, beam = {material = "steel", section = {rectangle = [0.02, 0.02]}, elements = 2}}
-[joints]
-root = {weld = ["ground", "bar.start"]}
-[loads]
-push = {force_on = "bar.end", direction = [0, -1], law = "LAW"}
-[solve]
-preset = "coupled"
-duration = 0.1
-steps = 100
-modes = 1
-"""
+BAR = cantilever(
+    'length = 0.5, beam = {material = "steel", section = {rectangle = [0.02, 0.02]}, elements = 2}',
+    loads='push = {force_on = "bar.end", direction = [0, -1], law = "LAW"}',
+    solve={"preset": "coupled", "duration": 0.1, "steps": 100, "modes": 1},
+)
 
 
 @pytest.mark.parametrize(("law", "count"), [("1 - step(t - 0.0305)", 0), ("exp(-((t - 0.0305) / 0.0001)**2)", 1)])

@@ -5,6 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from machines import pendulum
 from runs import closed, gaps, solved
 from scipy.linalg import eigh
 
@@ -175,20 +176,11 @@ def test_accelerations_and_reactions_know_no_direction(name):
 
 # ---- axial modes ---------------------------------------------------------------------------------------------------
 
-ROD = """
-schema = 1
-[bodies]
-rod = {length = "500 mm", beam = {material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 32}}
-[joints]
-pin = {revolute = ["ground", "rod.start"]}
-[drives]
-pin = {speed = 0}
-[loads]
-pull = {force_on = "rod.end", direction = [1, 0], law = "t"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-"""
+ROD = pendulum(
+    'length = "500 mm", beam = {material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 32}', "speed = 0",
+    "rod", "pin", loads='pull = {force_on = "rod.end", direction = [1, 0], law = "t"}',
+    solve={"preset": "coupled", "duration": "1 s"},
+)
 
 
 def test_axial_frequencies_converge_with_modes():

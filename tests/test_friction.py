@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import WEIGHT, block, pendulum, slider_crank
 
 from kaneflex import SceneError, linearise, load
 from kaneflex.integrate.outcome import Outcome
@@ -13,45 +14,23 @@ from kaneflex.scene.quantities import FRICTION_RESULTS
 from kaneflex.solve.simulation import solve
 
 G, SLOPE = 9.81, math.radians(30)
-BLOCK = f"""
-schema = 1
-description = "A block on an incline, x down the slope"
-gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]
-[bodies]
-block = {{mass = "2 kg"}}
-[joints.slide]
-prismatic = ["ground", "block"]
-direction = [1, 0]
-friction = {{mu = 0.3}}
-[drives]
-slide = {{free = true, initial_speed = 0}}
-[sensors]
-x = {{position = "slide"}}
-drag = {{friction_force = "slide"}}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 100
-"""
-HINGE = """
-schema = 1
-description = "A flywheel in a bearing that rubs"
-gravity = [0, "-9.81 m/s^2"]
-[bodies]
-wheel = {mass = "1 kg", inertia = "0.02 kg m^2"}
-[joints.hinge]
-revolute = ["ground", "wheel"]
-friction = {mu = 0.2, radius = "10 mm", preload = "0.005 N m"}
-[drives]
-hinge = {free = true, initial_speed = 3}
-[sensors]
+BLOCK = block(
+    'mass = "2 kg"', "free = true, initial_speed = 0", gravity=[G * math.sin(SLOPE), -G * math.cos(SLOPE)],
+    more={"slide": "friction = {mu = 0.3}"},
+    sensors="""
+x = {position = "slide"}
+drag = {friction_force = "slide"}""",
+    solve={"preset": "coupled", "duration": "1 s", "steps": 100},
+)
+"""A block on an incline, x down the slope."""
+HINGE = pendulum(
+    'mass = "1 kg", inertia = "0.02 kg m^2"', "free = true, initial_speed = 3", "wheel",
+    more={"hinge": 'friction = {mu = 0.2, radius = "10 mm", preload = "0.005 N m"}'}, gravity=WEIGHT,
+    sensors="""
 angle = {position = "hinge", component = "angle"}
-drag = {friction_torque = "hinge"}
-[solve]
-preset = "coupled"
-duration = "4 s"
-steps = 100
-"""
+drag = {friction_torque = "hinge"}""",
+    solve={"preset": "coupled", "duration": "4 s", "steps": 100},
+)
 
 
 def solved(text, *settings, outcome=Outcome.COMPLETED):
@@ -302,28 +281,17 @@ def test_friction_of_a_joint_that_its_drive_holds_still_is_said_to_be_undetermin
         assert f"between -{limit:.4g} and {limit:.4g} N m is possible" in said[0]
 
 
-CRANK = """
-schema = 1
-description = "A slider-crank all of whose joints rub"
-gravity = [0, "-9.81 m/s^2"]
-[bodies]
-crank = {length = "0.1 m", mass = "0.5 kg", inertia = "1e-3 kg m^2", centre = [0.05, 0]}
-rod = {length = "0.3 m", mass = "0.5 kg", inertia = "4e-3 kg m^2", centre = [0.15, 0]}
-piston = {mass = "0.6 kg"}
-[joints]
-main = {revolute = ["ground", "crank"], friction = {mu = 0.1, radius = "10 mm"}}
-pin = {revolute = ["crank.end", "rod"], friction = {mu = 0.1, radius = "8 mm"}}
-wrist = {revolute = ["rod.end", "piston"], friction = {mu = 0.1, radius = "6 mm"}}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0], friction = {mu = 0.15, length = "40 mm"}}
-[drives]
-main = {free = true, angle = "20 deg", initial_speed = 20}
-[sensors]
-angle = {position = "main", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "2 s"
-steps = 200
-"""
+CRANK = slider_crank(
+    'length = "0.1 m", mass = "0.5 kg", inertia = "1e-3 kg m^2", centre = [0.05, 0]',
+    'length = "0.3 m", mass = "0.5 kg", inertia = "4e-3 kg m^2", centre = [0.15, 0]',
+    'mass = "0.6 kg"', 'free = true, angle = "20 deg", initial_speed = 20', gravity=WEIGHT,
+    more={
+        "main": 'friction = {mu = 0.1, radius = "10 mm"}', "pin": 'friction = {mu = 0.1, radius = "8 mm"}',
+        "wrist": 'friction = {mu = 0.1, radius = "6 mm"}', "bore": 'friction = {mu = 0.15, length = "40 mm"}',
+    },
+    sensors='angle = {position = "main", component = "angle"}',
+    solve={"preset": "coupled", "duration": "2 s", "steps": 200},
+)  # fmt: skip
 
 
 def test_a_mechanism_whose_joints_all_rub_comes_to_rest():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Z, NU, PAGE, RHO, E, L, arguments, printed_by, welded
+from machines import slider_crank
 from runs import solved
 from scipy.io import mmread, mmwrite
 from scipy.linalg import eigh, null_space
@@ -119,42 +120,26 @@ def test_a_welded_end_in_the_plane(rigid):
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
-ENGINE = """
-schema = 1
-[bodies]
-crank = {{length = "40 mm", mass = "0.952 kg"}}
-rod = {rod}
-piston = {{mass = "0.214 kg"}}
-[joints]
-main = {{revolute = ["ground", "crank.start"]}}
-pin = {{revolute = ["crank.end", "rod.start"]}}
-wrist = {{revolute = ["rod.end", "piston"]}}
-bore = {{prismatic = ["ground", "piston"], direction = [1, 0], branch = "+"}}
-[drives]
-main = {{speed = "6000 rpm", cycle = "360 deg"}}
-{damping}
-[sensors]
-bow = {{displacement = "rod.mid", relative_to = "chord", component = "y"}}
-stretch = {{displacement = "rod.end", relative_to = "start", component = "x"}}
-side_force = {{joint_force = "bore", component = "y"}}
-torque = {{drive_torque = "main"}}
-{sensors}
-[solve]
-preset = "coupled"
-start = "periodic"
-{modes}
+SENSORS = """
+bow = {displacement = "rod.mid", relative_to = "chord", component = "y"}
+stretch = {displacement = "rod.end", relative_to = "start", component = "x"}
+side_force = {joint_force = "bore", component = "y"}
+torque = {drive_torque = "main"}
 """
 BEAM = (
-    '{length = "137 mm", beam = {material = "steel", section = {rectangle = ["20 mm", "12 mm"]}, '
-    'theory = "timoshenko"}}'
+    'length = "137 mm", beam = {material = "steel", section = {rectangle = ["20 mm", "12 mm"]}, theory = "timoshenko"}'
 )
 
 
 def engine(rod, sensors=()):
     """Series of the engine's cycle, a beam with 3 modes and 2 % damping of each."""
-    damping, modes = ("[damping]\nmodal = {ratio = 0.02}", "modes = 3") if "beam" in rod else ("", "")
-    text = ENGINE.format(rod=rod, damping=damping, modes=modes, sensors="\n".join(sensors))
-    return solved(kaneflex.scene_of(text)).series
+    solve, damped = {"preset": "coupled", "start": "periodic"}, {}
+    if "beam" in rod:
+        solve, damped = solve | {"modes": 3}, {"damping": "modal = {ratio = 0.02}"}
+    return solved(kaneflex.scene_of(slider_crank(
+        'length = "40 mm", mass = "0.952 kg"', rod, 'mass = "0.214 kg"', 'speed = "6000 rpm", cycle = "360 deg"',
+        more={"bore": 'branch = "+"'}, sensors=SENSORS + "\n".join(sensors), solve=solve, **damped,
+    ))).series  # fmt: skip
 
 
 def test_the_engine_with_it_and_with_a_beam():
@@ -163,7 +148,7 @@ def test_the_engine_with_it_and_with_a_beam():
     What differs: plane sections and a shear factor there; ends that are stiffened here, where the nodes of each move as
     one, and 2 % damping of each shape instead of each mode.
     """
-    beam, imported = engine(BEAM), engine('{modal_data = "rod.npz"}')
+    beam, imported = engine(BEAM), engine('modal_data = "rod.npz"')
     for name, bound in (("bow", 2e-2), ("stretch", 2e-2), ("side_force", 1e-3), ("torque", 1e-3)):
         away = abs(imported[name].values - beam[name].values).max() / abs(beam[name].values).max()
         assert away < bound, (name, away)
@@ -215,8 +200,8 @@ def test_section_forces_and_stresses_beside_a_beam():
     sensors = [f'{kind}_{at} = {{{kind} = "rod.{at}"}}' for kind, _ in READ for at in ("eye", "waist", "mid")]
     strains = [f'{name} = {{strain = "rod.waist", fibre = "{y} mm"}}' for name, y in (("top", 10), ("bottom", -10))]
     stresses = [f'{name} = {{stress = "rod.{name}", component = "xx"}}' for name in ("top", "bottom")]
-    rod = BEAM.replace("{length", '{points = {waist = ["66 mm", 0], eye = ["20 mm", 0]}, length', 1)
-    beam, found = engine(rod, sensors + strains), engine('{modal_data = "eye.npz"}', sensors + stresses)
+    rod = f'points = {{waist = ["66 mm", 0], eye = ["20 mm", 0]}}, {BEAM}'
+    beam, found = engine(rod, sensors + strains), engine('modal_data = "eye.npz"', sensors + stresses)
     for kind, bound in READ:
         names = [f"{kind}_{at}" for at in ("eye", "waist", "mid")]
         largest = max(abs(beam[name].values).max() for name in names)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
+from machines import pendulum, slider_crank
 from runs import solved
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
@@ -97,27 +98,21 @@ def test_bending_shortens_as_a_cantilever(axis):
         assert abs(np.array(across)).max() < 1e-2 * abs(x)
 
 
-SPUN = """
-schema = 1
-[bodies]
-rod = {{{of}}}
-[joints]
-pin = {{revolute = ["ground", "rod.start"], axis = [0, 0.6, 0.8]}}
-[drives]
-pin = {{speed = "300 rad/s", spin_up = "8 ms"}}
-[loads]
-push = {{force_on = "rod.end", direction = [0.1, 0.6, 0.8], law = "50000*t"}}
-[sensors]
-y = {{displacement = "rod.end", component = "y"}}
-z = {{displacement = "rod.end", component = "z"}}
-bow = {{displacement = "rod.mid", component = "y"}}
-force = {{joint_force = "pin", component = "y"}}
-torque = {{drive_torque = "pin"}}
-[solve]
-preset = "coupled"
-duration = "8 ms"
-steps = 80
-"""
+def spun(of):
+    """Series of a rod that is spun up about a skew axis and pushed."""
+    return run(pendulum(
+        of, 'speed = "300 rad/s", spin_up = "8 ms"', "rod", "pin", more={"pin": "axis = [0, 0.6, 0.8]"},
+        loads='push = {force_on = "rod.end", direction = [0.1, 0.6, 0.8], law = "50000*t"}',
+        sensors="""
+y = {displacement = "rod.end", component = "y"}
+z = {displacement = "rod.end", component = "z"}
+bow = {displacement = "rod.mid", component = "y"}
+force = {joint_force = "pin", component = "y"}
+torque = {drive_torque = "pin"}""",
+        solve={"preset": "coupled", "duration": "8 ms", "steps": 80},
+    ))  # fmt: skip
+
+
 BEAM = (
     'length = "137 mm", beam = {material = "steel", section = {rectangle = ["20 mm", "12 mm"]}, theory = "timoshenko"}'
 )
@@ -125,45 +120,29 @@ BEAM = (
 
 def test_spun_up_about_a_skew_axis_beside_a_beam():
     """Displacements to 2 %, forces to 0.5 %: the ends of the mesh are stiffened, see the cantilever."""
-    beam, found = (run(SPUN.format(of=of)) for of in (BEAM, 'modal_data = "rod-space.npz"'))
+    beam, found = (spun(of) for of in (BEAM, 'modal_data = "rod-space.npz"'))
     for name, bound in (("y", 2e-2), ("z", 2e-2), ("bow", 2e-2), ("force", 5e-3), ("torque", 5e-3)):
         away = abs(found[name].values - beam[name].values).max() / abs(beam[name].values).max()
         assert away < bound, (name, away)
 
 
-ENGINE = """
-schema = 1
-[bodies]
-crank = {{length = "40 mm", mass = "0.952 kg"}}
-rod = {{modal_data = "{file}"}}
-piston = {{mass = "0.214 kg"}}
-[joints]
-main = {{revolute = ["ground", "crank.start"]{axis}}}
-pin = {{revolute = ["crank.end", "rod.start"]{axis}}}
-wrist = {{{wrist}}}
-bore = {{prismatic = ["ground", "piston"], direction = {along}{branch}}}
-[drives]
-main = {{speed = "6000 rpm", spin_up = "5 ms"}}
-[sensors]
-bow = {{displacement = "rod.mid", relative_to = "chord", component = "y"}}
-torque = {{drive_torque = "main"}}
-[solve]
-preset = "coupled"
-duration = "5 ms"
-steps = 100
-"""
+def engine(file, deep):
+    """Series of an engine whose rod has the modal data of a file."""
+    return run(slider_crank(
+        'length = "40 mm", mass = "0.952 kg"', f'modal_data = "{file}"', 'mass = "0.214 kg"',
+        'speed = "6000 rpm", spin_up = "5 ms"', wrist="spherical" if deep else "revolute", deep=deep,
+        more={} if deep else {"bore": 'branch = "+"'},
+        sensors="""
+bow = {displacement = "rod.mid", relative_to = "chord", component = "y"}
+torque = {drive_torque = "main"}""",
+        solve={"preset": "coupled", "duration": "5 ms", "steps": 100},
+    ))  # fmt: skip
 
 
 def test_an_engine_in_the_plane_and_lifted_into_space():
     """Bow to 2 % of its peak, torque to 0.1 %: shapes are static ones and modes of other conditions."""
     assert cli(*(word for word in command(**{"rod-space.npz": "rod.npz"}) if word != "--space")).exit_code == 0
-    flat = run(ENGINE.format(
-        file="rod.npz", axis="", along="[1, 0]", wrist='revolute = ["rod.end", "piston"]', branch=', branch = "+"'
-    ))  # fmt: skip
-    deep = run(ENGINE.format(
-        file="rod-space.npz", axis=", axis = [0, 0, 1]", along="[1, 0, 0]", wrist='spherical = ["rod.end", "piston"]',
-        branch="",
-    ))  # fmt: skip
+    flat, deep = engine("rod.npz", False), engine("rod-space.npz", True)
     for name, bound in (("bow", 2e-2), ("torque", 1e-3)):
         away = abs(deep[name].values - flat[name].values).max() / abs(flat[name].values).max()
         assert away < bound, (name, away)

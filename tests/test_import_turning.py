@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from closed_forms_spatial import mass, stiffness
 from command_line import cli, refused
+from machines import pendulum
 from runs import solved
 from scipy.io import mmread, mmwrite
 
@@ -81,39 +82,29 @@ def test_a_cantilever_of_it(data):
     assert found[1, 5] == pytest.approx(L**2 / (2 * E * I_Z), rel=1e-6)
 
 
-SPUN = """
-schema = 1
-[bodies]
-rod = {{{of}}}
-[joints]
-pin = {{revolute = ["ground", "rod.start"], axis = [0, 0.6, 0.8]}}
-[drives]
-pin = {{speed = "60 rad/s", spin_up = "20 ms"}}
-[loads]
-push = {{force_on = "rod.end", direction = [0.1, 0.6, 0.8], law = "1e5*t**2"}}
-[sensors]
-y = {{displacement = "rod.end", component = "y"}}
-z = {{displacement = "rod.end", component = "z"}}
-bow = {{displacement = "rod.mid", component = "y"}}
-turn = {{displacement = "rod.mid", component = "angle_z"}}
-force = {{joint_force = "pin", component = "y"}}
-torque = {{drive_torque = "pin"}}
-moment = {{bending_moment = "rod.mid", component = "z"}}
-[solve]
-preset = "coupled"
-duration = "20 ms"
-steps = 40
-"""
+SENSORS = """
+y = {displacement = "rod.end", component = "y"}
+z = {displacement = "rod.end", component = "z"}
+bow = {displacement = "rod.mid", component = "y"}
+turn = {displacement = "rod.mid", component = "angle_z"}
+force = {joint_force = "pin", component = "y"}
+torque = {drive_torque = "pin"}
+moment = {bending_moment = "rod.mid", component = "z"}"""
+
+
+def spun(of):
+    return solved(kaneflex.scene_of(pendulum(
+        of, 'speed = "60 rad/s", spin_up = "20 ms"', "rod", "pin", more={"pin": "axis = [0, 0.6, 0.8]"},
+        loads='push = {force_on = "rod.end", direction = [0.1, 0.6, 0.8], law = "1e5*t**2"}', sensors=SENSORS,
+        solve={"preset": "coupled", "duration": "20 ms", "steps": 40},
+    ))).series  # fmt: skip
 
 
 def test_spun_up_beside_the_beam(data):
     """To 1 % of the peaks: shapes differ, and what the beam knows of its axis when it bends."""
     section = f"A = {A}, I_y = {I_Y}, I_z = {I_Z}, J = {J}"
     beam = f'length = "{L} m", beam = {{E = {E}, nu = {NU}, rho = {RHO}, {section}, elements = 8}}'
-    own, other = (
-        solved(kaneflex.scene_of(SPUN.format(of=of))).series
-        for of in ('modal_data = "bar.npz"', beam)
-    )
+    own, other = spun('modal_data = "bar.npz"'), spun(beam)
     for name in ("y", "z", "bow", "turn", "force", "torque", "moment"):
         away = abs(own[name].values - other[name].values).max() / abs(other[name].values).max()
         assert away < 1e-2, (name, away)

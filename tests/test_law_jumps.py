@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from lifting import lifted
+from machines import pendulum
 from parity import compared, planar, random_turn
 from runs import solved
 from scipy.linalg import expm
@@ -15,24 +16,11 @@ from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.sensitivity.report import check_differentiable
 
 J = 0.02
-WHEEL = """
-schema = 1
-description = "A wheel on its hub"
-[bodies]
-wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
-[joints]
-hub = {revolute = ["ground", "wheel"]}
-[drives]
-hub = {free = true, initial_speed = "10 rad/s"}
-[loads]
-torque = {torque_at = "hub", law = "0"}
-[sensors]
-angle = {position = "hub", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 8
-"""
+WHEEL = pendulum(
+    'mass = "2 kg", inertia = "0.02 kg m^2"', 'free = true, initial_speed = "10 rad/s"', "wheel", "hub",
+    loads='torque = {torque_at = "hub", law = "0"}', sensors='angle = {position = "hub", component = "angle"}',
+    solve={"preset": "coupled", "duration": "1 s", "steps": 8},
+)
 METHODS = pytest.mark.parametrize("integrator", ["gauss", "radau"])
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import cantilever
 from runs import model, run
 from scipy.io import loadmat
 from scipy.linalg import expm
@@ -23,15 +24,10 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import OutputError, SceneError
 
-CANTILEVER = """
-schema = 1
-[bodies]
-bar = {length = "500 mm", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 3}}
-[joints]
-wall = {weld = ["ground", "bar.start"]}
-[loads]
-tip_force = {force_on = "bar.end", direction = [0, -1], value = "100 N"}
-[sensors]
+CANTILEVER = cantilever(
+    'length = "500 mm", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 3}', root="wall",
+    loads='tip_force = {force_on = "bar.end", direction = [0, -1], value = "100 N"}',
+    sensors="""
 tip = {displacement = "bar.end", component = "y"}
 bow = {displacement = "bar.mid", relative_to = "chord", component = "y"}
 turn = {displacement = "bar.end", component = "angle"}
@@ -41,12 +37,9 @@ moment = {bending_moment = "bar.start"}
 shear = {shear_force = "bar.mid"}
 strain = {strain = "bar.start", fibre = "10 mm"}
 wall_force = {joint_force = "wall", component = "y"}
-wall_moment = {joint_force = "wall", component = "angle"}
-[solve]
-preset = "linear"
-duration = "20 ms"
-steps = 4000
-"""
+wall_moment = {joint_force = "wall", component = "angle"}""",
+    solve={"preset": "linear", "duration": "20 ms", "steps": 4000},
+)
 MODAL, RAYLEIGH = "modal = {ratio = [0.01, 0.03]}", 'rayleigh = {ratio = 0.02, at = ["60 Hz", "400 Hz"]}'
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from command_line import cli, unrendered
+from machines import slider_crank
 from runs import solved
 
 import kaneflex
@@ -85,25 +86,11 @@ slider_kick = {acceleration = "slider", component = "x"}
 wrist_force = {joint_force = "wrist", component = "x"}
 """
 WITH_BEAM = 'schema = 1\nlike = "slider-crank-150-coupled"\n' + SENSORS
-WITH_DATA = """
-schema = 1
-[bodies]
-crank = {length = "150 mm"}
-rod = {modal_data = "data/rod.npz"}
-slider = {mass = "33.378 g"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "rod.start"]}
-wrist = {revolute = ["rod.end", "slider"]}
-guide = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
-[drives]
-main = {speed = "150 rad/s"}
-[solve]
-preset = "coupled"
-start = "zero"
-duration = "53.333333333333336 ms"
-steps = 4000
-""" + SENSORS + """
+WITH_DATA = slider_crank(
+    'length = "150 mm"', 'modal_data = "data/rod.npz"', 'mass = "33.378 g"', 'speed = "150 rad/s"', "slider", "guide",
+    more={"guide": 'branch = "+"'},
+    solve={"preset": "coupled", "start": "zero", "duration": "53.333333333333336 ms", "steps": 4000},
+) + SENSORS + """
 mid_transverse = {displacement = "rod.mid", relative_to = "chord", component = "y"}
 slider_position = {position = "slider", component = "x"}
 crank_torque = {drive_torque = "main"}
@@ -243,7 +230,7 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
         ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
         ('{displacement = "rod.mid", component = "angle"}', '{strain = "rod.mid", fibre = 0}',
          "modal data do not contain area and second moment of a section. Measure a stress, or the section's"),
-        ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data: a guide cannot hold a deforming body"),
+        ('["ground", "slider.start"]', '["ground", "rod"]', "rod has modal data: a guide cannot hold a deforming body"),
         ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "the file of modal data gives the damping"),
     ],
 )  # fmt: skip

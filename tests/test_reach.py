@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from command_line import cli
+from machines import four_bar
 
 from kaneflex.mechanism.closure import courses_of, followed, reach_lines
 from kaneflex.mechanism.position_analysis import place, with_branches
@@ -39,24 +40,11 @@ def test_the_command_line_prints_them(tmp_path):
     assert "a stroke of 80 mm" in cli("check", "engine").stdout
 
 
-FOLDED = """
-schema = 1
-ground = {right = ["100 mm", 0]}
-[bodies]
-crank = {length = "50 mm", mass = "1 kg"}
-coupler = {length = "100 mm", mass = "1 kg"}
-rocker = {length = "50 mm", mass = "1 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "coupler.start"]}
-knee = {revolute = ["coupler.end", "rocker.end"]}
-foot = {revolute = ["ground.right", "rocker.start"], WAY}
-[drives]
-main = {speed = "60 rpm", angle = "60 deg"}
-[solve]
-preset = "rigid"
-duration = "1 ms"
-"""
+FOLDED = four_bar(
+    'length = "50 mm", mass = "1 kg"', 'length = "100 mm", mass = "1 kg"', 'length = "50 mm", mass = "1 kg"',
+    'speed = "60 rpm", angle = "60 deg"', "right", more={"foot": "WAY"}, ground={"right": ["100 mm", 0]},
+    solve={"preset": "rigid", "duration": "1 ms"},
+)
 
 
 def four_bar(way: str):

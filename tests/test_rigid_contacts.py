@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import WEIGHT, pendulum
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
 from kaneflex import SceneError, load
@@ -306,31 +307,19 @@ steps = 50
 """
 
 
-BAR = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-[ground]
-stop = ["0.5 m", "-10 mm"]
-[bodies]
-bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
-[joints]
-hinge = {revolute = ["ground", "bar"]}
-[drives]
-hinge = {free = true, angle = "2 deg"}
+BAR = pendulum(
+    'length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}',
+    'free = true, angle = "2 deg"', gravity=WEIGHT, ground={"stop": ["0.5 m", "-10 mm"]},
+    contacts="""
 [contacts.stop]
 point_on_line = ["bar.end", "ground.stop"]
 normal = [0, 1]
 radius = "10 mm"
-contact = {law = "newton", restitution = 0.3}
-[damping]
-rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
-[sensors]
-tip = {position = "bar.end", component = "y"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 1000
-"""
+contact = {law = "newton", restitution = 0.3}""",
+    damping='rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}',
+    sensors='tip = {position = "bar.end", component = "y"}',
+    solve={"preset": "coupled", "duration": "1 s", "steps": 1000},
+)
 
 
 def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest():

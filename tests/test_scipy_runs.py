@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import pendulum
 from runs import solved
 
 from kaneflex.integrate import by_scipy
@@ -11,24 +12,12 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import UserError
 
-PLANE = """
-schema = 1
-[bodies]
-wheel = {mass = 1, inertia = 1}
-[joints]
-axle = {revolute = ["ground", "wheel"]}
-[drives]
-axle = {free = true, initial_speed = 1}
-[loads]
-brake = {torque_at = "axle", law = "-axle_speed"}
-[sensors]
-angle = {position = "axle", component = "angle"}
-[solve]
-preset = "rigid"
-duration = "5 s"
-steps = 20
-errors = "none"
-"""
+PLANE = pendulum(
+    "mass = 1, inertia = 1", "free = true, initial_speed = 1", "wheel", "axle",
+    loads='brake = {torque_at = "axle", law = "-axle_speed"}',
+    sensors='angle = {position = "axle", component = "angle"}',
+    solve={"preset": "rigid", "duration": "5 s", "steps": 20, "errors": "none"},
+)
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])

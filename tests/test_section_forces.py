@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import cantilever
 from rigid_bars import hanging_chain
 from runs import solved
 
@@ -14,19 +15,11 @@ from kaneflex.response.sensors import sensor_values
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.sensors import Sensor
 
-MASS_AT_THE_TIP = """
-schema = 1
-description = "A cantilever with a mass at its tip, pushed there by a force that is switched on"
-gravity = [0, -9.81]
-[bodies]
-arm = {length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "12 mm"]}, elements = 6}}
-[joints]
-wall = {weld = ["ground", "arm.start"]}
-[masses]
-tip = {at = "arm.end", mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-[loads]
-push = {force_on = "arm.end", direction = [0, 1], law = "20"}
-[sensors]
+MASS_AT_THE_TIP = cantilever(
+    'length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "12 mm"]}, elements = 6}', "arm",
+    "wall", gravity=[0, -9.81], masses='tip = {at = "arm.end", mass = "0.3 kg", inertia = "1e-4 kg m^2"}',
+    loads='push = {force_on = "arm.end", direction = [0, 1], law = "20"}',
+    sensors="""
 root_moment = {bending_moment = "arm.start"}
 root_shear = {shear_force = "arm.start"}
 tip_moment = {bending_moment = "arm.end"}
@@ -34,13 +27,9 @@ tip_shear = {shear_force = "arm.end"}
 tip_feels = {acceleration = "arm.end", component = "y", axes = "global", reading = "accelerometer"}
 tip_turns = {acceleration = "arm.end", component = "angle"}
 wall_moment = {joint_force = "wall", component = "angle"}
-wall_force = {joint_force = "wall", component = "y"}
-[solve]
-preset = "coupled"
-start = "zero"
-duration = "20 ms"
-steps = 400
-"""
+wall_force = {joint_force = "wall", component = "y"}""",
+    solve={"preset": "coupled", "start": "zero", "duration": "20 ms", "steps": 400},
+)
 
 
 def run(scene, *settings):

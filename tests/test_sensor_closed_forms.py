@@ -7,6 +7,7 @@ it; the section forces and the moments of joints follow from closed forms.
 import numpy as np
 import pytest
 import transformed
+from machines import pendulum
 from runs import STENCIL, derived_on_the_fly, waving
 
 from kaneflex.multibody.model.bound_model import Model
@@ -45,26 +46,17 @@ def test_velocities_and_accelerations_are_the_derivatives_of_places(name):
             assert STENCIL @ series[place].values / h == pytest.approx(found, abs=1e-9 * scale), rate
 
 
-THICK_ARM = """
-schema = 1
-[bodies.arm]
-length = "1 m"
-points = {near_tip = ["0.9 m", 0]}
-beam = {E = "2e13 Pa", rho = 7850, section = {rectangle = ["200 mm", "50 mm"]}, theory = "rayleigh", elements = 10}
-[joints]
-hub = {revolute = ["ground", "arm.start"]}
-[drives]
-hub = {law = "5 * t**2"}
-[sensors]
+THICK_ARM = pendulum(
+    'length = "1 m", points = {near_tip = ["0.9 m", 0]}, beam = {E = "2e13 Pa", rho = 7850, '
+    'section = {rectangle = ["200 mm", "50 mm"]}, theory = "rayleigh", elements = 10}', 'law = "5 * t**2"', "arm",
+    "hub",
+    sensors="""
 root = {bending_moment = "arm.start"}
 middle = {bending_moment = "arm.mid"}
 near_tip = {bending_moment = "arm.near_tip"}
-strain = {strain = "arm.mid", fibre = "100 mm"}
-[solve]
-preset = "rigid"
-duration = "0.5 s"
-steps = 4
-"""
+strain = {strain = "arm.mid", fibre = "100 mm"}""",
+    solve={"preset": "rigid", "duration": "0.5 s", "steps": 4},
+)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic"])
@@ -140,34 +132,24 @@ def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deforma
         assert solution.series[name].values == pytest.approx(value, rel=1e-5), name
 
 
-LADEN = """
-schema = 1
-[bodies.arm]
-length = "1 m"
-points = {spot = ["250 mm", 0], cut = ["630 mm", 0]}
-beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", A_end = "300 mm^2", I = "13333 mm^4", axially_rigid = true}
-[joints]
-hub = {revolute = ["ground", "arm.start"]}
-[masses]
+LADEN = pendulum(
+    'length = "1 m", points = {spot = ["250 mm", 0], cut = ["630 mm", 0]}, beam = {E = "2e15 Pa", rho = 7850, '
+    'A = "900 mm^2", A_end = "300 mm^2", I = "13333 mm^4", axially_rigid = true}', 'law = "5 * t**2"', "arm", "hub",
+    masses="""
 tip = {at = "arm.end", mass = "2 kg"}
-spot = {at = "arm.spot", mass = "3 kg", inertia = "0.7 kg m^2"}
-[drives]
-hub = {law = "5 * t**2"}
-[loads]
+spot = {at = "arm.spot", mass = "3 kg", inertia = "0.7 kg m^2"}""",
+    loads="""
 wind = {spread_on = "arm", direction = [0, 1], axes = "body", value = "40 N/m", profile = [1, 3]}
 push = {force_on = "arm.spot", direction = [0, 1], axes = "body", value = "7 N"}
-twist = {torque_at = "hub", value = "5 N m"}
-[sensors]
+twist = {torque_at = "hub", value = "5 N m"}""",
+    sensors="""
 N = {axial_force = "arm.cut"}
 V = {shear_force = "arm.cut"}
 M = {bending_moment = "arm.cut"}
 N_tip = {axial_force = "arm.end"}
-felt = {acceleration = "arm.end", component = "x"}
-[solve]
-preset = "rigid"
-duration = "0.5 s"
-steps = 4
-"""
+felt = {acceleration = "arm.end", component = "x"}""",
+    solve={"preset": "rigid", "duration": "0.5 s", "steps": 4},
+)
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import pytest
 import tomlkit
 from cosserat_rod import tip_of_rod
 from lifting import lifted
+from machines import pendulum
 from runs import solved
 
 import kaneflex
@@ -559,20 +560,14 @@ def test_modes_that_the_elements_do_not_have_are_warned_of(modes):
 
 def test_the_stretch_of_a_rotating_rod_needs_no_modes_beyond_those_of_the_inertia():
     """By E u'' = -rho omega^2 (x + u), u(0) = u'(L) = 0; a vibration mode in their place is wrong by 1.4 %."""
-    found = _solution("""
-schema = 1
-gravity = [0, 0, 0]
-bodies = {rod = {length = 1, beam = {E = 210e9, rho = 7850, nu = 0.3, section = {circle = 0.02}, elements = 4}}}
-joints = {hub = {revolute = ["ground", "rod.start"], axis = [0, 0, 1]}}
-drives = {hub = {speed = "50 rad/s", cycle = "360 deg"}}
-sensors = {mid = {displacement = "rod.mid", component = "x"}, tip = {displacement = "rod.end", component = "x"}}
-[solve]
-preset = "coupled"
-modes = 3
-start = "quasistatic"
-duration = "1 ms"
-steps = 2
-""")
+    found = _solution(pendulum(
+        "length = 1, beam = {E = 210e9, rho = 7850, nu = 0.3, section = {circle = 0.02}, elements = 4}",
+        'speed = "50 rad/s", cycle = "360 deg"', "rod", "hub", deep=True, gravity=[0, 0, 0],
+        sensors="""
+mid = {displacement = "rod.mid", component = "x"}
+tip = {displacement = "rod.end", component = "x"}""",
+        solve={"preset": "coupled", "modes": 3, "start": "quasistatic", "duration": "1 ms", "steps": 2},
+    ))
     k = 50.0 * math.sqrt(7850 / 210e9)
     for name, x in (("mid", 0.5), ("tip", 1.0)):
         expected = math.sin(k * x) / (k * math.cos(k)) - x

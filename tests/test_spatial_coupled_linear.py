@@ -7,7 +7,6 @@ import pytest
 import tomlkit
 from lifting import lifted
 from scipy.spatial.transform import Rotation
-from turned_inertia import CRANK, ROD, SLIDER, check_turned_inertia
 
 import kaneflex
 from kaneflex.multibody.model.spatial_initial_state import start_of
@@ -155,40 +154,6 @@ def test_a_free_body_keeps_turning_about_its_outer_axes_alone(axis, spun):
     assert found.states[:6] == ("bar.x", "bar.y", "bar.z", "bar.turn_x", "bar.turn_y", "bar.turn_z")
 
 
-ENGINE = f"""
-schema = 1
-gravity = [0, 0, 0]
-[bodies]
-crank = {{length = "{CRANK} m", mass = "0.2 kg"}}
-slider = {{mass = "{SLIDER} kg", inertia = [1e-4, 1e-4, 1e-4]}}
-[bodies.rod]
-length = "{ROD} m"
-rotation = {{x = [0.97, -0.25, 0]}}
-[bodies.rod.beam]
-E = "1e15 Pa"
-nu = 0.3
-rho = "3000 kg/m^3"
-A = "{0.3 / 3000 / ROD!r} m^2"
-I_y = "1e4 mm^4"
-I_z = "1e4 mm^4"
-J = "2e4 mm^4"
-theory = "euler-bernoulli"
-elements = 2
-[joints]
-main = {{revolute = ["ground", "crank.start"], axis = [0, 0, 1]}}
-pin = {{revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}}
-wrist = {{spherical = ["rod.end", "slider"]}}
-guide = {{prismatic = ["ground", "slider"], direction = [1, 0, 0]}}
-[drives]
-main = {{free = true, angle = "50 deg", initial_speed = "20 rad/s"}}
-[loads]
-motor = {{torque_at = "main", law = "3 - 0.05*main_speed"}}
-[sensors]
-place = {{position = "slider.start", component = "x"}}
-speed = {{velocity = "slider.start", component = "x"}}
-"""
-
-
 def test_linear_equations_take_the_forces_of_neighbours_and_not_their_accelerations(monkeypatch):
     """The step of the differences then leaves no error, though light shapes accelerate most; no mass matrix is
     solved."""
@@ -197,11 +162,6 @@ def test_linear_equations_take_the_forces_of_neighbours_and_not_their_accelerati
     monkeypatch.setattr(linearisation, "STEP", 1e-3)
     monkeypatch.delattr(SpatialSystem, "near")
     assert linear_about(model, 0.0).K == pytest.approx(expected, abs=1e-9 * abs(expected).max())
-
-
-def test_a_loop_turns_its_inertia():
-    """J(phi) phi'' + J' phi'^2 / 2 = T: M, C and K are its derivatives at the acceleration that the torque leaves."""
-    check_turned_inertia(_space(ENGINE + SHORT.format(1)), 1e-7, 1e-10)
 
 
 HELD = """

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import slider_crank
 from matplotlib.text import Text
 from runs import solved
 
@@ -157,20 +158,10 @@ def test_a_spring_on_a_slider_of_a_linkage_turns_the_crank_by_virtual_work():
 
 
 def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies():
-    text = """
-schema = 1
-[bodies]
-crank = {length = "40 mm", mass = "1 kg"}
-rod = {length = "137 mm", mass = "0.15 kg"}
-piston = {mass = "0.2 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "rod.start"]}
-wrist = {revolute = ["rod.end", "piston"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0], branch = "+"}
-[drives]
-main = {speed = "600 rpm", cycle = "360 deg"}
-"""
+    text = slider_crank(
+        'length = "40 mm", mass = "1 kg"', 'length = "137 mm", mass = "0.15 kg"', 'mass = "0.2 kg"',
+        'speed = "600 rpm", cycle = "360 deg"', more={"bore": 'branch = "+"'},
+    )  # fmt: skip
     spring = '[springs]\nhinge = {torsional_at = "pin", stiffness = 50, angle = "30 deg", damping = 0.02}\n'
     rigid, bare = solve(text + spring + RIGID).rigid, solve(text + RIGID).rigid
     relative = rigid["rod.omega"] - rigid["crank.omega"]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import cantilever
 
 import kaneflex
 from kaneflex.plots.stress import figures
@@ -58,22 +59,12 @@ preset = "quasistatic"
 duration = "1 s"
 steps = 2
 """
-STEPPED = """
-schema = 1
-gravity = [0, 0]
-[bodies.shaft]
-length = "1 m"
-beam = {material = "steel", segments = {root = {to = "510 mm", section = {circle = "40 mm"}}, \
-tip = {section = {circle = "20 mm"}}}}
-[joints]
-wall = {weld = ["ground", "shaft.start"]}
-[loads]
-push = {force_on = "shaft.end", direction = [0, 1], value = "200 N"}
-[solve]
-preset = "quasistatic"
-duration = "1 s"
-steps = 2
-"""
+STEPPED = cantilever(
+    'length = "1 m", beam = {material = "steel", segments = {root = {to = "510 mm", section = {circle = "40 mm"}}, '
+    'tip = {section = {circle = "20 mm"}}}}', "shaft", "wall", gravity=[0, 0],
+    loads='push = {force_on = "shaft.end", direction = [0, 1], value = "200 N"}',
+    solve={"preset": "quasistatic", "duration": "1 s", "steps": 2},
+)
 
 
 @pytest.mark.parametrize(

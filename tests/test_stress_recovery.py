@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from command_line import cli
+from machines import pendulum
 from runs import solved
 
 import kaneflex
@@ -15,24 +16,15 @@ from kaneflex.support.errors import SceneError
 
 E, LENGTH, HEIGHT, WIDTH, FORCE = 210e9, 0.5, 20e-3, 10e-3, 40.0
 I_Z = WIDTH * HEIGHT**3 / 12
-SCENE = """
-schema = 1
-[bodies]
-bar = {{{of}}}
-[joints]
-root = {{revolute = ["ground", "bar.start"]}}
-[drives]
-root = {{speed = "1e-3 rad/s"}}
-[loads]
-push = {{force_on = "bar.end", direction = [0.6, 0.8], value = "40 N"}}
-[sensors]
-{sensors}
-[solve]
-preset = "coupled"
-start = "quasistatic"
-duration = "10 ms"
-steps = 20
-"""
+def pushed(of, sensors):
+    """A bar that hardly turns, under a skew force."""
+    return pendulum(
+        of, 'speed = "1e-3 rad/s"', hinge="root", sensors=sensors,
+        loads='push = {force_on = "bar.end", direction = [0.6, 0.8], value = "40 N"}',
+        solve={"preset": "coupled", "start": "quasistatic", "duration": "10 ms", "steps": 20},
+    )
+
+
 SENSORS = """
 above = {stress = "bar.above", component = "xx"}
 below = {stress = "bar.below", component = "xx"}
@@ -54,7 +46,7 @@ def edge_stresses(link, shapes):
 def folder(tmp_path_factory):
     """With the data of a bar, whose root's edges have stresses."""
     folder = tmp_path_factory.mktemp("stress")
-    (folder / "beam.toml").write_text(SCENE.format(of=BEAM, sensors='tip = {position = "bar.end", component = "y"}'))
+    (folder / "beam.toml").write_text(pushed(BEAM, 'tip = {position = "bar.end", component = "y"}'))
     model = kaneflex.load(read_scene(folder / "beam.toml"))
     link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
     data = link_data(shapes)
@@ -66,7 +58,7 @@ def folder(tmp_path_factory):
 
 def scene_of(folder, sensors=SENSORS, data="bar.npz"):
     path = folder / "data.toml"
-    path.write_text(SCENE.format(of=f'modal_data = "{data}"', sensors=sensors))
+    path.write_text(pushed(f'modal_data = "{data}"', sensors))
     return path
 
 
@@ -109,9 +101,8 @@ v = {displacement = "bar.mark", component = "y"}
 angle = {displacement = "bar.mark", component = "angle"}
 N = {axial_force = "bar.mark"}
 M = {bending_moment = "bar.mark"}"""
-    beam = SCENE.replace("[joints]", "{points}\n[joints]")
     marked = BEAM.replace("{E", "{elements = 4, E").replace("length", 'points = {mark = ["0.2 m", 0]}, length', 1)
-    (tmp_path / "beam.toml").write_text(beam.format(of=marked, sensors=sensors, points=""))
+    (tmp_path / "beam.toml").write_text(pushed(marked, sensors))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
     own = solved(read_scene(scene_of(tmp_path, sensors))).series
     other = solved(read_scene(tmp_path / "beam.toml")).series
@@ -124,37 +115,29 @@ M = {bending_moment = "bar.mark"}"""
         np.testing.assert_allclose(own[name].values, other[name].values, atol=bound * largest, err_msg=name)
 
 
-SPATIAL = """
-schema = 1
-[bodies]
-bar = {{{of}}}
-[joints]
-root = {{revolute = ["ground", "bar.start"], axis = [0, 0, 1]}}
-[drives]
-root = {{speed = "8 rad/s", spin_up = "20 ms"}}
-[loads]
-push = {{force_on = "bar.end", direction = [0.1, 0.6, 0.8], value = "1 N"}}
-[sensors]
+def in_space(of, sensors, speed=8, axis=(0, 0, 1), push='direction = [0.1, 0.6, 0.8], value = "1 N"'):
+    """A bar that is spun up and pushed."""
+    return pendulum(
+        of, f'speed = "{speed} rad/s", spin_up = "20 ms"', hinge="root", more={"root": f"axis = {[*axis]}"},
+        loads=f'push = {{force_on = "bar.end", {push}}}',
+        sensors=f"""
 y = {{displacement = "bar.end", component = "y"}}
 z = {{displacement = "bar.end", component = "z"}}
-{sensors}
-[solve]
-preset = "coupled"
-duration = "20 ms"
-steps = 20
-"""
+{sensors}""",
+        solve={"preset": "coupled", "duration": "20 ms", "steps": 20},
+    )
 
 
 def test_shapes_in_space_are_in_their_order(tmp_path):
     """A matrix that recovers no stress but the end's displacement, which another sensor reads, too."""
     beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["14 mm", "10 mm"]}, elements = 4}'
-    (tmp_path / "beam.toml").write_text(SPATIAL.format(of=beam, sensors=""))
+    (tmp_path / "beam.toml").write_text(in_space(beam, ""))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
     data = dict(np.load(tmp_path / "bar.npz"))
     end = data["N"][data["points"].tolist().index("end")]
     np.savez(tmp_path / "bar.npz", **data, stress_points=np.array(["end"]), stress=np.concatenate([end, 0 * end])[None])
     sensors = "\n".join(f'{name} = {{stress = "bar.end", component = "{name}"}}' for name in ("yy", "zz"))
-    (tmp_path / "data.toml").write_text(SPATIAL.format(of='modal_data = "bar.npz"', sensors=sensors))
+    (tmp_path / "data.toml").write_text(in_space('modal_data = "bar.npz"', sensors))
     series = solved(read_scene(tmp_path / "data.toml")).series
     for stress, moved in (("yy", "y"), ("zz", "z")):
         expected = series[moved].values
@@ -175,13 +158,11 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
         "M_y": '{bending_moment = "bar.mid", component = "y"}', "M_z": '{bending_moment = "bar.mid", component = "z"}',
     }  # fmt: skip
     sensors = "\n".join(f"{name} = {sensor}" for name, sensor in kinds.items())
-    pushed = SPATIAL.replace("axis = [0, 0, 1]", "axis = [0.98, 0, 0.199]")
-    pushed = pushed.replace("8 rad/s", "4 rad/s")
-    pushed = pushed.replace('[0.1, 0.6, 0.8], value = "1 N"', '[1, 0.3, 0.4], law = "4e5*t**2"')
+    more = sensors, 4, (0.98, 0, 0.199), 'direction = [1, 0.3, 0.4], law = "4e5*t**2"'
     beam = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["42 mm", "30 mm"]}, elements = 8}'
-    (tmp_path / "beam.toml").write_text(pushed.format(of=beam, sensors=sensors))
+    (tmp_path / "beam.toml").write_text(in_space(beam, *more))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
-    (tmp_path / "data.toml").write_text(pushed.format(of='modal_data = "bar.npz"', sensors=sensors))
+    (tmp_path / "data.toml").write_text(in_space('modal_data = "bar.npz"', *more))
     own, other = (
         solved(read_scene(tmp_path / f"{name}.toml")).series for name in ("data", "beam")
     )

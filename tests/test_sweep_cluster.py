@@ -12,25 +12,19 @@ from pathlib import Path
 import pytest
 import xarray
 from command_line import cli, refused
+from machines import pendulum
 
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.sweep import sweep
 from kaneflex.support.errors import SceneError
 
-SCENE = """
-schema = 1
-[bodies]
-arm = {length = "100 mm", mass = "1 kg", centre = ["15 mm", "1 mm"]}
-[joints]
-main = {revolute = ["ground", "arm.start"]}
-[drives]
-main = {speed = "6000 rpm", cycle = "720 deg"}
-[loads]
-push = {force_on = "arm.end", direction = [-1, 0], table = "weak.csv", against = "main", period = "720 deg"}
-[sensors]
-torque = {drive_torque = "main"}
-bearing = {joint_force = "main", component = "x"}
-"""
+SCENE = pendulum(
+    'length = "100 mm", mass = "1 kg", centre = ["15 mm", "1 mm"]', 'speed = "6000 rpm", cycle = "720 deg"',
+    "arm", "main",
+    loads="""
+push = {force_on = "arm.end", direction = [-1, 0], table = "weak.csv", against = "main", period = "720 deg"}""",
+    sensors='torque = {drive_torque = "main"}\nbearing = {joint_force = "main", component = "x"}',
+)
 """Of a structure that no shipped module serves."""
 STUDY = """
 scene = "own.toml"

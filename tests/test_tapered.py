@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from closed_forms import geometric_0, geometric_1, geometric_2, geometric_3
+from machines import cantilever, pendulum
 from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
@@ -109,40 +110,24 @@ def test_gyroscopic_and_geometric_matrices_of_a_tapered_element_by_hand(b):
             assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
 
 
-CANTILEVER = """
-schema = 1
-[bodies.beam]
-length = "1 m"
-beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, taper = {rectangle = [0.012, 0.01]}, elements = 8}
-[joints]
-clamp = {weld = ["ground", "beam.start"]}
-[loads]
-tip = {force_on = "beam.end", direction = [0, 1], value = "10 N"}
-[sensors]
-tip = {displacement = "beam.end", component = "y"}
-mid_moment = {bending_moment = "beam.mid"}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
-"""
-SPINNING = """
-schema = 1
-[bodies.beam]
-length = "1 m"
-beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, taper = {rectangle = [0.01, 0.01]}, elements = 16}
-points = {quarter = ["250 mm", 0]}
-[joints]
-hub = {revolute = ["ground", "beam.start"]}
-[drives]
-hub = {speed = "100 rad/s", cycle = "360 deg"}
-[sensors]
+CANTILEVER = cantilever(
+    'length = "1 m", beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, '
+    'taper = {rectangle = [0.012, 0.01]}, elements = 8}',
+    "beam", "clamp", loads='tip = {force_on = "beam.end", direction = [0, 1], value = "10 N"}',
+    sensors='tip = {displacement = "beam.end", component = "y"}\nmid_moment = {bending_moment = "beam.mid"}',
+    solve={"preset": "quasistatic", "duration": "0.1 s"},
+)
+SPINNING = pendulum(
+    'length = "1 m", beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, taper = {rectangle = [0.01, '
+    '0.01]}, elements = 16}, points = {quarter = ["250 mm", 0]}', 'speed = "100 rad/s", cycle = "360 deg"', "beam",
+    "hub",
+    sensors="""
 quarter = {axial_force = "beam.quarter"}
 pull = {joint_force = "hub", component = "x"}
 strain = {strain = "beam.mid", fibre = 0}
-stretch = {displacement = "beam.end", component = "x"}
-[solve]
-preset = "quasistatic"
-"""
+stretch = {displacement = "beam.end", component = "x"}""",
+    solve={"preset": "quasistatic"},
+)
 RHO, E = 7850.0, 2.1e11
 
 
@@ -266,32 +251,21 @@ def test_statics_of_a_stepped_beam(folder):
 
 # ---- axially rigid ------------------------------------------------------------------------------------------------
 
-WHIRLING = """
-schema = 1
-gravity = [0, -9.81]
-[bodies.beam]
-length = "1 m"
-beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 8, axially_rigid = true}
-[masses]
-tip = {at = "beam.end", mass = 1.5, inertia = 0.01}
-[joints]
-hub = {revolute = ["ground", "beam.start"]}
-[drives]
-hub = {speed = "60 rad/s", cycle = "360 deg"}
-[loads]
-push = {force_on = "beam.end", direction = [1, 0.5], law = "100*sin(hub)"}
-[sensors]
+WHIRLING = pendulum(
+    'length = "1 m", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 8, '
+    'axially_rigid = true}', 'speed = "60 rad/s", cycle = "360 deg"', "beam", "hub", gravity=[0, -9.81],
+    masses='tip = {at = "beam.end", mass = 1.5, inertia = 0.01}',
+    loads='push = {force_on = "beam.end", direction = [1, 0.5], law = "100*sin(hub)"}',
+    sensors="""
 tip = {displacement = "beam.end", component = "y"}
 hub_x = {joint_force = "hub", component = "x"}
 hub_y = {joint_force = "hub", component = "y"}
 torque = {drive_torque = "hub"}
 mid_tension = {axial_force = "beam.mid"}
 end_tension = {axial_force = "beam.end"}
-mid_moment = {bending_moment = "beam.mid"}
-[solve]
-preset = "stiffened"
-start = "periodic"
-"""
+mid_moment = {bending_moment = "beam.mid"}""",
+    solve={"preset": "stiffened", "start": "periodic"},
+)
 
 
 def test_an_axially_rigid_beam_is_the_stiff_limit(folder):

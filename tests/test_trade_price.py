@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import slider_crank
 from runs import solved
 
 from kaneflex import SceneError
@@ -13,29 +14,17 @@ from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.trade.price import has_price, price, tightened
 
 SHORT = ("solve.duration=6 ms", "solve.steps=600", "rod.beam.elements=2")
-TIGHT = """
-schema = 1
-[bodies]
-crank = {length = "50 mm", mass = "0.3 kg", inertia = "100 kg mm^2"}
-rod = {length = "120 mm", beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 2}}
-piston = {mass = "0.14 kg"}
-[joints]
-main = {revolute = ["ground", "crank"]}
-pin = {revolute = ["crank.end", "rod"]}
-wrist = {revolute = ["rod.end", "piston"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-[drives]
-main = {speed = "3000 rpm"}
-[sensors]
+TIGHT = slider_crank(
+    'length = "50 mm", mass = "0.3 kg", inertia = "100 kg mm^2"',
+    'length = "120 mm", beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 2}',
+    'mass = "0.14 kg"', 'speed = "3000 rpm"',
+    sensors="""
 slide = {position = "bore", component = "x"}
 knock = {acceleration = "piston", axes = "global"}
 crank_torque = {drive_torque = "main"}
-rod_moment = {bending_moment = "rod.mid"}
-[solve]
-preset = "coupled"
-duration = "6 ms"
-steps = 600
-"""
+rod_moment = {bending_moment = "rod.mid"}""",
+    solve={"preset": "coupled", "duration": "6 ms", "steps": 600},
+)
 COUPLED = """
 schema = 1
 [bodies]

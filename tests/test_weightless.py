@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from lifting import lifted
+from machines import STRIP, WEIGHT, four_bar, pendulum
 from runs import solved
 from scipy.integrate import solve_ivp
 
@@ -12,28 +13,12 @@ from kaneflex.scene import scene_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
-FOUR_BAR = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {P = ["0.28 m", 0]}
-[bodies]
-crank = {length = "0.1 m", mass = "0.2 kg"}
-coupler = {length = "0.3 m", beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}}
-rocker = {length = "0.25 m"}
-[joints]
-A = {revolute = ["ground", "crank.start"]}
-B = {revolute = ["crank.end", "coupler.start"]}
-D = {revolute = ["ground.P", "rocker.start"]}
-C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
-[drives]
-A = {free = true, angle = 1.0}
-[sensors]
-psi = {position = "D", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "0.02 s"
-steps = 50
-"""
+FOUR_BAR = four_bar(
+    'length = "0.1 m", mass = "0.2 kg"', STRIP, 'length = "0.25 m"', "free = true, angle = 1.0", "P", names="ABCD",
+    more={"C": 'branch = "+"'}, gravity=WEIGHT, ground={"P": ["0.28 m", 0]},
+    sensors='psi = {position = "D", component = "angle"}',
+    solve={"preset": "coupled", "duration": "0.02 s", "steps": 50},
+)  # fmt: skip
 PUCK = """
 schema = 1
 [bodies]
@@ -44,22 +29,13 @@ duration = "1 s"
 """
 
 
-BAR = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-[bodies]
-bar = {{length = {size}, mass = {mass}}}
-[joints]
-A = {{revolute = ["ground", "bar.start"]}}
-[drives]
-A = {{free = true, angle = 0}}
-[sensors]
-phi = {{position = "A", component = "angle"}}
-[solve]
-preset = "coupled"
-duration = {duration}
-steps = 10
-"""
+def bar(size):
+    """A bar on a hinge, of any size and in its own time, the root of its length."""
+    return pendulum(
+        f"length = {size}, mass = {size**3}", "free = true, angle = 0", hinge="A", gravity=WEIGHT,
+        sensors='phi = {position = "A", component = "angle"}',
+        solve={"preset": "coupled", "duration": 0.3 * size**0.5, "steps": 10},
+    )
 
 
 def load(text):
@@ -92,10 +68,7 @@ def test_a_free_body_without_inertia_is_named():
 
 def test_a_bar_of_a_tenth_of_a_micrometre_is_no_massless_one():
     """Nor one of a kilometre: as one of a metre, in its own time, the root of its length."""
-    found = []
-    for size in (1e-7, 1.0, 1e3):
-        text = BAR.format(size=size, mass=size**3, duration=0.3 * size**0.5)
-        found.append(solve(load(text)).series["phi"].values)
+    found = [solve(load(bar(size))).series["phi"].values for size in (1e-7, 1.0, 1e3)]
     assert found[0] == pytest.approx(found[1], abs=1e-7) and found[2] == pytest.approx(found[1], abs=1e-7)
 
 

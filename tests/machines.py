@@ -1,0 +1,87 @@
+"""Mechanisms that many tests move, as TOML texts of scenes, in the plane or in space.
+
+Each builder takes the insides of the entries for its bodies and its drive, and all other tables by their names: a text
+with an entry a line, or a single value as for gravity. ``solve`` holds values, and comes last: more tables may follow.
+``more`` continues entries of joints; ``title`` names the scene. In space (``deep``) joints turn about z, the normal of
+the plane.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+WEIGHT = [0, "-9.81 m/s^2"]
+"""Gravity in the plane."""
+STRIP = 'length = "0.3 m", beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}'
+"""Inside of the entry for a body that bends easily in the plane."""
+
+
+def _value(value: Any) -> str:
+    """A value in TOML; tables are inline."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_value(each)}" for key, each in value.items()) + "}"
+    return json.dumps(value)
+
+
+def text(bodies: Mapping[str, str], joints: Mapping[str, str], drives: Mapping[str, str], **tables: Any) -> str:
+    """Text of a scene; see the module for ``tables``."""
+    solve, more, title = tables.pop("solve", {}), tables.pop("more", {}), tables.pop("title", None)
+    joined = {name: f"{of}, {more[name]}" if name in more else of for name, of in joints.items()}
+    lines = ["schema = 1", *([] if title is None else [f'name = "{title}"'])]
+    lines += [f"{name} = {_value(value)}" for name, value in tables.items() if not isinstance(value, str)]
+    for name, entries in (("bodies", bodies), ("joints", joined), ("drives", drives)):
+        lines += [f"[{name}]", *(f"{key} = {{{inside}}}" for key, inside in entries.items())] if entries else []
+    for name, entries in tables.items():
+        lines += [f"[{name}]", entries.strip("\n")] if isinstance(entries, str) else []
+    lines += ["[solve]", *(f"{key} = {_value(value)}" for key, value in solve.items())] if solve else []
+    return "\n".join(lines) + "\n"
+
+
+def _pin(first: str, second: str, deep: bool, kind: str = "revolute") -> str:
+    """Inside of the entry for a joint between two points, which turns about the normal of the plane."""
+    return f'{kind} = ["{first}", "{second}"]' + ", axis = [0, 0, 1]" * (deep and kind == "revolute")
+
+
+def cantilever(bar: str, body: str = "bar", root: str = "root", **tables: Any) -> str:
+    """A body that is clamped to the ground."""
+    return text({body: bar}, {root: f'weld = ["ground", "{body}.start"]'}, {}, **tables)
+
+
+def pendulum(bar: str, drive: str, body: str = "bar", hinge: str = "hinge", deep: bool = False, **tables: Any) -> str:
+    """A body on a hinge, free or driven."""
+    return text({body: bar}, {hinge: _pin("ground", f"{body}.start", deep)}, {hinge: drive}, **tables)
+
+
+def slider_crank(
+    crank: str, rod: str, slider: str, drive: str, body: str = "piston", guide: str = "bore",
+    wrist: str = "revolute", deep: bool = False, **tables: Any,
+) -> str:  # fmt: skip
+    """Crank on the driven joint `main`, rod on `pin`, slider on `wrist` of this kind and on its guide along x."""
+    joints = {
+        "main": _pin("ground", "crank.start", deep), "pin": _pin("crank.end", "rod.start", deep),
+        "wrist": _pin("rod.end", f"{body}.start", deep, wrist),
+        guide: f'prismatic = ["ground", "{body}.start"], direction = [1, 0{", 0" * deep}]',
+    }  # fmt: skip
+    return text({"crank": crank, "rod": rod, body: slider}, joints, {"main": drive}, **tables)
+
+
+def four_bar(
+    crank: str, coupler: str, rocker: str, drive: str, far: str,
+    names: Sequence[str] = ("main", "pin", "knee", "foot"), deep: bool = False, **tables: Any,
+) -> str:  # fmt: skip
+    """Crank, coupler and rocker on joints of these names, of which the fourth is on the ground's point ``far``.
+
+    The loop is closed by the last of them, or by one whose entry ``more`` continues with a branch.
+    """
+    ends = [("ground", "crank.start"), ("crank.end", "coupler.start"), ("coupler.end", "rocker.end")]
+    ends.append((f"ground.{far}", "rocker.start"))
+    joints = {name: _pin(*each, deep) for name, each in zip(names, ends, strict=True)}
+    for name in tables.get("more", {}):
+        joints[name] = joints.pop(name)
+    return text({"crank": crank, "coupler": coupler, "rocker": rocker}, joints, {names[0]: drive}, **tables)
+
+
+def block(of: str, drive: str, body: str = "block", slide: str = "slide", **tables: Any) -> str:
+    """A body on a guide along x."""
+    guide = f'prismatic = ["ground", "{body}.start"], direction = [1, 0]'
+    return text({body: of}, {slide: guide}, {slide: drive}, **tables)
