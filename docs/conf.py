@@ -31,4 +31,7 @@ autosummary_generate = False
 
 def setup(app) -> None:
     app.add_directive("equations", site_directives.Equations)
+    app.add_directive("functions", site_directives.Functions)
+    app.add_directive("measured", site_directives.Measured)
     app.add_directive("messages", site_directives.Messages)
+    app.add_directive("summary", site_directives.Summary)

@@ -40,6 +40,37 @@ class Equations(SphinxDirective):
         return self.parse_text_to_nodes(as_markdown(latex(read_scene(self.arguments[0]))), allow_section_headings=True)
 
 
+class Functions(SphinxDirective):
+    """``{functions} NAME NAME ...``: signatures and docstrings of public functions."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        lines = "".join(f".. autofunction:: kaneflex.{name}\n" for name in self.arguments[0].split())
+        return self.parse_text_to_nodes(f"```{{eval-rst}}\n{lines}```\n")
+
+
+class Measured(SphinxDirective):
+    """``{measured} NAME``: the table docs/data/NAME.csv, with a link to the file."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        file = f"data/{self.arguments[0]}.csv"
+        return self.parse_text_to_nodes(f"[CSV]({file})\n\n```{{csv-table}}\n:file: {file}\n:header-rows: 1\n```\n")
+
+
+class Summary(SphinxDirective):
+    """``{summary}``: every field of ``summary.json``, a section for each table."""
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_reread()
+        from kaneflex.report.summary import documentation
+
+        return self.parse_text_to_nodes(documentation(), allow_section_headings=True)
+
+
 class Messages(SphinxDirective):
     """``{messages}``: tables of error messages by topic, with the entry concerned and what to do."""
 

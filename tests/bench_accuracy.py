@@ -64,25 +64,25 @@ of a sensor divided by its largest true error: 1 is exact, above 1 is safe.
 
 ## One-way presets
 
-The reference is preset `stiffened` with four times the elements, all modes and four times the steps by `radau`. Left
-out are sensors whose error is below ten times that of the reference or below 1e-6 of their peak, and quasi-static
-runs of scenes that start from rest. The greatest value of `linear` is that of a sensor of `pulsating-strut`, whose
-error is overestimated.
+The reference is preset `stiffened` with four times the elements, all modes, and four times the steps by `radau`. The
+table does not include sensors whose error is below ten times that of the reference or below 1e-6 of their peak, nor
+quasi-static runs of scenes that start from rest. For `linear` the greatest effectivity is that of a sensor of
+`pulsating-strut`, whose error is overestimated.
 
 {one_way}
 ## Preset coupled
 
 The table contains runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with
-four times the elements and steps, 12 modes a link (6 in space) and 1/300 of the tolerance; its own error is estimated
-as a quarter of the change that half the elements and half the modes cause. Sensors whose error is below ten times
-this value are left out.
+four times the elements and steps, 12 modes per link (6 in space) and 1/300 of the tolerance. With half the elements and
+half the modes it changes; a quarter of this change is the estimated error of the reference. Sensors whose error is
+below ten times this value are left out.
 
 {coupled}
 ## Prices and runs
 
 [Prices](trade.md#prices) are compared with the change between two runs of `stiffened`, for the sensor that changes
-most (above 1e-5 of its peak). *Change* is a share of the sensor's peak, *missed* the error of the price as a share of
-the change. Everywhere missed is below 2 %, or the product of both below 2e-5.
+most (by more than 1e-5 of its peak). *Change* is a share of the peak of the sensor; *missed* is the error of the price
+as a share of the change. In all cases *missed* is below 2 %, or the error is below 2e-5 of the peak.
 
 {prices}
 Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.
@@ -98,7 +98,7 @@ def page() -> str:
 
 def by_model(rows):
     """A short table over all scenes."""
-    text = f"| model | effectivity: least | median | greatest |\n{'| --- ' * 4}|\n"
+    text = f"| model | effectivity: least | median | greatest |\n{'|---' * 4}|\n"
     for model in dict.fromkeys(row[1] for row in rows):
         found = [row for row in rows if row[1] == model and row[2].isdigit()]
         least, medians, greatest = ([float(row[k]) for row in found] for k in (4, 5, 6))

@@ -43,9 +43,10 @@ print(time.perf_counter() - started)
 """
 HEAD = """# Times to derive and to compile
 
-Chains of elastic links (`tests/chains.py`): open with all joints driven, and closed from ground to ground. Operations
-are those of the kernel `motion`; their number grows linearly with the number of links (exponentially without shared
-subexpressions). Each chain is compiled in a new process with an empty cache.
+The mechanisms are chains of elastic links (`tests/chains.py`): open chains with all joints driven, and closed chains
+from ground to ground. Operations are those of the kernel `motion`. Their number grows linearly with the number of
+links; without shared subexpressions it would grow exponentially. Each chain is compiled in a new process with an empty
+cache.
 
 """
 COLUMNS = (

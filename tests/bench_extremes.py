@@ -22,14 +22,14 @@ CYCLES, STEPS = 1_000_000, 64
 SINGLE = ("engine", "rotating-cantilever")
 HEAD = """# Extremes
 
-Scenes at extreme speeds, stiffnesses and step sizes, compared with a closed form, a scaling law or a limit.
+Scenes with extreme speeds, stiffnesses and step sizes are compared with closed forms, scaling laws or limits.
 
 ## Results by method
 
-Columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value; in brackets it exceeds the accuracy required for the case, and the
-run warns. A word is the outcome of the run. A dash: not run. `gauss` was run for forces and accelerations only; its
-displacements are those of `radau`.
+The columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
+the error relative to the largest expected value. A number in brackets exceeds the accuracy required for the case; the
+run then warns. A word is the outcome of the run. A dash means that the case was not run. `gauss` was run only for
+forces and accelerations.
 
 ![Errors and outcomes of every case](pictures/extremes.png)
 
@@ -38,22 +38,22 @@ RULES = """
 ## Conclusions
 
 - **Slow motions** (a step covers thousands of vibration periods) and **stiff links next to soft ones**: use `radau`
-  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic state.
-- **Forces and accelerations** contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with `gauss`
-  and `newmark` a run warns.
-- **`coupled` at low speed**: forces and accelerations are right to 6e-4 down to 0.001 rpm.
-- **Compression beyond buckling**: `stiffened` diverges and warns with the buckling load; `linear` does not show it;
-  `coupled` works.
-- **Excited vibrations with periods shorter than a step**: only `exact-modal` (preset `paper`) stays accurate; a run
-  warns.
+  or `generalised-alpha`, which work down to 1e-9 rpm. `gauss` and `newmark` find no periodic motion.
+- **Forces and accelerations** may contain unresolved vibrations. `radau` and `generalised-alpha` damp them; with
+  `gauss` and `newmark` a run warns.
+- **`coupled` at low speed**: forces and accelerations are accurate to 6e-4 down to 0.001 rpm.
+- **Compression beyond buckling**: `stiffened` diverges, with a warning that states the buckling load. `linear` does
+  not show buckling. `coupled` gives correct results.
+- **Excited vibrations with periods shorter than a step**: only `exact-modal` (preset `paper`) stays accurate; other
+  runs warn.
 - **Elements**: rounding errors grow with about the fourth power of the number of elements, to 5e-4 with 1024.
 - **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank.
 """
 CYCLES_HEAD = f"""
 ## A million cycles
 
-$\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: change of amplitude, phase error in a cycle, and the part
-of the final phase error that is rounding.
+The table shows the solution of $\\ddot z + z = 0$ over {CYCLES:,} cycles of {STEPS} steps: the change of the amplitude,
+the phase error per cycle, and the part of the final phase error that is due to rounding.
 
 | integrator | amplitude | phase in a cycle [rad] | rounding [rad] |
 |---|---|---|---|

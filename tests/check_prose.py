@@ -1,4 +1,4 @@
-"""Prose check by docs/style.md: pages (tests/test_prose.py), docstrings, messages and help texts of the sources.
+"""Prose check by CONTRIBUTING.md: pages (tests/test_prose.py), docstrings, messages and help texts of the sources.
 
 Run by ``make lint``. A package with more findings than its baseline fails; one with fewer asks to lower its baseline
 here. With names of packages as arguments, print their findings.
@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-STYLE = (ROOT / "docs" / "style.md").read_text(encoding="utf-8")
+STYLE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 LONGEST = int(re.search(r"no sentence of more than (\d+) words", STYLE)[1])
 PHRASES = [phrase.strip() for row in re.findall(r"^\| ([^|]+) \| [^|]+ \|$", STYLE, re.MULTILINE)[1:]
            for phrase in row.split(",") if phrase.strip("- ")]  # fmt: skip
@@ -87,7 +87,7 @@ def main() -> int:
     fewer = {name: counts[name] for name, count in BASELINE.items() if counts[name] < count}
     if fewer:
         print(f"fewer findings than the baseline: lower it in {Path(__file__).name} to {fewer}")
-    print(f"prose: {sum(counts.values())} findings left in {len(counts)} packages; docs/style.md says how to write")
+    print(f"prose: {sum(counts.values())} findings left in {len(counts)} packages; CONTRIBUTING.md says how to write")
     return 1 if worse else 0
 
 

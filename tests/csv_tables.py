@@ -19,7 +19,7 @@ def write(name: str, head: Sequence[str], rows: Sequence[Sequence[str]], docs: P
 
 
 def shown(name: str) -> str:
-    return f"[CSV](data/{name}.csv)\n\n```{{csv-table}}\n:file: data/{name}.csv\n:header-rows: 1\n```\n"
+    return f"```{{measured}} {name}\n```\n"
 
 
 def read(name: str, docs: Path = DOCS) -> list[list[str]]:

@@ -12,6 +12,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from kaneflex.integrate.methods import METHODS
+from kaneflex.report.summary import documentation
 from kaneflex.scene import Scene, json_schema, read_scene, with_settings
 from kaneflex.scene.laws import FUNCTIONS
 from kaneflex.scene.materials import MATERIALS
@@ -160,6 +161,7 @@ def test_materials_functions_and_reserved_names_are_those_of_the_code():
 def anchors_of(page: Path) -> set[str]:
     """Anchors of a page's headings, as the site and a repository's viewer make them."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text += documentation() if page.name == "summary.md" else ""
     plain = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE))
     return {heading.replace(" ", "-") for heading in plain}
 

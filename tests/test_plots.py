@@ -242,7 +242,7 @@ def test_a_band_shows_an_estimated_error_that_is_wider_than_a_line():
     (band, _), off = wide.collections, solved("rigid").errors[0]["piston_acceleration"]
     higher = np.ptp(band.get_paths()[0].vertices[:, 1]) - np.ptp(wide.lines[0].get_ydata())
     assert higher == pytest.approx(2e-3 * off.total, rel=1e-6)
-    assert wide.get_legend_handles_labels()[1][-1] == "band: estimated +-"
+    assert wide.get_legend_handles_labels()[1][-1] == "band: estimated error"
     assert not narrow.collections
 
 

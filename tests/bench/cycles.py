@@ -17,9 +17,9 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.one_way_run import run_of
 
 ABOUT = """\
-*A cycle*: the periodic motion at one of 64 speeds on one core by `integrate`. The error is the rms difference of the
-rod's first bending mode from a run by `gauss` with 16 times as many steps (largest of four speeds). *its motion*:
-`spectral` without the stability check. Ratios are to `gauss`."""
+*A cycle* is the periodic motion at one of 64 speeds, computed on one core by `integrate`. The error is the rms
+difference of the first bending mode of the rod from a run by `gauss` with 16 times as many steps (the largest of four
+speeds). *its motion* is `spectral` without the stability check. Ratios are to `gauss`."""
 SPEEDS, STEPS, FINER = 64, 720, 16
 ROUNDS, BUDGET = 5, 20.0
 BENDING = 1

@@ -25,11 +25,11 @@ from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
 ABOUT = """\
-One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion also with 12
-and 192. The equations are the same; errors are rms, relative to the largest displacement. Each program uses its
-fastest method with the loosest tolerance that reaches the stated error. *In all* is a call of `integrate`, *steps
-alone* its compiled loop. A *lambdified* right-hand side comes from SymPy with NumPy, a *jitted* one from numba.
-Ratios are to kaneflex *in all*."""
+The tasks are one cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, and its damped periodic motion
+with 6, 12 and 192 coordinates. All programs solve the same equations. Errors are rms, relative to the largest
+displacement. Each program uses its fastest method with the loosest tolerance that reaches the stated error. *In all* is
+a call of `integrate`, *steps alone* its compiled loop. A *lambdified* right-hand side is made by SymPy with NumPy, a
+*jitted* one by numba. Ratios are to kaneflex *in all*."""
 SETTINGS = ("solve.start=zero", "solve.modes=5")
 PERIODIC = {"6 coordinates": ("solve.modes=5",), "4 elements": (), "64 elements": ("rod.elements=64",)}
 METHODS = ("newmark", "generalised-alpha", "gauss")

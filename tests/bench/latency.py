@@ -22,13 +22,13 @@ ROOT = Path(__file__).parents[2]
 FIXED = "sum(k * k % 7 for k in range(4_000_000))"
 TITLE = "Latency"
 ABOUT = f"""\
-Processor seconds (user and system) of whole processes on a copy of this checkout; rows named *clock* are wall time.
-Ratios are relative to the time of a *reference computation*, `{FIXED}`.
+Times are processor seconds (user and system) of whole processes; rows named *clock* are wall time. Ratios are relative
+to the time of a *reference computation*, `{FIXED}`.
 
 - *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
-- *Cold*: first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
-  shipped, so they are derived first. *From a wheel*: a wheel with compiled kernels.
-- *Warm*: kernels were compiled before."""
+- *Cold*: the first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
+  shipped and must first be derived. *From a wheel*: with a wheel that contains compiled kernels.
+- *Warm*: the kernels were compiled in an earlier run."""
 WARM = {
     "list": 0.4, "check engine": 0.4, "show engine --force -o shown.png": 0.4, "modes engine": 0.4,
     "run engine --no-plots --force -o warm": 0.5, "run engine --force -o drawn": 2.0,

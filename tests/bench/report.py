@@ -21,10 +21,10 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-kaneflex compared with hand-written C and other programs. Programs run in turn, in several rounds: times are
-medians of the rounds, with quartiles, and ratios are medians of the ratios in each round. Targets show the required
-value and, in brackets, the desired one, with the result: met (the required value), exceeded (also the desired one) or
-missed. All runs but the sweeps use one thread.
+This page compares kaneflex with hand-written C and other programs. The programs run in turn, in several rounds. Times
+are medians over the rounds, with quartiles; ratios are medians of the ratios in each round. The column *target* shows
+the required value and, in brackets, the desired value, with the result: *met* (the required value is reached),
+*exceeded* (the desired value is reached) or *missed*. All runs except the sweeps use one thread.
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """

@@ -23,10 +23,11 @@ from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
 ABOUT = """\
-Time of one step in the compiled loop for the engine with various numbers of elements or (with 16 elements) modes, and
-for open chains of links with four elements each. scipy's `solve_banded` is one solution with a matrix of the same
-size, a part of a step. Ratios are to the Newmark step. Further rows: a cycle of the engine with 6 coordinates, with
-the error relative to a run of 46080 steps; 10,000 cycles of 720 steps under preset `paper`."""
+Times are those of one step in the compiled loop, for the engine with various numbers of elements or (with 16 elements)
+modes, and for open chains of links with four elements each. For comparison, SciPy's `solve_banded` solves one system
+with a matrix of the same size, which is a part of a step. Ratios are to the Newmark step. Two further tasks are a cycle
+of the engine with 6 coordinates (error relative to a run of 46080 steps), and 10,000 cycles of 720 steps under preset
+`paper`."""
 METHODS = ("newmark", "gauss")
 ELEMENTS = (1, 4, 16, 64, 256, 1024)
 MODES = (2, 5, 11, 23)

@@ -22,8 +22,8 @@ from kaneflex.study.workers import in_processes
 
 TITLE = "Sweeps"
 ABOUT = f"""\
-Time per point of a sweep of the engine over its speed, with 6 coordinates and 720 instants a cycle; Dask's workers
-are on the same machine. *Solving alone* is `simulate` with a loaded model. Ratios are to one process.
+Times are per point of a sweep of the engine over its speed, with 6 coordinates and 720 instants per cycle. Dask's
+workers are on the same machine. *Solving alone* is `simulate` with a loaded model. Ratios are to one process.
 
 {cycles.ABOUT}"""
 STUDY = """scene = "engine"

@@ -109,6 +109,9 @@ def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float)
     """The bodies seen along the three axes, side by side below the drawing, in that share of the figure's height."""
     width, inches = figure.get_size_inches()
     lines = body_lines(scene, placed)
+    placed_at = np.concatenate([each[:, :, 0] for each in lines.values()])
+    margin = 0.1 * np.ptp(placed_at, axis=0).max()  # or an axis could have a range of zero
+    corners = np.array([placed_at.min(axis=0) - margin, placed_at.max(axis=0) + margin])
     for k, (title, view) in enumerate(FLAT.items()):
         axes = figure.add_axes(((_LEFT + k * 2.75) / width, _BELOW / inches, 2.0 / width, height - 1.1 / inches))
         label_flat(axes, view, "{} [mm]")
@@ -117,6 +120,8 @@ def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float)
         for name, points in lines.items():
             colour = ELASTIC if scene.bodies[name].elastic else "black"
             axes.plot(*(MM * seen(points[:, :, 0], view)).T, color=colour, marker="o", markersize=2.5, linewidth=1.6)
+        axes.update_datalim(MM * seen(corners, view))
+        axes.autoscale_view()
 
 
 def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: str, below: float) -> float:

@@ -85,7 +85,9 @@ def in_clearance(scene: Scene, sensor: Sensor) -> bool:
 
 
 def quantity_of(sensor: Sensor) -> str:
-    """Name of what an axis shows of a sensor."""
+    """Name of the quantity on a sensor's axis."""
+    if sensor.kind == "displacement" and sensor.component.startswith("angle"):
+        return "rotation"
     return "gap" if sensor.kind == "contact_angle" else sensor.quantity
 
 
@@ -129,7 +131,7 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)
     if axes.collections:
-        axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated +-")
+        axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated error")
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
     axes.set(title=title, ylabel=f"{quantity_of(sensor)} [{label}]", xmargin=0)

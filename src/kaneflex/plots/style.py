@@ -35,6 +35,7 @@ _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 
 _STYLE = {
+    "axes.formatter.useoffset": False,  # its text would overlap the title
     "axes.axisbelow": True,
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -64,7 +65,7 @@ _READ_AS = {
     "m": (("m", 1.0, 10.0), ("mm", 1e3, 1e-2), ("µm", 1e6, 1e-2), ("nm", 1e9, 0.0)),
     "rad": (("deg", 180 / math.pi, 0.1), ("mrad", 1e3, 1e-2), ("µrad", 1e6, 0.0)),
     "N": (("MN", 1e-6, 1.0), ("kN", 1e-3, 0.5), ("N", 1.0, 0.5), ("mN", 1e3, 0.0)),
-    "N m": (("MN m", 1e-6, 1.0), ("kN m", 1e-3, 10.0), ("N m", 1.0, 0.5), ("mN m", 1e3, 0.0)),
+    "N m": (("MN m", 1e-6, 1.0), ("kN m", 1e-3, 10.0), ("N m", 1.0, 0.5), ("mN m", 1e3, 0.1), ("µN m", 1e6, 0.0)),
     "N/m": (("kN/m", 1e-3, 0.5), ("N/m", 1.0, 0.0)),
     "J": (("MJ", 1e-6, 1.0), ("kJ", 1e-3, 1.0), ("J", 1.0, 0.5), ("mJ", 1e3, 0.5), ("µJ", 1e6, 0.0)),
     "m/s": (("m/s", 1.0, 0.05), ("mm/s", 1e3, 0.05), ("µm/s", 1e6, 0.0)),
@@ -150,7 +151,9 @@ def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
     figure = panels[0].get_figure(root=True)
     assert figure is not None
     width, height = figure.get_size_inches()
-    left, bottom, top, between = 0.85, 0.5, 0.62, 0.4  # inches: tick labels and names of axes; titles
+    ticks = [text.get_text() for axes in panels for text in axes.get_yticklabels()]
+    longest = max((len(text) for text in ticks if "$" not in text), default=0)
+    left, bottom, top, between = max(0.85, 0.4 + _LETTER * longest), 0.5, 0.62, 0.4  # inches: axis labels; titles
     legends = [text.get_text() for axes in panels if (legend := axes.get_legend()) is not None
                and legend.get_bbox_to_anchor().x0 >= axes.bbox.x1 for text in legend.get_texts()]  # fmt: skip
     right = max((_LETTER * len(name) + _HANDLE for name in legends), default=0.2)

@@ -1,13 +1,12 @@
 """The summary of a run: what ``summary.json`` holds, and its documentation from the same source.
 
-``python -m kaneflex.report.summary`` prints ``docs/summary.md``, with ``--schema`` ``docs/data/summary.schema.json``.
+``python -m kaneflex.report.summary`` prints ``docs/data/summary.schema.json``.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
@@ -50,12 +49,12 @@ class Instant(PlainTable):
 class SensorError(PlainTable):
     """Largest estimated error of a sensor over the run by cause, in SI."""
 
-    total: float = Field(description="change by all refinements at once, not the sum of the parts")
-    time: float = Field(description="discretisation in time")
-    modes: float = Field(description="modes left out")
-    terms: float = Field(description="terms left out")
-    elements: float = Field(description="length of the elements")
-    coupling: float | None = Field(default=None, description="one-way coupling, if computed")
+    total: float = Field(description="change when all refinements are made at once; not the sum of the parts")
+    time: float = Field(description="error due to the discretisation in time")
+    modes: float = Field(description="error due to modes left out")
+    terms: float = Field(description="error due to terms left out")
+    elements: float = Field(description="error due to the length of the elements")
+    coupling: float | None = Field(default=None, description="error due to one-way coupling, if computed")
 
 
 class SensorSummary(PlainTable):
@@ -65,45 +64,45 @@ class SensorSummary(PlainTable):
     meaning: str = Field(description="quantity, place and axes")
     min: float = Field(description="smallest value")
     max: float = Field(description="largest value")
-    at_min: Instant = Field(description="when first reached")
-    at_max: Instant = Field(description="when first reached")
+    at_min: Instant = Field(description="where the smallest value is first reached")
+    at_max: Instant = Field(description="where the largest value is first reached")
     rms: float = Field(description="root mean square over time")
     mean: float = Field(description="mean over time")
     plus_minus: SensorError | None = Field(default=None, description="error estimate")
 
 
 class StressSummary(PlainTable):
-    """Largest von Mises stress in an elastic link, over its length, the outline of its section and the run."""
+    """Largest von Mises stress in an elastic link: along its length, at the outline of its section, during the run."""
 
     largest: float = Field(description="largest stress, Pa; notches are not included")
     x_m: float = Field(description="distance from the link's start, m")
-    at: Instant = Field(description="its instant")
-    utilisation: float | None = Field(description="share of the beam's yield_strength")
+    at: Instant = Field(description="instant of the largest stress")
+    utilisation: float | None = Field(description="largest stress as a share of the beam's yield_strength")
 
 
 class Timing(PlainTable):
     """Wall time of the stages."""
 
-    derive_s: float = Field(description="deriving, s")
+    derive_s: float = Field(description="deriving the equations, s")
     compile_s: float = Field(description="compiling or loading kernels, s")
     set_up_s: float = Field(description="other work before the first step, s")
-    integrate_s: float = Field(description="solving, including compiling the integrator, s")
+    integrate_s: float = Field(description="solving, including compilation of the integrator, s")
     ns_per_step: float = Field(description="one step in the compiled loop, ns")
 
 
 class Operations(PlainTable):
     """Arithmetic operations of one kernel call."""
 
-    written_out: int = Field(description="if no subexpression were shared")
-    shared: int = Field(description="as generated, with shared subexpressions")
+    written_out: int = Field(description="number of operations without shared subexpressions")
+    shared: int = Field(description="number of operations with shared subexpressions, as generated")
 
 
 class EnergyBalance(PlainTable):
     """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
 
     stored: float = Field(description="increase of kinetic, strain and potential energy")
-    dissipated: float = Field(description="by damping, in contacts and by friction")
-    supplied: float = Field(description="by loads and prescribed drives")
+    dissipated: float = Field(description="energy dissipated by damping, in contacts and by friction")
+    supplied: float = Field(description="energy supplied by loads and prescribed drives")
     gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
     drift: float = Field(description="gap relative to the largest exchanged energy")
 
@@ -111,47 +110,54 @@ class EnergyBalance(PlainTable):
 class Summary(PlainTable):
     """Settings and results of a run."""
 
-    schema_version: Literal[1] = Field(description="raised when fields are removed or change")
-    kaneflex: str = Field(description="version")
-    scene: str = Field(description="name")
-    settings: list[str] = Field(description="changes by the command line, as path=value")
+    schema_version: Literal[1] = Field(
+        description="version of the format; it is raised when fields are removed or change"
+    )
+    kaneflex: str = Field(description="version of kaneflex")
+    scene: str = Field(description="name of the scene")
+    settings: list[str] = Field(description="changes made on the command line, as path=value")
     structure: str = Field(description="hash of topology and laws; equal hashes share generated code")
-    preset: str = Field(description="preset")
-    options: dict[str, Any] = Field(description="all options, SI")
-    elements: dict[str, int] = Field(description="by elastic link")
+    preset: str = Field(description="preset of the run")
+    options: dict[str, Any] = Field(description="all solver settings, with defaults, SI")
+    elements: dict[str, int] = Field(description="number of elements of each elastic link")
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state, cascade or paradox")
     message: str = Field(description="the outcome in words, with time and reason")
     solver: str = Field(description="solver, the reason for its choice, and its residual")
-    errors: str = Field(description="why there are no error estimates")
+    errors: str = Field(description="reason if there are no error estimates")
     warnings: list[str] = Field(description="warnings")
-    duration_s: float = Field(description="from the first to the last stored instant, s")
+    duration_s: float = Field(description="time from the first to the last stored instant, s")
     step_s: float = Field(description="time step, s")
     steps: int = Field(description="value of solve.steps, or its default")
-    stored: int = Field(description="stored instants, over which statistics are computed")
-    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid: value in the rigid mechanism")
+    stored: int = Field(description="number of stored instants, over which statistics are computed")
+    sensors: dict[str, SensorSummary] = Field(
+        description="statistics of each sensor; NAME_rigid: of its value in the rigid mechanism"
+    )
     mode_angle_spread: dict[str, PeakSpread] = Field(
-        description="preset paper: by sensor, range of its peak over options.mode_angle"
+        description="only preset paper: for each sensor, range of its peak over options.mode_angle"
     )
     frequencies_hz: list[float] = Field(
-        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, else at the start, Hz"
+        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, or without a drive at the start, Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic ones before reduction, or shapes of modal data; coupled in space or rigid: solved for"
+        description="elastic degrees of freedom before reduction, or shapes of modal data; preset rigid, or coupled in space: "
+        "number of coordinates solved for"
     )
-    modes_kept: int = Field(description="coordinates solved for")
+    modes_kept: int = Field(description="number of coordinates solved for")
     floquet_multiplier_max: float | None = Field(
         description="largest modulus of the Floquet multipliers; unstable above 1"
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
-    energy: EnergyBalance | None = Field(description="preset coupled, or free joints")
-    contacts: dict[str, ContactSummary] = Field(description="by name")
-    frictions: dict[str, FrictionSummary] = Field(description="by joint or contact")
-    stresses: dict[str, StressSummary] = Field(description="by elastic link with a section shape")
-    unresolved_modes: list[UnresolvedMode] = Field(description="preset coupled: fewer than 3 steps per period")
-    choice: Choice | None = Field(description="by --tolerance")
-    timing: Timing = Field(description="wall time")
-    operations: dict[str, Operations] = Field(description="by kernel of the generated module")
-    sensitivities: dict[str, ParameterSensitivity] = Field(description="by parameter")
+    energy: EnergyBalance | None = Field(description="energy balance; only under preset coupled or with free joints")
+    contacts: dict[str, ContactSummary] = Field(description="each contact")
+    frictions: dict[str, FrictionSummary] = Field(description="friction of each joint or contact")
+    stresses: dict[str, StressSummary] = Field(description="each elastic link with a section shape")
+    unresolved_modes: list[UnresolvedMode] = Field(
+        description="only preset coupled: modes with fewer than 3 steps per period"
+    )
+    choice: Choice | None = Field(description="the choice made by --tolerance")
+    timing: Timing = Field(description="wall time of the stages")
+    operations: dict[str, Operations] = Field(description="each kernel of the generated module")
+    sensitivities: dict[str, ParameterSensitivity] = Field(description="derivatives with respect to each parameter")
 
 
 def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
@@ -290,25 +296,16 @@ def json_schema() -> dict[str, Any]:
 
 
 def documentation() -> str:
-    """The text of ``docs/summary.md``: every field."""
-    parts = [_HEAD.format(version=SCHEMA_VERSION)]
+    """Sections of ``docs/summary.md``: every field of every table."""
+    parts = []
     for table in _TABLES:
         about = (table.__doc__ or "").splitlines()[0]
-        parts.append(f"\n## {table.__name__}\n\n{about}\n\n")
+        parts.append(f"## {table.__name__}\n\n{about}\n\n")
         parts += [
             f"- `{name}`, {_type_name(field.annotation)}: {field.description}\n".replace(", number: ", ": ")
             for name, field in table.model_fields.items()
-        ]
+        ] + ["\n"]
     return "".join(parts)
-
-
-_HEAD = """# summary.json
-
-`kaneflex run` writes `summary.json` next to `results.nc`. Fields without a type are numbers,
-in SI unless their name contains a unit. The [JSON Schema](data/summary.schema.json) has version {version}.
-
-Made by `python -m kaneflex.report.summary`; do not edit.
-"""
 
 
 _TABLES = (
@@ -331,5 +328,4 @@ def _type_name(kind: Any) -> str:
 
 
 if __name__ == "__main__":
-    schema = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
-    print(schema if "--schema" in sys.argv else documentation(), end="")
+    print(json.dumps(json_schema(), indent=1, ensure_ascii=False))

@@ -32,56 +32,56 @@ class UnresolvedMode(PlainTable):
 
 
 class FrictionSummary(PlainTable):
-    """Forces and losses of a friction over the run."""
+    """Friction forces and losses of a joint or contact over the run."""
 
     lost: float = Field(description="energy lost, J")
-    largest_force: float | None = Field(description="largest stored force, N")
-    largest_torque: float | None = Field(description="of a pin: largest stored torque, N m")
-    stuck: float = Field(description="share of instants with sticking")
-    jams_at_s: float | None = Field(description="first jamming of a contact (Painlevé's paradox), s")
+    largest_force: float | None = Field(description="largest stored friction force, N")
+    largest_torque: float | None = Field(description="in a pin: largest stored friction torque, N m")
+    stuck: float = Field(description="share of the stored instants at which the part sticks")
+    jams_at_s: float | None = Field(description="time at which a contact first jams (Painlevé's paradox), s")
 
 
 class ContactSummary(PlainTable):
     """Impacts and forces of a contact over the run."""
 
-    impacts: int = Field(description="closings")
+    impacts: int = Field(description="number of impacts")
     fastest_m_s: float | None = Field(description="largest approach speed, m/s")
     largest_force: float | None = Field(description="largest normal force, N")
     fastest_rad_s: float | None = Field(description="backlash: largest approach speed, rad/s")
     largest_torque: float | None = Field(description="backlash: largest torque, N m")
     lost: float = Field(description="energy lost, J")
-    rests_since_s: float | None = Field(description="stays closed from here to the end, s")
+    rests_since_s: float | None = Field(description="time from which the contact stays closed until the end, s")
 
 
 class Attempt(PlainTable):
     """A model that was tried."""
 
-    model: str = Field(description="name, as in `kaneflex trade`")
+    model: str = Field(description="name of the model, as in `kaneflex trade`")
     error: float | None = Field(description="largest error of a sensor as a share of its peak")
-    worst_sensor: str | None = Field(description="sensor with that error")
+    worst_sensor: str | None = Field(description="sensor with the largest error")
     within: bool = Field(description="whether error plus doubt are within the tolerance")
     priced: bool = Field(description="whether the error is a price, computed without a run")
-    reason: str = Field(description="why it was not run, or which loads its steps do not resolve")
+    reason: str = Field(description="reason why the model was not run, or loads that its steps do not resolve")
 
 
 class Choice(PlainTable):
-    """Cheapest model within a tolerance, with errors and reference."""
+    """Fastest model within a tolerance, with its errors and the reference."""
 
-    tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
+    tolerance: float = Field(description="allowed error of each sensor, as a share of its peak")
     sensors: list[str] = Field(description="sensors considered")
-    model: str = Field(description="chosen model, as in `kaneflex trade`")
-    settings: list[str] = Field(description="its settings, as path=value")
-    dropped: list[str] = Field(description="groups of terms left out beyond the preset")
-    errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
-    reference: str = Field(description="finest model, to which errors refer")
-    reference_settings: list[str] = Field(description="its settings, as path=value")
+    model: str = Field(description="name of the chosen model, as in `kaneflex trade`")
+    settings: list[str] = Field(description="settings of the chosen model, as path=value")
+    dropped: list[str] = Field(description="groups of terms that the preset contains but the choice leaves out")
+    errors: dict[str, float] = Field(description="largest error of each sensor, as a share of its peak")
+    reference: str = Field(description="reference to which the errors refer: the finest model")
+    reference_settings: list[str] = Field(description="settings of the reference, as path=value")
     reference_note: str = Field(description="limits of the reference")
-    doubt: dict[str, float] = Field(description="by sensor: uncertainty of the reference")
+    doubt: dict[str, float] = Field(description="uncertainty of the reference for each sensor, as a share of its peak")
     indicators: dict[str, float | None] = Field(
-        description="by group of terms: first-order change of quasi-static displacements without it; "
+        description="for each group of terms, the first-order change of quasi-static displacements without it; "
         "speed_ratio: drive speed over lowest frequency (both rad/s); buckling_ratio: axial force over buckling load"
     )
-    attempts: list[Attempt] = Field(description="models in the order of trial")
+    attempts: list[Attempt] = Field(description="tried models, in the order of the trials")
     seconds: float = Field(description="wall time of the choice, s")
     remembered: bool = Field(description="whether the choice was read from the cache")
 
@@ -89,11 +89,11 @@ class Choice(PlainTable):
 class SensorDerivative(PlainTable):
     """Derivatives dy/dp of a sensor's statistics y by a parameter p; relative (p/y) dy/dp, null if y is zero."""
 
-    unit: str = Field(description="the sensor's SI unit over the parameter's")
-    min: float = Field(description="of the smallest value")
-    max: float = Field(description="of the largest value")
-    rms: float = Field(description="of the rms over time")
-    mean: float = Field(description="of the mean over time")
+    unit: str = Field(description="SI unit of the sensor divided by that of the parameter")
+    min: float = Field(description="derivative of the smallest value")
+    max: float = Field(description="derivative of the largest value")
+    rms: float = Field(description="derivative of the rms over time")
+    mean: float = Field(description="derivative of the mean over time")
     log_min: float | None = Field(description=_RELATIVE.format("smallest value"))
     log_max: float | None = Field(description=_RELATIVE.format("largest value"))
     log_rms: float | None = Field(description=_RELATIVE.format("rms"))
@@ -103,6 +103,6 @@ class SensorDerivative(PlainTable):
 class ParameterSensitivity(PlainTable):
     """Derivatives of all sensors with respect to one number of the scene."""
 
-    value: float = Field(description="the parameter's value, SI")
-    unit: str = Field(description="its SI unit; 1 for a plain number")
-    sensors: dict[str, SensorDerivative] = Field(description="by sensor")
+    value: float = Field(description="value of the parameter, SI")
+    unit: str = Field(description="SI unit of the parameter; 1 for a plain number")
+    sensors: dict[str, SensorDerivative] = Field(description="derivatives of each sensor")
