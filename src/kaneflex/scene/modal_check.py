@@ -52,7 +52,7 @@ def stress_problems(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
     modal = body.modal if body else None
     if body is None or modal is None:
         named = f"{address.body} has no modal data" if body else "there is no such body"
-        yield Problem(key, str(address), named, "Name a body with modal data; a beam's sections have strains")
+        yield Problem(key, str(address), named, "Name a body with modal data, or use strain for a beam")
     elif address.point not in modal.stresses.places:
         known = f"its stress points are {', '.join(modal.stresses.places)}" if modal.stresses.places else "it has none"
         reason = f"{Path(str(body.modal_data)).name} has no such stress point: {known}"
