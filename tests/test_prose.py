@@ -1,4 +1,4 @@
-"""README and pages keep to CONTRIBUTING.md: no phrase of its table's first column, no sentence longer than it allows."""
+"""README and pages keep to CONTRIBUTING.md: no banned phrase, no sentence longer than it allows."""
 
 import re
 from pathlib import Path

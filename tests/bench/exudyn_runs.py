@@ -23,10 +23,10 @@ from kaneflex_peers import exudyn
 
 TITLE = "Whole runs against Exudyn"
 ABOUT = """\
-Times are those to compute the deflection of an elastic link with an rms error of 1e-3 of its peak. The error is relative
-to the converged result of the same program; the ratio is to kaneflex. Preset `stiffened` is linear about the prescribed
-motion. `coupled` is nonlinear like Exudyn, but with modes in floating axes. kaneflex finds periodic motions by
-harmonics; Exudyn integrates until the transient has decayed to 1e-4."""
+Times are those to compute the deflection of an elastic link with an rms error of 1e-3 of its peak. The error is
+relative to the converged result of the same program; the ratio is to kaneflex. Preset `stiffened` is linear about
+the prescribed motion. `coupled` is nonlinear like Exudyn, but with modes in floating axes. kaneflex finds periodic
+motions by harmonics; Exudyn integrates until the transient has decayed to 1e-4."""
 ERROR, ROUNDS = 1e-3, 7
 
 

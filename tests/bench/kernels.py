@@ -23,10 +23,10 @@ from kaneflex.support.contract import ELEMENT_KERNELS
 
 TITLE = "Kernels"
 ABOUT = """\
-Times are those of one evaluation. *Beam element* evaluates M, K_s, K_d, K_g, C and F with 114 nonzero numbers (296 in
-space). *Slider-crank* evaluates motion and inverse dynamics, 32 numbers. *In a loop* is a compiled loop over 16 samples;
-its ratio is to hand-written C (`tests/bench`, `-O3 -march=native`). *From Python* is one call by the interpreter; its
-ratio is to kaneflex. All programs agree to 1e-12 of the largest entry."""
+Times are those of one evaluation. *Beam element* evaluates M, K_s, K_d, K_g, C and F with 114 nonzero numbers (296
+in space). *Slider-crank* evaluates motion and inverse dynamics, 32 numbers. *In a loop* is a compiled loop over 16
+samples; its ratio is to hand-written C (`tests/bench`, `-O3 -march=native`). *From Python* is one call by the
+interpreter; its ratio is to kaneflex. All programs agree to 1e-12 of the largest entry."""
 TARGET = Target(1.15)
 """Limit against regressions, in times of hand-written C."""
 AGREEMENT = 1e-12

@@ -136,11 +136,11 @@ class Summary(PlainTable):
         description="only preset paper: for each sensor, range of its peak over options.mode_angle"
     )
     frequencies_hz: list[float] = Field(
-        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle, or without a drive at the start, Hz"
+        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle (without a drive: t = 0), Hz"
     )
     degrees_of_freedom: int = Field(
-        description="elastic degrees of freedom before reduction, or shapes of modal data; preset rigid, or coupled in space: "
-        "number of coordinates solved for"
+        description="elastic degrees of freedom before reduction, or shapes of modal data; "
+        "preset rigid, or coupled in space: number of coordinates solved for"
     )
     modes_kept: int = Field(description="number of coordinates solved for")
     floquet_multiplier_max: float | None = Field(
