@@ -136,7 +136,7 @@ class Summary(PlainTable):
         description="only preset paper: for each sensor, range of its peak over options.mode_angle"
     )
     frequencies_hz: list[float] = Field(
-        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle (without a drive: t = 0), Hz"
+        description=f"the {MOST_FREQUENCIES} lowest natural frequencies at options.mode_angle (no drive: t = 0), Hz"
     )
     degrees_of_freedom: int = Field(
         description="elastic degrees of freedom before reduction, or shapes of modal data; "
