@@ -73,6 +73,9 @@ def test_the_description_is_valid_and_names_every_sensor(version, engine, fmpy):
     found = fmpy.read_model_description(str(folder / f"{version}.fmu")).modelVariables
     outputs = {each.name: each.unit for each in found if each.causality == "output"}
     assert outputs == {name: sensor.unit for name, sensor in scene.sensors.items()}
+    definitions = fmpy.read_model_description(str(folder / f"{version}.fmu")).unitDefinitions
+    units = {each.name: each.baseUnit for each in definitions}
+    assert (units["m/s^2"].m, units["m/s^2"].s, units["N"].kg, units["N"].m, units["N"].s) == (1, -2, 1, 1, -2)
     assert [each.name for each in found if each.causality == "parameter"] == [
         "drives.main.speed", "drives.main.angle", "loads.gas.offset",
     ]  # fmt: skip

@@ -67,6 +67,7 @@ def test_damping_shrinks_the_multipliers_by_what_it_takes():
     ratio, omega = 0.05, 1.0
     damped = mathieu(1.0 + (ratio * omega) ** 2, f"damping.modal.ratio={ratio}")
     assert damped.radius == pytest.approx(plain.radius * np.exp(-ratio * omega * np.pi), rel=1e-6)
+    assert damped.growth_rate == pytest.approx(plain.growth_rate - ratio * omega, abs=1e-6)
 
 
 def test_a_model_without_periodic_equations_is_refused():

@@ -7,6 +7,7 @@ from machines import pendulum
 from runs import solved
 
 import kaneflex
+from kaneflex.fem.recovery import section_forces
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.response.stresses import link_stresses
 from kaneflex.scene import read_scene
@@ -170,6 +171,14 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
         largest = max(abs(other[name].values).max() for name in alike)
         for name in alike:
             assert abs(own[name].values - other[name].values).max() < bound * largest, name
+
+
+@pytest.mark.parametrize(("x", "tension"), [(0.0, 2.0), (0.25, 2.0), (0.5, 1.5), (0.75, 1.0), (1.0, 1.0)])
+def test_a_section_through_a_loaded_node_has_the_mean_of_both_sides(x, tension):
+    """A bar pulled by 2 N at its start, by 1 N at its middle and by 1 N at its end; about its axis nothing turns."""
+    nodes, forces = np.array([[0.0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]]), np.zeros((3, 3, 1))
+    forces[:, 0, 0] = -2.0, 1.0, 1.0
+    assert section_forces(nodes, forces, x)[:, 0] == pytest.approx([tension, 0, 0, 0, 0, 0], abs=1e-15)
 
 
 @pytest.mark.parametrize(
