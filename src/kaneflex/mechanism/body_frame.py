@@ -76,6 +76,9 @@ class BodyFrame:
             return np.full(len(self.motion.times), float(key == "c"))
         return self.motion[f"{self.body}.{key}"]
 
+    def _vector(self, *keys: str) -> np.ndarray:
+        return np.array([self._scalar(key) for key in keys])
+
     @cached_property
     def c(self) -> np.ndarray:
         return self._scalar("c")
@@ -97,7 +100,7 @@ class BodyFrame:
     @property
     def origin(self) -> np.ndarray:
         """Position of the body's start, global [m]."""
-        return np.array([self._scalar("x"), self._scalar("y")])
+        return self._vector("x", "y")
 
     def to_global(self, vector) -> np.ndarray:
         """Global components of a vector given in these axes, (2, n_times)."""
@@ -113,14 +116,12 @@ class BodyFrame:
 
     def velocity(self, p, p_rate=STILL) -> np.ndarray:
         """Global velocity of a point that moves by p' in these axes [m/s], (2, n_times)."""
-        origin = np.array([self._scalar("v_x"), self._scalar("v_y")])
-        return origin + self.to_global(velocity(self.omega, _columns(p), p_rate))
+        return self._vector("v_x", "v_y") + self.to_global(velocity(self.omega, p, p_rate))
 
     def acceleration(self, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
         """Global acceleration of a point that moves by p', p'' in these axes [m/s^2], (2, n_times)."""
-        origin = np.array([self._scalar("a_x"), self._scalar("a_y")])
-        carried = acceleration(self.omega, self.epsilon, _columns(p), p_rate, p_accel)
-        return origin + self.to_global(carried)
+        carried = acceleration(self.omega, self.epsilon, p, p_rate, p_accel)
+        return self._vector("a_x", "a_y") + self.to_global(carried)
 
     def components(self, d: np.ndarray, d_rate: np.ndarray, d_accel: np.ndarray) -> Rates:
         """Components of a global vector in these axes, and the rates of these components, from its global rates."""
@@ -130,7 +131,3 @@ class BodyFrame:
             self.to_body(velocity(-omega, d, d_rate)),
             self.to_body(acceleration(-omega, -epsilon, d, d_rate, d_accel)),
         )
-
-
-def _columns(p) -> np.ndarray:
-    return np.asarray(p).reshape(2, -1)

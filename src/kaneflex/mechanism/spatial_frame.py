@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates, Scalars
+from kaneflex.mechanism.body_frame import BodyFrame, Rates
 from kaneflex.mechanism.planar import GROUND
 
 if TYPE_CHECKING:
@@ -19,21 +18,9 @@ AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
 _STILL = np.zeros((3, 1))
 
 
-@dataclass(frozen=True, eq=False)
-class SpatialFrame:
-    """Axes of a body, or of the ground, in a motion, and its points.
-
-    Spatial counterpart of :class:`~kaneflex.mechanism.body_frame.BodyFrame`: points p are given in these axes, (3,) or
-    (3, n_times) [m]; vectors are (3, n_times).
-    """
-
-    motion: Scalars
-    body: str
-
-    def _vector(self, *names: str) -> np.ndarray:
-        if self.body == GROUND:
-            return np.zeros((3, len(self.motion.times)))
-        return np.array([self.motion[f"{self.body}.{name}"] for name in names])
+class SpatialFrame(BodyFrame):
+    """Axes of a body, or of the ground, in a motion in space: points p are given in these axes, (3,) or (3, n_times)
+    [m]; vectors are (3, n_times)."""
 
     @cached_property
     def axes(self) -> np.ndarray:
@@ -64,10 +51,6 @@ class SpatialFrame:
     def to_body(self, vector) -> np.ndarray:
         """Components of a global vector in these axes."""
         return applied(self.axes.swapaxes(0, 1), vector)
-
-    def place(self, p) -> np.ndarray:
-        """Global position of a point [m]."""
-        return self.origin + self.to_global(p)
 
     def velocity(self, p, p_rate=_STILL) -> np.ndarray:
         """Global velocity of a point that moves by p' in these axes [m/s]."""

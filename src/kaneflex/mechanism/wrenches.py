@@ -16,13 +16,12 @@ from kaneflex.scene import Scene
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.spatial import Side, SpatialMechanism
-    from kaneflex.mechanism.spatial_frame import SpatialFrame
 
     Parts = NumericMechanism | SpatialMechanism
     Point = Side | BodyPoint
     Reactions = Callable[[str], np.ndarray]
     """Function from the name of a reaction to its series (n_times,)."""
-    Carried = Callable[[Any], tuple[BodyFrame | SpatialFrame, Point]]
+    Carried = Callable[[Any], tuple[BodyFrame, Point]]
     """Function from a point of a body to the axes that it rotates with, and its position in them."""
 _SIGNS = (-1.0, 1.0)
 """Signs of what a joint, spring or contact exerts on its first and second body."""

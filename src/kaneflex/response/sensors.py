@@ -25,7 +25,6 @@ from kaneflex.scene.sensors import (
 )
 
 if TYPE_CHECKING:
-    from kaneflex.mechanism.spatial_frame import SpatialFrame
     from kaneflex.multibody.time.spatial_motion import SpatialMotion
     from kaneflex.response.elastic_motion import SpatialElasticMotion
 
@@ -85,7 +84,7 @@ def address_of(sensor: Sensor) -> Address:
 
 
 def displacement_of(
-    scene: Scene, sensor: Sensor, frame: BodyFrame | SpatialFrame, moved: Callable[[Address], np.ndarray]
+    scene: Scene, sensor: Sensor, frame: BodyFrame, moved: Callable[[Address], np.ndarray]
 ) -> np.ndarray:
     """Reading of a displacement or rotation of a body's point, (n_times,).
 
