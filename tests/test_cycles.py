@@ -14,7 +14,9 @@ class Halving(Cycles):
     """P(x) = 1 + x / 2, which repeats at 2; ``tangent`` stands for dP/dx, and no cycle from beyond ``goes_on`` ends."""
 
     def __init__(self, tangent, goes_on=np.inf):
-        super().__init__(1.0, 0.0, SimpleNamespace(measure=np.ones(1), shapes=np.zeros(1, bool)))
+        engine = SimpleNamespace(contacts=(), holds=())
+        equations = SimpleNamespace(measure=np.ones(1), shapes=np.zeros(1, bool), engine=engine)
+        super().__init__(equations, 0.0, 1.0, 0.0)
         self.tangent, self.goes_on = tangent, goes_on
 
     def run(self, start):
@@ -43,7 +45,7 @@ class Halving(Cycles):
     def end(self, cycle):
         return cycle[1]
 
-    deformation = along = None
+    at = None
 
 
 def test_newtons_method_needs_two_cycles_and_no_words():

@@ -20,6 +20,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.linearisation import Equations, state_matrix
 
@@ -63,25 +64,27 @@ class Cycles(ABC, Generic[Cycle]):
 
     Parameters
     ----------
-    period : float
-        Length of a cycle [s].
-    tolerance : float
-        Of the integration.
     equations : Equations
         Of the coordinates of x; they hold between changes of contacts and friction.
+    begin, period : float
+        First instant and length of a cycle [s].
+    tolerance : float
+        Of the integration.
     closer : float
         Factor on REPEATS; other than 1 for neighbours of a known cycle, whose stability is not determined.
     """
 
-    touches = False
-    """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
-
     def __init__(
-        self, period: float, tolerance: float, equations: Equations, closer: float = 1.0
+        self, equations: Equations, begin: float, period: float, tolerance: float, closer: float = 1.0
     ) -> None:
-        self.equations, self.period, self.judges = equations, period, closer == 1.0
+        self.equations, self.begin, self.period, self.judges = equations, begin, period, closer == 1.0
         self.measure, self.shapes = equations.measure, equations.shapes
         self.left, self.error = closer * REPEATS, tolerance * self.measure
+
+    @property
+    def touches(self) -> bool:
+        """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
+        return bool(len(self.equations.engine.contacts) or len(self.equations.engine.holds))
 
     @abstractmethod
     def run(self, start: State) -> Cycle:
@@ -92,20 +95,30 @@ class Cycles(ABC, Generic[Cycle]):
         """True if the cycle is complete."""
 
     @abstractmethod
+    def at(self, cycle: Cycle, times: np.ndarray) -> Iterable[State]:
+        """States of a cycle at ``times`` [s]."""
+
     def states(self, cycle: Cycle, count: int) -> Iterable[State]:
         """States at equal distances, from the initial to the final one."""
+        return self.along(cycle, np.linspace(0.0, 1.0, count))
 
-    @abstractmethod
     def along(self, cycle: Cycle, shares: np.ndarray) -> Iterable[State]:
-        """States at instants given as shares of a cycle, as the equations take them."""
+        """States at instants given as shares of a cycle."""
+        return self.at(cycle, self.begin + shares * self.period)
 
-    @abstractmethod
     def deformation(self, cycle: Cycle) -> float:
         """Largest coordinate of a shape in a cycle."""
+        engine = self.equations.engine
+        of_shapes = engine.own[engine.shapes[engine.own[:, 1]], 0]
+        return max(abs(state.q[of_shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS))
 
-    @abstractmethod
     def end(self, cycle: Cycle) -> State:
-        """End of a cycle as a start."""
+        """End of a cycle as a start, without whole turns of joints since its start."""
+        engine, (start, end) = self.equations.engine, self.states(cycle, 2)
+        own = engine.own[(engine.turns & ~engine.shapes)[engine.own[:, 1]], 0]
+        q = end.q.copy()
+        q[own] -= whole_turns(q[own] - start.q[own])
+        return self.equations.system.project(self.begin, q, end.u, self.equations.choice)
 
     def apart(self, start: State, *others: State) -> np.ndarray:
         """x of other states less that of a start, without whole turns, (n, 2 k)."""
