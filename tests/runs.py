@@ -1,6 +1,7 @@
 """Runs of scenes that several tests look at, those of shipped scenes made once a process; and prescribed ones."""
 
 import ast
+from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,8 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.joints import Constraints, reactions
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
@@ -47,10 +50,17 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
     """By how much frames and shapes q (size,) of a planar system violate every joint's rows and every prescribed drive
     [m or rad] at t [s]: by name."""
     system.folded(t, q, 0.0 * q)
-    courses = system.engine.courses(np.array([t]))[0, ::3].tolist()
-    constraints, poses, names = system.joint_rows(dict(zip(system.engine.layout.driven, courses, strict=True)))
-    found = constraints.residuals(poses, list(system.mechanism.joints)).tolist()
-    return dict(zip(names, found, strict=True))
+    engine, joints, poses = system.engine, {}, {}
+    for name, joint in system.mechanism.joints.items():
+        ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
+        joints[name] = replace(joint, first=ends[0], second=ends[1])
+        for side, end in zip(joint.sides, ends, strict=True):
+            poses[end.body] = engine.sections[engine.layout.sections[side.body, side.name], :3]
+    drives = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3].tolist(), strict=True))
+    constraints = Constraints(replace(system.mechanism, joints=joints), drives)
+    names = [row for joint in joints.values() for row, *_ in reactions(joint)]
+    names += [f"{name}.drive" for name in joints if name in drives]
+    return dict(zip(names, constraints.residuals(poses, list(joints)).tolist(), strict=True))
 
 
 def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded:

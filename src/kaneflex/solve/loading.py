@@ -215,7 +215,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     check_lines(scene, motion.at(np.zeros(1)))
     model = build_model(scene, options, motion, bare=bare)
     if spare:
-        open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])
+        open_rows = undetermined(coupled, coupled.folded(0.0, *rigid_state(coupled, motion.at(0.0))))
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     warnings = (*model.warnings, *implausible(scene), *ignored, *_all_modes(scene))

@@ -1,8 +1,8 @@
 """Determinacy: statically indeterminate reactions of redundant constraints, and freedoms without inertia.
 
-All joints' rows act on all bodies' speeds, including those of shapes, by the transposed Jacobian of the rows. A linear
-combination of rows that acts on nothing can be added to the reactions without changing the motion: its members are
-indeterminate.
+Rows of the joints that close loops act on the speeds of the tree by the transposed Jacobian of the rows. A linear
+combination of rows that acts on nothing can be added to the reactions without changing the motion: its members, and
+the reactions of the tree's joints that balance it, are indeterminate.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.engine import Engine
+    from kaneflex.multibody.model.state import State
     from kaneflex.multibody.model.system import CoupledSystem
 
 _RANK, _NOTHING = 1e-9, 1e-7
@@ -32,49 +32,29 @@ _MASSLESS, _LENT = 1e-14, 1e-12
 inertia of a speed that counts as none."""
 
 
-def jacobian(system: CoupledSystem, q: np.ndarray) -> np.ndarray:
-    """Derivatives of all ``reactions`` rows of a planar system with respect to the speeds of all bodies; q (size,) has
-    the frames and shapes of the bodies."""
-    system.folded(0.0, q, np.zeros_like(q))
-    engine, mechanism = system.engine, system.mechanism
-    engine.openings(0.0)  # computes twists of the sections
-    drives = {name: 0.0 for name in mechanism.joints if f"{name}.drive" in system.constraints}
-    constraints, poses, names = system.joint_rows(drives)
-    W = np.zeros((3 * len(poses), system.size))
-    for k, side in enumerate(side for joint in mechanism.joints.values() for side in joint.sides):
-        section = engine.layout.sections[side.body, side.name]
-        if engine.tables.sections[section, at.OWNER] >= 0:
-            columns = slice(system.start[side.body], system.modal(side.body).stop)
-            W[3 * k : 3 * k + 3, columns] = _twist(engine, section)
-    found = constraints.jacobian(poses, list(poses), list(mechanism.joints)) @ W
-    return found[[names.index(row) for row in system.constraints]]
-
-
-def _twist(engine: Engine, k: int) -> np.ndarray:
-    """Twist (3, 3 + shapes) of a joint's section per speed of its body's frame and shapes, after `engine.openings`."""
-    tables = engine.tables
-    b, _, row = tables.sections[k]
-    own, shapes = tables.bodies[b, [at.INBOARD, at.SHAPES]]
-    frame = tables.w[engine.count(at.FRAME) + at.FRAME_SIZE * b :][:2]
-    by_own, by_shapes = (
-        tables.w[engine.count(at.PHI_NOW) + 3 * first :][: 3 * shapes].reshape(-1, 3).T
-        for first in (tables.sections[own, at.PHI_ROW], row)
-    )
-    if k != own:  # stored for a body held at its inboard section
-        by_shapes = by_shapes + _moved(engine.sections[k, :2] - engine.sections[own, :2]) @ by_own
-    return np.hstack([_moved(engine.sections[k, :2] - frame), by_shapes])
-
-
 def _moved(arm: np.ndarray) -> np.ndarray:
     """Twist of a point by that of another one, ``arm`` away."""
     return np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]], [0.0, 0.0, 1.0]])
 
 
-def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
-    """Names of a planar system's ``constraints`` with statically indeterminate reactions at a state."""
-    rows = jacobian(system, q) * system.measure(system.mechanism.size)
-    rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
-    open_rows = abs(self_equilibrated(rows)).max(axis=1, initial=0.0) > _NOTHING
+def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
+    """Names of a planar system's ``constraints`` with statically indeterminate reactions at a state.
+
+    A combination of the cuts' rows that acts on no free coordinate is balanced by the joints of the tree.
+    """
+    engine, size, choice = system.engine, system.mechanism.size, system.choose(state)
+    engine.openings(state.t)
+    free, count = np.concatenate([choice.dependent, choice.independent]), engine.count(at.JOINT_ROWS)
+    units = np.where(engine.sides[:count, :2].any(axis=1), size, 1.0)
+    J = engine.numbers(at.GRADIENT, count * engine.size).reshape(count, engine.size) * engine.measure / units[:, None]
+    combinations = self_equilibrated(J[:, free]).T
+    rows = np.tile(engine.row(state.t), (1 + len(combinations), 1))
+    first = engine.columns["reactions"].start
+    rows[:, engine.columns["reactions"]] = 0.0
+    rows[1:, first : first + count] = combinations / units
+    exerted = system.unfold(rows).reactions * [size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
+    changes = abs(exerted[1:] - exerted[0]).max(axis=0, initial=0.0)
+    open_rows = changes > _NOTHING * changes.max(initial=0.0)
     return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)
 
 

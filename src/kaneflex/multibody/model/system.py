@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
@@ -12,9 +12,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link, link_of_scene
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
-from kaneflex.mechanism.joints import Constraints, drive_reaction, reactions
+from kaneflex.mechanism.joints import drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import BodyPoint, whole_turns
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
@@ -141,10 +141,6 @@ class CoupledSystem:
         """Compile all kernels, timed separately."""
         self.engine.compile()
 
-    def measure(self, length: float) -> np.ndarray:
-        """Unit of each coordinate: ``length`` [m], or 1 rad."""
-        return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
-
     def folded(self, t: float, q: np.ndarray, v: np.ndarray) -> State:
         """State at t [s] by frames and shapes of the bodies, (size,); loops are not closed."""
         self.engine.fold(q[self.order], v[self.order])
@@ -245,19 +241,6 @@ class CoupledSystem:
         (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
         along = np.array([c * x - s * y, s * x + c * y])
         return float(along @ (apart[3:5] + first[5] * np.array([apart[1], -apart[0]])))
-
-    def joint_rows(self, drives: Mapping[str, float]) -> tuple[Constraints, dict[str, np.ndarray], list[str]]:
-        """Constraints of all joints and of ``drives`` between sections at the position of the tables, each section as a
-        body of its own; poses (3,) of these, two for each joint; names of the rows."""
-        engine, joints, poses = self.engine, {}, dict[str, np.ndarray]()
-        for name, joint in self.mechanism.joints.items():
-            ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
-            joints[name] = replace(joint, first=ends[0], second=ends[1])
-            for side, end in zip(joint.sides, ends, strict=True):
-                poses[end.body] = engine.sections[engine.layout.sections[side.body, side.name], :3]
-        names = [row for joint in joints.values() for row, *_ in reactions(joint)]
-        names += [f"{name}.drive" for name in joints if name in drives]
-        return Constraints(replace(self.mechanism, joints=joints), drives), poses, names
 
 
 @dataclass(frozen=True, eq=False)
