@@ -277,11 +277,6 @@ def test_no_start_from_an_equilibrium():
             solved(text, "solve.start=quasistatic")
 
 
-def test_scipys_integrator_is_refused():
-    with pytest.raises(SceneError, match=r"with contacts\.floor this integrator would step over impacts"):
-        solved(BALL, "solve.integrator=scipy")
-
-
 def test_what_needs_a_smooth_motion_refuses_contacts():
     scene = scene_of(BALL)
     with pytest.raises(SceneError, match=r"with contacts\.floor the equations are nonlinear"):

@@ -434,9 +434,10 @@ def test_stiff_vibrations_set_no_steps():
     assert finest.model.energy.drift < 1e-8
 
 
-def test_scipys_integrator_is_refused_in_space():
-    text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
-    with pytest.raises(SceneError, match=r"solve\.integrator = 'scipy': only planar scenes have this integrator"):
+@pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar"])
+def test_scipys_integrator_is_refused(name):
+    text = shipped_scenes()[name].read_text().partition("[solve]")[0]
+    with pytest.raises(SceneError, match=r"integrator = 'scipy': this integrator is for .*Use radau or gauss"):
         _solution(text + '\n[solve]\npreset = "coupled"\nintegrator = "scipy"\n')
 
 

@@ -38,13 +38,11 @@ Rates = Callable[[float, np.ndarray], np.ndarray]
 
 
 def solution(
-    method: str, rates: Rates, span: tuple[float, float], first: np.ndarray, progress: Progress | None,
-    before: list[int], **options: Any,
+    method: str, rates: Rates, span: tuple[float, float], first: np.ndarray, progress: Progress | None, **options: Any
 ):  # fmt: skip
     """The solution over a span of time from ``first``, as scipy's ``OdeSolution``, and why it ended early, or nothing.
 
-    progress: called with the share of the span after each step; before: one number, the evaluations so far, which goes
-    on here; options: of the method.
+    progress: called with the share of the span after each step; options: of the method.
 
     Raises
     ------
@@ -53,9 +51,12 @@ def solution(
     """
     import scipy.integrate  # 0.7 s: only where it is used
 
+    evaluations = 0
+
     def counted(t: float, y: np.ndarray) -> np.ndarray:
-        before[0] += 1
-        if before[0] > MOST_EVALUATIONS:
+        nonlocal evaluations
+        evaluations += 1
+        if evaluations > MOST_EVALUATIONS:
             raise UserError(
                 "solve.integrator", "scipy",
                 f"{MOST_EVALUATIONS} evaluations reach only t = {t:.4g} s of {span[1]:.4g} s: the steps follow "
@@ -169,7 +170,7 @@ def solve_ivp_run(
 
     span, first = (times[0], times[-1]), np.concatenate(start)
     started = time.perf_counter()
-    curve, failed = solution(scipy_method, slope, span, first, progress, [0], rtol=_RELATIVE, atol=_ABSOLUTE)
+    curve, failed = solution(scipy_method, slope, span, first, progress, rtol=_RELATIVE, atol=_ABSOLUTE)
     spent = time.perf_counter() - started
     times = times[times <= (span[0] if curve is None else curve.t_max)]
     states = first[None] if curve is None else curve(times).T

@@ -7,7 +7,7 @@ from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
 from kaneflex.scene.load_check import load_jump
 from kaneflex.support.errors import SceneError, refuse
 
-COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")
+COUPLED_INTEGRATORS = ("radau", "gauss")
 """Integrators of preset coupled."""
 _SMOOTH = "tanh(x / small) for sign(x), step(x, x_0, h_0, x_1, h_1) for step(x)"
 
@@ -24,9 +24,7 @@ def check_coupled(scene: Scene) -> None:
          "preset coupled uses shapes of each link", "Leave reduction out"),
         (solve.integrator not in (None, *known), "solve.integrator", solve.integrator,
          "this integrator is for equations that are linear in the displacements",
-         f"Use {', '.join(known[:-1])} or {known[-1]} under preset coupled"),
-        (scene.is_spatial and solve.integrator == "scipy", "solve.integrator", solve.integrator,
-         "only planar scenes have this integrator under preset coupled", "Use radau or gauss, or leave it out"),
+         f"Use {' or '.join(known)} under preset coupled"),
         (off is not None, f"solve.terms.{off}", False,
          "preset coupled cannot leave terms out", "Use preset stiffened"),
         (at is not None, f"{at}.rotation", rotation,
@@ -62,9 +60,6 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
     for name in scene.frictions if dynamics != "coupled" else ():
         reason = f"preset {scene.solve.preset} does not support friction"
         raise SceneError(f"joints.{name}.friction", None, reason, "Use preset coupled")
-    if scene.solve.integrator == "scipy":
-        reason = "this integrator would step over impacts, and over changes between sticking and sliding"
-        refuse_contacts(scene, "solve.integrator", "scipy", reason, "Use radau or gauss")
     if scene.solve.start == "quasistatic":
         reason = "free bodies have no equilibrium"
         refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")
@@ -95,6 +90,3 @@ def check_laws(scene: Scene, dynamics: str) -> None:
         if jump is not None and free is not None and dynamics != "coupled":
             reason = f"{jump} jumps, and preset {preset} would step over the jump as it integrates {free}"
             raise SceneError(key, load.law, reason, f"Use preset coupled, or a smooth law: {_SMOOTH}")
-        if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
-            reason = f"{jump} jumps, and scipy's Radau would step over the jump"
-            raise SceneError(key, load.law, reason, "Use integrator radau or gauss, which end a step there")

@@ -26,7 +26,7 @@ class Method:
     Attributes
     ----------
     integrator : str
-        "radau" or "gauss" (steps by error control), or "scipy" (its Radau).
+        "radau" or "gauss".
     tolerance : float
         Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
         in rad for angles; a vibration smaller than that is not resolved. See

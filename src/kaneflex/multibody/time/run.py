@@ -59,14 +59,18 @@ def integrate(
     run = Run(system, start, times, method, _NONE if ends is None else ends)
     started = time.perf_counter()
     ended = run.go(progress, stop)
-    ns = 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1])
+    return finished(run, ended, 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1]))
+
+
+def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajectory:
+    """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
     found = run.trajectory(run.rows[: run.filled + 1], *ended, ns, np.concatenate([_NONE, *run.ends]))
     if len(found.energy.jumps()):
         from kaneflex.multibody.time.lost_branch import departure  # which few runs need
 
-        left = departure(system, found, method.integrator)
+        left = departure(run.system, found, run.method.integrator)
         found = found if left is None else run.cut(*left, found)
-    changes = [row for row in run.changes if times[0] <= row[0] <= times[run.filled]]
+    changes = [row for row in run.changes if run.times[0] <= row[0] <= run.times[run.filled]]
     return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
 
 
@@ -91,7 +95,6 @@ class Run:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
         self.given: np.ndarray = given
         self.ends: list[np.ndarray] = []
-        self.evaluations = [0]  # by scipy
         system.compile()
         engine = self.engine
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
@@ -120,20 +123,18 @@ class Run:
         if not self.projected:
             rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
-        scipy = self.method.integrator == "scipy"
         # Bounds by the largest values so far are updated after every piece.
-        most, growth = (1, 2) if self.method.bounded else (_PIECE, 1 if scipy else _GROWTH)
+        most, growth = (1, 2) if self.method.bounded else (_PIECE, _GROWTH)
         since = 0
         while self.filled + 1 < len(self.times):
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
-            ended = self._by_scipy(rows, self._share(progress, rows)) if scipy else self._collocation(rows, most)
+            ended = self._collocation(rows, most)
             if len(self.changes) % 2:
                 self.changes.append(self.here.copy())
             if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
                 ended = collocation.CASCADE
-            if not scipy:  # scipy starts again, and can be interrupted anywhere
-                most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
+            most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
             if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
                 said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
@@ -155,13 +156,6 @@ class Run:
             if stop and self.filled > before and stop(self.trajectory(self.rows[before : self.filled + 1])):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
-
-    def _share(self, progress: Callable[[float], None] | None, rows: slice) -> Callable[[float], None] | None:
-        """The share of the run, where ``progress`` is called with that of some of its rows."""
-        if progress is None:
-            return None
-        first, last = ((t - self.times[0]) / (self.times[-1] - self.times[0]) for t in self.times[rows][[0, -1]])
-        return lambda done: progress(float(first + done * (last - first)))
 
     def _held(self) -> tuple[Outcome, str] | None:
         """Outcome if a law would have to hold its switch at zero; None otherwise."""
@@ -266,17 +260,6 @@ class Run:
             if self._rest():
                 return collocation.PAUSED
             return collocation.PARADOX if len(self.engine.holds) else collocation.SINGULAR
-        return ended
-
-    def _by_scipy(self, rows: slice, progress: Callable[[float], None] | None) -> int:
-        from kaneflex.multibody.time.scipy_run import by_scipy
-
-        method, times = self.method, self.times[rows]
-        ended, found, steps = by_scipy(
-            self.engine, self.here, times, self.longest, method.tolerance, method.length, self.evaluations, progress
-        )
-        self.rows[self.filled + 1 : self.filled + 1 + len(found)] = found
-        self.filled, self.counts[0] = self.filled + len(found), self.counts[0] + steps
         return ended
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:

@@ -1,0 +1,65 @@
+"""Coupled runs in the plane through SciPy's Radau, an independent check of the compiled integration."""
+
+import math
+
+import numpy as np
+
+from kaneflex.integrate.by_scipy import solution
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.time.run import Run, finished
+from kaneflex.solve.coupled import as_result, beginning, method_of
+from kaneflex.solve.solution import Solution
+
+PIECE = 100
+"""Stored instants between choices of independent coordinates."""
+
+
+def scipy_motion(model) -> Solution:
+    """The run of a coupled model, in its independent coordinates, by the tolerance of its scene."""
+    times = model.step * np.arange(model.options.steps + 1)
+    run = Run(model.coupled, beginning(model), times, method_of(model), np.zeros(0))
+    for first in range(0, len(times) - 1, PIECE):
+        follow(run, times[first : first + PIECE + 1])
+    return Solution.of(as_result(model, finished(run, (Outcome.COMPLETED, "completed"), 0.0), 0.0))
+
+
+def follow(run, times):
+    """Rows of the run at its next instants ``times`` [s], the first of which is its last one."""
+    engine, tolerance, length = run.engine, run.method.tolerance, run.method.length
+    y, v, a, _ = engine.motion
+    engine.stand(run.here)
+    engine.choose(times[0])
+    free, works, last = engine.choice.independent, engine.count(at.WORKS), times[0]
+
+    def row(t, x):
+        """Motion at t; loops are followed from their last position."""
+        nonlocal last
+        y[:] += (t - last) * v
+        last = t
+        y[free], v[free] = x[: len(free)], x[len(free) : 2 * len(free)]
+        assert engine.project(t)
+        found = engine.row(t)
+        found[-works:] = x[2 * len(free) :]
+        return found
+
+    def slope(t, x):
+        now = row(t, x)
+        return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(now[None])[5][0]])
+
+    scale = tolerance * np.where(engine.turns[free], 1.0, length)
+    first = np.concatenate([y[free], v[free], run.here[-works:]])
+    sizes = np.concatenate([np.ones(2 * len(free)) * length, np.zeros(works)])
+    curve, failed = solution(
+        "Radau", slope, (times[0], times[-1]), first, None, max_step=run.longest, rtol=tolerance,
+        atol=np.concatenate([scale, scale / run.longest, np.full(works, math.inf)]), sizes=sizes,
+    )  # fmt: skip
+    assert not failed
+    engine.stand(run.here)
+    last = times[0]
+    for t in np.union1d(curve.ts[1:], times[1:]):  # so that no loop closes on another side
+        now = row(t, curve(t))
+        if t == run.times[run.filled + 1]:
+            run.filled += 1
+            run.rows[run.filled] = run.here = now
+    run.counts[0] += len(curve.ts) - 1
