@@ -119,6 +119,7 @@ class _Tree:
         return x, y
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("d", "dtype"), KINDS)
 def test_solution_is_that_of_the_dense_matrix(d, dtype):
     tree, rng = _Tree(d, dtype, locked=(3, 5)), np.random.default_rng(7)

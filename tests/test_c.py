@@ -74,6 +74,7 @@ def interpreted(module: types.ModuleType) -> dict[str, object]:
 
 
 # A table, loops that Newton's method closes, free joints with their courses and inverse dynamics.
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["engine", "six-bar", "double-pendulum"])
 def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
     bound = integrated(model(name))
@@ -155,6 +156,7 @@ def test_in_space_too(name, settings, compiler, tmp_path):
     assert off_the_run(made, ran(made, tmp_path, compiler)) < 1e-9
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("like", ["slider-crank-150", "spatial-slider-crank-elastic"])
 def test_springs_between_points_are_read(like, compiler, tmp_path):
     raw = read_scene(like).raw
