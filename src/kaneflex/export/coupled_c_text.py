@@ -28,7 +28,7 @@ typedef struct {{
     int64_t plan[{NAME}_PLAN];
     double numbers[{NAME}_NUMBERS], real[{NAME}_REAL], pair[2 * {NAME}_PAIR];
     double row[{NAME}_ROW]; /* time [s] and the motion there */
-    double step, last_step, sloped, {more}counts[5];
+    double step, last_step, sloped, counts[5];
 {stored}}} {name}_state;
 
 extern const char *const {name}_coordinate_names[];
@@ -157,7 +157,7 @@ int main(void)
 """
 
 _PLANE = {
-    "rates": "COORDINATES", "more": "", "stored": "", "begun": "",
+    "rates": "COORDINATES", "stored": "", "begun": "",
     "locals": "", "patient": "0.0", "at_once": "{most}", "turned": "",
     "extern": "extern const char *const {name}_free_names[];\n",
     "declared": """\
@@ -193,13 +193,12 @@ int {name}_accelerations({name}_state *state, double t, const double y[], const 
 """,
 }  # fmt: skip
 _SPACE = {
-    "rates": "RATES", "more": "grown[2], ",
+    "rates": "RATES",
     "stored": "    int64_t free[{NAME}_FREE + 1]; /* numbers of the independent speeds */\n",
     "begun": """\
-    state->grown[0] = state->grown[1] = {grown};
     memcpy(state->free, {name}_free, {free} * sizeof {name}_free[0]);
 """,
-    "locals": "    double patient = 0.0, room[2 * {NAME}_SPEEDS * {NAME}_SPEEDS + 1];\n", "patient": "patient",
+    "locals": "    double patient = 0.0;\n", "patient": "patient",
     "at_once": "patient != 0.0 ? {patience} : {most}",
     "extern": "extern const char *const {name}_rate_names[];\nextern const char *const {name}_position_names[];\n"
     "extern const char *const {name}_speed_names[];\n",
@@ -225,8 +224,7 @@ int {name}_accelerations(
     "turned": """\
         patient = 0.0;
         if (status == {TURNED}) {{
-            const int64_t chosen = {choose}(&m, state->row, state->free, {free}, (double *){name}_weight,
-                state->grown, {fixed}, room);
+            const int64_t chosen = {change}(&m, state->row, (int64_t *){name}_level, state->free, {fixed});
             if (chosen != {FIXED})
                 status = state->row[0] < until ? {PAUSED} : {DONE};
             if (chosen == {CHANGED})

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody.compile.addresses import by_address, kernel_address
 from kaneflex.multibody.compile.library import library
-from kaneflex.multibody.dynamics import reduction, unfolding
+from kaneflex.multibody.dynamics import independent_speeds, reduction, unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
 from kaneflex.multibody.model.state import NONE, Choice, State
@@ -24,11 +23,6 @@ from kaneflex.multibody.time import collocation
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
-_FIRM, _RANK = 1e-4, 1e-9
-"""Shares of a row's largest derivative: above the first, a joint coordinate becomes dependent before any shape; below
-the second, a row is redundant."""
-_ROUNDED = 1e-5
-"""Relative position change: rows that change by less than this times _RANK change by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,71 +153,45 @@ class Engine:
     def openings(self, t: float) -> np.ndarray:
         """Opening of every row of the cut joints [m or rad] at the current coordinates."""
         out = np.zeros(self.count(at.REACTIONS))
-        self._call(unfolding.openings, t, out)
+        self._call(independent_speeds.openings, t, out)
         return out
 
-    def choose(self, t: float, spared: Sequence[int] = (), even: bool = False) -> np.ndarray:
+    def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
         """Choose the dependent coordinates at the current position; redundant rows are dropped and returned.
 
-        Joint coordinates come first, the one with the largest share in a row at a time; shapes only if these are too
-        few, as in a frame. Joint coordinates in ``spared`` stay independent if possible. Contacts at rest under
-        Newton's law are rows after those of the cut joints. Rows are scaled by their largest derivative; all alike with
-        ``even``, or if some are dropped.
+        Joint coordinates in ``spared`` stay independent if possible.
         """
         self.openings(t)
-        n, rows = self.size, self.count(at.REACTIONS)
-        joints, shapes = self._free_columns
-        measure = self.numbers(at.MEASURE, n)
-        gradient = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * measure
-        extent = max(abs(self.sections[:, :2]).max(initial=0.0), measure[~self.turns].max(initial=0.0))
-        sizes = [1.0] * n
-        G = gradient.tolist()  # lists are faster than numpy for so few numbers
-        units = np.where(self.sides[:, :2].any(axis=1), extent, 1.0).tolist() if even else [_ROUNDED * extent] * rows
-        for row, unit in zip(G, units, strict=True):
-            most = max([unit, 1e-300, *(abs(row[k]) for k in joints if not even)])
-            row[:] = [value / most for value in row]
-        cut_rows = self.count(at.JOINT_ROWS)
-        resting = self._rest()
-        kept: list[int] = []
-        dependent: list[int] = []
-        dropped: list[int] = []
-        others = [k for k in joints if k not in spared]
-        # impacts need the cut joints without contacts
-        for left, later in ((list(range(cut_rows)), resting), (resting, [])):
-            for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
-                columns = [k for k in columns if k not in dependent]
-                if left and least == _RANK:
-                    # scale-free: shapes that only rotate nodes have very large entries
-                    for k, largest in zip(shapes, abs(gradient[:, shapes]).max(axis=0).tolist(), strict=True):
-                        sizes[k] = max(largest, 1e-300)
-                while left and columns:
-                    size, i, j = max((abs(G[i][j]) / sizes[j], -i, -j) for i in left for j in columns)
-                    if size < least:
-                        break
-                    i, j = -i, -j
-                    left.remove(i)
-                    columns.remove(j)
-                    kept.append(i)
-                    dependent.append(j)
-                    pivot = G[i]
-                    for other in left + later:
-                        share = G[other][j] / pivot[j]
-                        G[other] = [a - share * b for a, b in zip(G[other], pivot, strict=True)]
-            dropped += left
-        if dropped and not even:  # the remainder of a row must not compete with other rows
-            return self.choose(t, spared, even=True)
-        order = np.argsort(kept)
-        chosen = np.array(kept, np.int64)[order], np.array(dependent, np.int64)[order]
-        self.choose_speeds(Choice(*chosen, np.setdiff1d(joints + shapes, dependent).astype(np.int64), np.zeros(n)))
-        return np.array(dropped, int)
+        level = self.levels.copy()
+        level[list(spared)] = np.maximum(level[list(spared)], independent_speeds.NAMED)
+        choice, dropped = self.chosen_by(level)
+        self.choose_speeds(choice)
+        return dropped
+
+    def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
+        """Choice by the :attr:`levels` of coordinates, and redundant rows, see
+        :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
+        taken = np.zeros(self.count(at.REACTIONS), np.int64)
+        self._call(independent_speeds.choose, level, taken)
+        rows, free = np.flatnonzero(taken >= 0), np.flatnonzero(level < independent_speeds.PRESCRIBED)
+        choice = Choice(rows, taken[rows], np.setdiff1d(free, taken[rows]), np.zeros(self.size))
+        return choice, np.flatnonzero(taken == -1)
+
+    @cached_property
+    def levels(self) -> np.ndarray:
+        """Level of every coordinate in a choice."""
+        freed = self.tables.plan[self.count(at.FREED) :][: self.size] == 1
+        found = np.where(freed, independent_speeds.FIRST, independent_speeds.PRESCRIBED)
+        for first, count in self.tables.bodies[:, [at.MODAL, at.SHAPES]]:
+            found[first : first + count] = independent_speeds.OF_SHAPE
+        return found
 
     def choose_speeds(self, choice: Choice) -> None:
         """Set the choice that compiled functions use."""
         if self.chosen[0] is choice:
             return
-        plan, kept, (first_rows, places) = self.tables.plan, len(choice.rows), self._row_acts
-        cuts = [places[bisect_right(first_rows, row) - 1] for row in choice.rows.tolist()]
-        for of, numbers in ((at.ROW_OF, choice.rows), (at.CUT_OF, cuts), (at.DEPENDENT, choice.dependent)):
+        plan, kept = self.tables.plan, len(choice.rows)
+        for of, numbers in ((at.ROW_OF, choice.rows), (at.DEPENDENT, choice.dependent)):
             plan[plan[of] : plan[of] + kept] = numbers
         plan[at.KEPT], plan[at.BENDS] = kept, self.shapes[choice.dependent].any()
         plan[at.LED] = bisect_right(self._last_columns, min(choice.dependent, default=self.size))
@@ -241,45 +209,14 @@ class Engine:
         return self.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
 
     @cached_property
-    def _row_acts(self) -> tuple[list[int], list[int]]:
-        """First row of every cut joint, hold and contact by Newton's law, and its place in ``acts``."""
-        acts, contacts = self.tables.acts, range(self.count(at.CONTACTS), self.count(at.ACTS))
-        rigid = (k for k in contacts if self.count(at.RIGID) and acts[k, at.LAW] == NEWTON)
-        places = [*range(self.count(at.DRIVES)), *rigid]
-        return acts[places, at.ROW_AT].tolist(), places
-
-    @cached_property
     def _last_columns(self) -> list[int]:
         """End of every body's own coordinates."""
         return (self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]).tolist()
-
-    def _rest(self) -> list[int]:
-        """Rows of contacts at rest under Newton's law, now constraints."""
-        if not len(self.contacts):
-            return []
-        acts = self.tables.acts[self.count(at.CONTACTS) : self.count(at.ACTS)]
-        rigid, contacts = acts[:, at.LAW] == NEWTON, self.contacts
-        rests = rigid & (contacts[:, at.BEGUN_AT] != 0.0)
-        contacts[rigid, at.SHUT] = rests[rigid]
-        self.numbers(at.TOUCH, at.SHARED)[at.RESTED] = 0.0
-        return list(acts[rests, at.ROW_AT].tolist())
 
     @cached_property
     def turns(self) -> np.ndarray:
         """Mask of coordinates that are angles [rad]."""
         return np.array([unit == "rad" for _, unit in self.layout.coordinates], bool)
-
-    @cached_property
-    def _free_columns(self) -> tuple[list[int], list[int]]:
-        """Coordinates of joints without prescribed drive, and of shapes."""
-        joints: list[int] = []
-        shapes: list[int] = []
-        free = self.count(at.FREED)
-        for row in self.tables.bodies.tolist():
-            of_joint = range(row[at.FIRST], row[at.FIRST] + row[at.DOF])
-            joints += [k for k in of_joint if self.tables.plan[free + k]]
-            shapes += range(row[at.MODAL], row[at.MODAL] + row[at.SHAPES])
-        return joints, shapes
 
     @cached_property
     def free_drives(self) -> list[int]:
@@ -339,7 +276,7 @@ class Engine:
     @cached_property
     def shapes(self) -> np.ndarray:
         """Mask of coordinates that are shape amplitudes."""
-        return np.isin(np.arange(self.size), self._free_columns[1])
+        return self.levels == independent_speeds.OF_SHAPE
 
     @property
     def inputs(self) -> int:

@@ -15,12 +15,11 @@ from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.independent_speeds import OF_SHAPES
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.run import Run
-from kaneflex.multibody.time.spatial_forward import GROWTH, PATIENT
+from kaneflex.multibody.time.spatial_forward import PATIENT
 from kaneflex.multibody.time.spatial_forward import Run as SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -123,16 +122,14 @@ def _in_space(model: Model) -> Begun:
         "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
         **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
     }
-    weight = np.ones(system.speeds)
-    weight[system.modal_speeds] = OF_SHAPES
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": system.coordinates, "SPEEDS": system.speeds}
     return Begun(
         system.engine, row, step, DAMPED if system.has_slopes and options.integrator == "radau" else 0.0,
         options.integrator, start.choice.independent, names,
         motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.driven_speeds,
-         "weight": weight},
-        sizes, {"joints": len(points), "drives": len(system.driven), "grown": GROWTH, "patience": PATIENT,
+         "level": system.engine.levels},
+        sizes, {"joints": len(points), "drives": len(system.driven), "patience": PATIENT,
                "fixed": int(system.has_light_bodies), "FIXED": spatial_unfolding.FIXED,
                "CHANGED": spatial_unfolding.CHANGED},
     )  # fmt: skip

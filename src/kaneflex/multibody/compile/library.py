@@ -16,7 +16,7 @@ from numba import njit
 
 from kaneflex.generated import body, contact, friction, joints
 from kaneflex.multibody.compile.addresses import called, entered
-from kaneflex.multibody.dynamics import reduction, unfolding
+from kaneflex.multibody.dynamics import independent_speeds, reduction, unfolding
 from kaneflex.multibody.model import layout
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
@@ -41,7 +41,7 @@ def sources(*left_out: str) -> list[str]:
 
 
 _made_of_parts = made_of(*sources("spatial"), body.__file__, contact.__file__, friction.__file__, joints.__file__)
-ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
+ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES | independent_speeds.ENTRIES
 _plain, _with_contacts, _with_impacts, _with_holds = (
     entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM)
 )

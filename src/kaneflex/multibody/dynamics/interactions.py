@@ -18,9 +18,9 @@ from kaneflex.multibody.dynamics.forces import load_sizes, press
 from kaneflex.multibody.dynamics.spatial_bushings import cushion
 from kaneflex.multibody.dynamics.spatial_kinematics import freedoms
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUT, CUTS, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS, PUSHED,
-    PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger, shifted,
-    turned,
+    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS,
+    PUSHED, PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger,
+    shifted, turned,
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.multibody.unilateral import dry_friction
@@ -192,8 +192,9 @@ def react(m):
 
 @once
 @njit(**OPTIONS)
-def gradient(m, row, cut, bends, out):
+def gradient(m, row, bends, out):
     """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested."""
     apart()
+    cut = m.plan[m.plan[CUT_OF] + row]
     for side in range(2):
         along(m, m.acts[cut, AT + side], row_wrench(m, row, side), bends, out)

@@ -20,7 +20,7 @@ from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BENDS, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, DEMAND, DEPENDENT,
+    ACCEL, ACTS, BENDS, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, DEMAND, DEPENDENT,
     GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE, NOW, OPTIONS, PASSING, PIVOTS, RATE, REACH, REACTION, REACTIONS,
     ROW_OF, SIDE, SWITCH, WHAT, WHEN, Y, YIELDING, apart, larger,
 )  # fmt: skip
@@ -61,7 +61,7 @@ def gradients(m):
         at = plan[GRADIENT] + n * r
         for i in range(n):
             w[at + i] = 0.0
-        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS] != 0, at)
+        gradient(m, plan[plan[ROW_OF] + r], plan[BENDS] != 0, at)
         for k in range(count):
             w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
     return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])

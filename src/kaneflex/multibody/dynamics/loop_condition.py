@@ -14,20 +14,17 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     CROSSING,
     CUT,
-    CUTS,
     DEPENDENT,
     DOF,
     FIRST,
     FREED,
     GRADIENT,
-    HOLDS,
     JOINT_ROWS,
     KEPT,
     LOOP,
     LOOP_PIVOTS,
     MEASURE,
     OPTIONS,
-    ROW_AT,
     ROW_OF,
     SHAPES,
     SIDE,
@@ -64,9 +61,9 @@ def _largest(m, row):
 
 
 @njit(**OPTIONS)
-def _pushes(m, r):
-    """True if a kept row's reaction is a force and not just a moment."""
-    k = m.plan[CUT] + row_length(m) * m.plan[m.plan[ROW_OF] + r] + 3
+def pushes(m, row):
+    """True if a row's reaction is a force and not just a moment."""
+    k = m.plan[CUT] + row_length(m) * row + 3
     for i in range((width(m) + 1) // 2):
         if m.w[k + i] != 0.0:
             return True
@@ -82,7 +79,7 @@ def margin(m):
     of_forces = of_moments = 1e-300
     for r in range(plan[KEPT]):
         size = _largest(m, plan[GRADIENT] + plan[COORDINATES] * r)
-        if _pushes(m, r):
+        if pushes(m, plan[plan[ROW_OF] + r]):
             of_forces = larger(of_forces, size)
         else:
             of_moments = larger(of_moments, size)
@@ -91,10 +88,10 @@ def margin(m):
         for j in range(k - 1, -1, -1):  # undo the row exchanges
             if row == m.pivots[plan[LOOP_PIVOTS] + j]:
                 row = j
-        pushes = _pushes(m, row)
-        size = _SLIGHT * (of_forces if pushes else of_moments)
+        force = pushes(m, plan[plan[ROW_OF] + row])
+        size = _SLIGHT * (of_forces if force else of_moments)
         for r in range(plan[KEPT]):
-            if _pushes(m, r) == pushes:
+            if pushes(m, plan[plan[ROW_OF] + r]) == force:
                 derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
                 size = larger(size, abs(derivative) * w[plan[MEASURE] + i])
         share = w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k]))
@@ -140,27 +137,25 @@ def _outgrown(m):
     out, most = plan[GRADIENT] + n * count, 0.0
     for r in range(count):
         most = larger(most, _largest(m, plan[GRADIENT] + n * r))
-    for cut in range(plan[CUTS], plan[HOLDS]):
-        last = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
-        for row in range(m.acts[cut, ROW_AT], last):
-            kept = False
-            for r in range(count):
-                kept = kept or plan[plan[ROW_OF] + r] == row
-            if kept:
-                continue
-            for i in range(n):
-                w[out + i] = 0.0
-            gradient(m, row, cut, plan[BENDS] != 0, out)
-            least = WORN * larger(_largest(m, out), 1e-6 * most)
-            for r in range(count):
-                for k in range(count):
-                    w[plan[SIDE] + k] = 1.0 if k == r else 0.0
-                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-                share = 0.0
-                for k in range(count):
-                    share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
-                if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
-                    return True
+    for row in range(plan[JOINT_ROWS]):
+        kept = False
+        for r in range(count):
+            kept = kept or plan[plan[ROW_OF] + r] == row
+        if kept:
+            continue
+        for i in range(n):
+            w[out + i] = 0.0
+        gradient(m, row, plan[BENDS] != 0, out)
+        least = WORN * larger(_largest(m, out), 1e-6 * most)
+        for r in range(count):
+            for k in range(count):
+                w[plan[SIDE] + k] = 1.0 if k == r else 0.0
+            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+            share = 0.0
+            for k in range(count):
+                share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
+            if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
+                return True
     return False
 
 

@@ -100,7 +100,8 @@ def row_at(m, r):
     """Interaction of a kept row, or of a contact or hold after these, and place of its Jacobian."""
     plan = m.plan
     if r < plan[KEPT]:
-        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + row_length(m) * plan[plan[ROW_OF] + r] + 3
+        row = plan[plan[ROW_OF] + r]
+        return plan[plan[CUT_OF] + row], plan[MIDDLE_CUT] + row_length(m) * row + 3
     n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
     return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
 

@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.loop_closure import follow, gradients
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN
 from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
+    ACCEL, COORDINATES, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
     OPTIONS, PASSING, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
 )  # fmt: skip
 
@@ -35,7 +35,7 @@ def react(m):
         at = plan[GRADIENT] + n * r
         for i in range(n):
             w[at + i] = 0.0
-        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], True, at)
+        gradient(m, plan[plan[ROW_OF] + r], True, at)
         for k in range(count):
             w[plan[LOOP] + count * k + r] = w[at + plan[plan[DEPENDENT] + k]]
         w[plan[SIDE] + r] = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]

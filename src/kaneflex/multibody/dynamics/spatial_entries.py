@@ -12,10 +12,10 @@ from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
-from kaneflex.multibody.dynamics import loop_closure, reduction, unfolding
-from kaneflex.multibody.dynamics.dimensions import cut_rows, demand
-from kaneflex.multibody.dynamics.dimensions import place as place_nodes
-from kaneflex.multibody.dynamics.interactions import gradient, react
+from kaneflex.multibody.dynamics import independent_speeds, loop_closure, reduction, unfolding
+from kaneflex.multibody.dynamics.dimensions import demand
+from kaneflex.multibody.dynamics.independent_speeds import open_rows
+from kaneflex.multibody.dynamics.interactions import react
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose
@@ -29,10 +29,7 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     COURSE,
     COURSES,
-    CUTS,
     ENTRY,
-    GRADIENT,
-    HOLDS,
     MEASURE,
     NOW,
     OPTIONS,
@@ -40,8 +37,6 @@ from kaneflex.multibody.model.layout import (
     PRESCRIBED,
     RATE,
     REACTIONS,
-    ROW_AT,
-    WHAT,
     N,
     Y,
     apart,
@@ -49,7 +44,6 @@ from kaneflex.multibody.model.layout import (
     larger,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
-from kaneflex.multibody.model.spatial_layout import COINCIDE
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.unilateral.contacts import stand_closed
 from kaneflex.multibody.unilateral.discontinuous_loads import choose_sides
@@ -93,14 +87,7 @@ def _give(m):
 def place(m, q):
     """Positions, axes and directions, with the cuts' rows and their derivatives by all speeds at J."""
     reduction.stand_at(m, q)
-    place_nodes(m, 0)
-    cut_rows(m)
-    n = m.plan[COORDINATES]
-    for k in range(m.plan[REACTIONS] * n):
-        m.J[k] = 0.0
-    for c in range(m.plan[CUTS], m.plan[HOLDS]):
-        for j in range(m.acts[c, ROW_AT], m.acts[c, ROW_AT] + (3 if m.acts[c, WHAT] == COINCIDE else 1)):
-            gradient(m, j, c, True, m.plan[GRADIENT] + n * j)
+    open_rows(m)
 
 
 @njit(**ENTRY)
@@ -310,7 +297,7 @@ PRESCRIBED_ENTRIES = {
     place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
     advance: void(SPACE, N, int64, N), mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
     near: int64(SPACE, N, int64, N, int64, N, boolean),
-    **reduction.ENTRIES,
+    **reduction.ENTRIES, independent_speeds.choose: independent_speeds.ENTRIES[independent_speeds.choose],
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],

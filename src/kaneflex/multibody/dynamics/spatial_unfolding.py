@@ -10,7 +10,7 @@ from numba.types import CPointer, boolean, int64, void
 
 from kaneflex.multibody.compile.values import after, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
-from kaneflex.multibody.dynamics.reduction import basis
+from kaneflex.multibody.dynamics.independent_speeds import PRESCRIBED, choose, differs, is_dependent, open_rows
 from kaneflex.multibody.dynamics.spatial_entries import project
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN, SPACE
 from kaneflex.multibody.model.layout import (
@@ -18,18 +18,16 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     DEPENDENT,
     ENTRY,
-    GRADIENT,
-    MEASURE,
+    LOOP_PIVOTS,
     MODAL,
     OPTIONS,
+    REACTIONS,
     ROW_OF,
     SHAPES,
     Fixed,
     N,
-    larger,
     shifted,
 )  # fmt: skip
-from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time.state_record import give, take
 
 NODE, SIGN, ON, FIRST_ROW, LAST_ROW = range(5)
@@ -38,7 +36,7 @@ body to its first, else 1; node of its second point, or -1 on the ground; its ro
 NO_JOINT = -2
 """Node in the row behind the last joint."""
 KEPT, CHANGED, FIXED = range(3)
-"""Outcomes of :func:`choose`."""
+"""Outcomes of :func:`change`."""
 
 
 @njit(**ENTRY)
@@ -97,112 +95,32 @@ def _exerted(m, joints, points, n):
 
 
 @njit(**ENTRY)
-def choose(m, row, independent, count, weight, grown, fixed, room):
-    """Make other speeds dependent at a row of the integration if that is much better, as Python does.
+def change(m, row, level, independent, fixed):
+    """Make other speeds dependent at a row of the integration, as Python does; returns KEPT, CHANGED or FIXED.
 
-    ``weight``: of every speed in the choice, see :func:`kaneflex.multibody.model.independent_speeds.choose`. ``grown``:
-    growth below which no choice is tried, updated; that of a new choice. ``fixed``: True if the choice must not change.
-    ``room``: 2 n^2 numbers, n speeds. Returns KEPT, CHANGED or FIXED.
+    ``level``: see :func:`kaneflex.multibody.dynamics.independent_speeds.choose`. ``fixed``: True if the choice must not
+    change.
     """
     _project(m, row)
-    plan, kept = m.plan, m.plan[KEPT_ROWS]
-    n = kept + count
-    order, now = 2 * kept * n, _growth(m, independent, count, room)
-    if now < grown[0]:
-        return KEPT
-    grown[0] = 2.0 * now
-    if not _other_growth(m, independent, count, weight, room) < 0.5 * now:
+    open_rows(m)
+    plan, taken = m.plan, shifted(m.pivots, m.plan[LOOP_PIVOTS])
+    choose(m, level, taken)
+    if not differs(m, taken):
         return KEPT
     if fixed:
         return FIXED
-    for k in range(n):
-        s = int(room[order + k])
-        if k < kept:
-            m.pivots[plan[DEPENDENT] + k] = s
-        else:
-            independent[k - kept] = s
-    grown[0] = grown[1]
+    kept, free = 0, 0
+    for r in range(plan[REACTIONS]):
+        if taken[r] >= 0:
+            m.pivots[plan[ROW_OF] + kept], m.pivots[plan[DEPENDENT] + kept] = r, taken[r]
+            kept += 1
+    for s in range(plan[COORDINATES]):
+        if level[s] < PRESCRIBED and not is_dependent(m, s):
+            independent[free] = s
+            free += 1
     _project(m, row)
     give(m, row[0], row)
     return CHANGED
-
-
-@njit(**OPTIONS)
-def _growth(m, independent, count, room):
-    """Largest dependent speed for a unit of an independent one, both in their measures, where the loops are closed."""
-    basis(m, independent, count, room)
-    plan, w, most = m.plan, m.w, 0.0
-    for j in range(count):
-        unit = w[plan[MEASURE] + independent[j]]
-        for k in range(plan[KEPT_ROWS]):
-            s = plan[plan[DEPENDENT] + k]
-            most = larger(most, abs(room[plan[COORDINATES] * j + s]) * unit / w[plan[MEASURE] + s])
-    return most
-
-
-@njit(**OPTIONS)
-def _other_growth(m, independent, count, weight, room):
-    """The same for the dependent speeds that a QR decomposition with column pivoting chooses.
-
-    The decomposition is that of the kept rows' derivatives by all free speeds s, times ``weight``[s]. ``room``: two
-    matrices, (kept, free) each, and the free speeds in the order of the pivots.
-    """
-    plan, kept = m.plan, m.plan[KEPT_ROWS]
-    n = kept + count
-    for k in range(n):
-        s = plan[plan[DEPENDENT] + k] if k < kept else independent[k - kept]
-        room[2 * kept * n + k] = float(s)
-        for r in range(kept):
-            of = m.w[plan[GRADIENT] + plan[COORDINATES] * r + s] * m.w[plan[MEASURE] + s]
-            of /= m.row_measure[plan[plan[ROW_OF] + r]]
-            room[n * r + k], room[n * (kept + r) + k] = of * weight[s], of
-    for j in range(kept):
-        _pivot(room, kept, n, j)
-        _eliminate(shifted(room, n * kept), kept, n, j)
-    most = 0.0
-    for r in range(kept):
-        for k in range(kept, n):
-            most = larger(most, abs(room[n * (kept + r) + k]))
-    return most
-
-
-@njit(**OPTIONS)
-def _pivot(A, rows, n, j):
-    """Exchange column j with the longest one from there on, in both matrices and the numbers behind them, and make the
-    later ones orthogonal to it in the first, (rows, n)."""
-    longest, p = -1.0, j
-    for k in range(j, n):
-        square = 0.0
-        for r in range(rows):
-            square += A[n * r + k] * A[n * r + k]
-        if square > longest:
-            longest, p = square, k
-    for r in range(2 * rows + 1):
-        A[n * r + j], A[n * r + p] = A[n * r + p], A[n * r + j]
-    for k in range(j + 1, n):
-        share = 0.0
-        for r in range(rows):
-            share += A[n * r + j] * A[n * r + k]
-        for r in range(rows):
-            A[n * r + k] -= share / longest * A[n * r + j]
-
-
-@njit(**OPTIONS)
-def _eliminate(A, rows, n, j):
-    """Step of a Gauss-Jordan elimination of the first columns, (rows, n), with row pivoting."""
-    p = j
-    for r in range(j, rows):
-        p = r if abs(A[n * r + j]) > abs(A[n * p + j]) else p
-    for k in range(n):
-        A[n * j + k], A[n * p + k] = A[n * p + k], A[n * j + k]
-    for r in range(rows):
-        share = A[n * r + j] / A[n * j + j]
-        for k in range(n):
-            if r != j:
-                A[n * r + k] -= share * A[n * j + k]
-    unit = A[n * j + j]
-    for k in range(n):
-        A[n * j + k] /= unit
 
 
 @njit(**ENTRY)
@@ -220,7 +138,7 @@ def rates_of(m, out):
 
 ENTRIES = {
     unfold: int64(SPACE, N, Fixed(5), N, N, N, N, N),
-    choose: int64(SPACE, N, CPointer(int64), int64, N, N, boolean, N),
+    change: int64(SPACE, N, CPointer(int64), CPointer(int64), boolean),
     rates_of: void(SPACE, N),
 }
 """Signatures of the functions that C calls."""

@@ -10,21 +10,18 @@ from numba.types import boolean, float64, int64, void
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral import dry_friction
-from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.unilateral.contacts import stand_closed
 from kaneflex.multibody.dynamics.loop_condition import orientation
 from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES, ELASTIC,
-    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST, LAW, LOCAL,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSES, DRIVES, ELASTIC,
+    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, HOLDS, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL,
     LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE,
-    REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, WORKS, Y, apart, kernel, shifted,
+    REACTIONS, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, WORKS, Y, apart, kernel, shifted,
     turned,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.courses import prescribe
-from kaneflex.multibody.dynamics.dimensions import bent, cut_rows, deform, demand, place
-from kaneflex.multibody.dynamics.interactions import gradient
+from kaneflex.multibody.dynamics.dimensions import deform, demand
 
 
 @njit(**ENTRY)
@@ -194,31 +191,6 @@ def _exerted(m, b):
     return normal, turn, along
 
 
-@njit(**ENTRY)
-def openings(m, t, out):
-    """Residuals of all rows of the cuts and of resting contacts at the given coordinates; their derivatives by all of
-    y are at GRADIENT."""
-    plan, w = m.plan, m.w
-    prescribe(m, t)
-    deform(m)
-    place(m, 0)
-    cut_rows(m)
-    bent(m)
-    n = plan[COORDINATES]
-    for i in range(plan[REACTIONS] * n):
-        w[plan[GRADIENT] + i] = 0.0
-    for cut in range(plan[CUTS], plan[HOLDS]):
-        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
-        for row in range(m.acts[cut, ROW_AT], end):
-            gradient(m, row, cut, True, plan[GRADIENT] + n * row)
-            out[row] = w[plan[CUT] + 9 * row]
-    for act in range(plan[CONTACTS], plan[ACTS]):
-        if rests(m, act):
-            row = m.acts[act, ROW_AT]
-            gradient(m, row, act, True, plan[GRADIENT] + n * row)
-            out[row] = w[plan[CUT] + 9 * row]
-
-
 ENTRIES = {
     fold: void(MECHANISM, N, N),
     unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
@@ -227,6 +199,5 @@ ENTRIES = {
     magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
     follow_rows: int64(MECHANISM, int64, N, N, N),
     states: int64(MECHANISM, N, int64, int64, boolean),
-    openings: void(MECHANISM, float64, N),
 }
 """Signatures of the functions that Python calls."""

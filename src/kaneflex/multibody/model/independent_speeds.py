@@ -8,13 +8,12 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint
+from kaneflex.multibody.dynamics.independent_speeds import GIVEN, NAMED
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice
 
 _RANK = 1e-9
-"""Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
-OF_SHAPES = 1e-4
-"""Weight of shapes in the choice: they are dependent only if necessary."""
+"""Share of the largest singular value below which a row is redundant."""
 
 
 def given_speeds(system: SpatialSystem) -> dict[int, float]:
@@ -71,22 +70,14 @@ def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> 
 
 
 def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice:
-    """Independent rows and speeds by pivoted QR at a position; ``prefer``: named speeds are independent."""
-    from scipy.linalg import qr
-
-    J, free = system.jacobian(q)[:, system.open_speeds], system.open_speeds
-    kept, dependent = np.zeros(0, int), np.zeros(0, int)
-    if J.size:
-        _, r, order = qr(J.T, pivoting=True, mode="economic")
-        kept = np.sort(order[: _rank(r)])
-        weight = np.ones(len(free))
-        weight[np.isin(free, system.modal_speeds)] = OF_SHAPES
-        if prefer:
-            weight[np.isin(free, named_speeds(system))] *= 1e-3
-            weight[np.isin(free, list(given_speeds(system)))] = 1e-6
-        _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
-        dependent = free[order[: len(kept)]]
-    return system.choice_of(kept, dependent, np.setdiff1d(free, dependent))
+    """Independent rows and speeds at a position; ``prefer``: named speeds are independent."""
+    system.place(q)
+    level = system.engine.levels.copy()
+    if prefer:
+        for speeds, later in ((named_speeds(system), NAMED), (list(given_speeds(system)), GIVEN)):
+            level[speeds] = np.maximum(level[speeds], later)
+    choice, _ = system.engine.chosen_by(level)
+    return system.choice_of(choice.rows, choice.dependent)
 
 
 def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
@@ -108,16 +99,11 @@ def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
         dependent.append(int(free[pivot]))
         q = J[:, :, pivot] / np.maximum(sizes[:, pivot], 1e-300)[:, None]
         J -= q[:, :, None] * np.einsum("pr,prs->ps", q, J)[:, None, :]
-    return system.choice_of(first.rows, np.array(dependent, int), np.setdiff1d(free, dependent))
+    return system.choice_of(first.rows, np.array(dependent, np.int64))
 
 
 def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
     """Other speeds at a position if they keep the rank; else the given choice: near a singular position fewer rows
     would leave a freedom unconstrained."""
     other = choose(system, q)
-    return other if len(other.rows) == len(choice.rows) else choice
-
-
-def _rank(r: np.ndarray) -> int:
-    pivots = abs(np.diag(r))
-    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of the size of rounding errors have none
+    return other if len(other.rows) == len(choice.rows) and other.differs(choice) else choice

@@ -139,8 +139,9 @@ in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives
 sizes, springs, sums, reactions of the cuts, forces at inboard sections, residuals of coordinates, powers. Gravity,
 stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
 to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
-right-hand side, twists of the sections by shapes now. Places in ``plan`` itself: that square's pivots, and of every
-kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts, preceded by the holds' numbers,
+right-hand side, twists of the sections by shapes now. Places in ``plan`` itself: that square's pivots, of every kept
+row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
+preceded by the holds' numbers,
 shared numbers of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant.
 In ``plan``: contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``, at the
 middle of a step: matrices I, E and L of the bodies at their inboard sections, axes of joints, twists of sections by

@@ -97,10 +97,10 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
         at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls, at.SLOPE_SQUARE: pulls**2,
         at.SLOPE_FORCES: pulls, at.GIVEN: n * in_space, at.GIVEN_REACTION: c.reactions * in_space,
     })  # fmt: skip
-    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), c.reactions)
+    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
     of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * in_space}
     of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.cut_rows * in_space
-    of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS), rows)
+    of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS, at.CUT_OF), rows)
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     plan[plan[at.FREED] : plan[at.FREED] + n] = 1
@@ -108,6 +108,13 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
         plan[plan[at.FREED] + k] = 0
     plan[plan[at.PRESCRIBED] : plan[at.PRESCRIBED] + c.courses] = c.driven
     return plan, size
+
+
+def assign_rows(plan: np.ndarray, acts: np.ndarray) -> None:
+    """Set the interaction of every row: a cut or hold, then every contact."""
+    of_cuts = np.searchsorted(acts[: plan[at.DRIVES], at.ROW_AT], np.arange(plan[at.CUT_ROWS]), side="right") - 1
+    found = np.concatenate([of_cuts, np.arange(plan[at.CONTACTS], plan[at.ACTS])])
+    plan[plan[at.CUT_OF] : plan[at.CUT_OF] + len(found)] = found
 
 
 def _of_motion(c: Counts) -> dict[int, int]:

@@ -15,7 +15,7 @@ from kaneflex.multibody.dynamics.spatial_work import Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, STRUCTURE_KERNELS, SWITCHED_SPACE
-from kaneflex.multibody.model.places import Counts
+from kaneflex.multibody.model.places import Counts, assign_rows
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Tables
 from kaneflex.multibody.model.state import Choice
 from kaneflex.multibody.model.topology import Layout as PlanarLayout
@@ -106,6 +106,7 @@ def spatial_engine(system: Any) -> SpatialEngine:
             for of in ("stiffness", "damping"))  # fmt: skip
     for place, numbers in ((plan[at.MEASURE], system.measure), (places["springs"], _springs(m)), (plan[at.DAMPED], C)):
         w[place : place + len(numbers)] = numbers
+    w[plan[at.TOUCH] + at.EXTENT] = system.mechanism.size or 1.0
     balls = m.nodes[m.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]]
     free = (np.arange(size) for size in (system.coordinates, system.speeds))
     own = np.column_stack([np.setdiff1d(every, first[:, None] + np.arange(wide))
@@ -122,7 +123,9 @@ def spatial_engine(system: Any) -> SpatialEngine:
         len(m.bodies), len(work.kept), len(work.phi), places["geometry"], len(balls), len(own),
     ])  # fmt: skip
     del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
-    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), _acts(system, places["springs"], counts.switches), w)
+    acts = _acts(system, places["springs"], counts.switches)
+    assign_rows(plan, acts)
+    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), acts, w)
     kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
     p = np.ascontiguousarray(system.parameters, float)
     units = np.where(system.turns, "rad", "m").tolist()

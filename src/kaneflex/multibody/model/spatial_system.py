@@ -177,14 +177,13 @@ class SpatialSystem:
         """Everything except addresses, which belong to one process."""
         return {name: value for name, value in vars(self).items() if name != "engine"}
 
-    def choice_of(self, rows: np.ndarray, dependent: np.ndarray, independent: np.ndarray) -> Choice:
+    def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the position of ``work``."""
-        rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
         inertia = np.zeros(self.speeds)
         if len(dependent) and self.has_light_bodies:
             free = np.isin(np.arange(self.speeds), self.open_speeds)
             inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
-        return Choice(rows, dependent, independent, inertia)
+        return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
 
     @cached_property
     def has_light_bodies(self) -> bool:

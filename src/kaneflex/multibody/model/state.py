@@ -24,6 +24,10 @@ class Choice:
     independent: np.ndarray
     virtual_inertia: np.ndarray
 
+    def differs(self, other: Choice) -> bool:
+        """True if rows or dependent speeds differ."""
+        return self.rows.tolist() != other.rows.tolist() or {*self.dependent.tolist()} != {*other.dependent.tolist()}
+
 
 _EMPTY = np.zeros(0, np.int64)
 NONE = Choice(_EMPTY, _EMPTY, _EMPTY, np.zeros(0))

@@ -15,7 +15,7 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.interactions import KINDS, ROWS, Branch, Numbers, key_of, list_acts, virtual_inertias
-from kaneflex.multibody.model.places import Counts, assign
+from kaneflex.multibody.model.places import Counts, assign, assign_rows
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,13 @@ def build_tables(
         driven, switches, any(contact.law == "newton" for contact in mechanism.contacts.values()),
     )  # fmt: skip
     plan, size = assign(counted, numbers)
+    assign_rows(plan, acts)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.DAMPED] = numbers.put(np.concatenate(damping))
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
     places, w = [_ground(mechanism, name) for owner, name in index if owner == GROUND], np.concatenate(numbers.parts)
+    w[plan[at.TOUCH] + at.EXTENT] = measure or 1.0
     _lay_out(plan, sections, w, places)
     held = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
     layout = Layout(tuple(body for body, *_ in order), held, index, *map(tuple, (cut_names, coordinates, prescribed)))

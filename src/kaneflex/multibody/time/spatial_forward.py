@@ -30,8 +30,6 @@ from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
 Share = Callable[[float], None]
-GROWTH = 8.0
-"""Largest dependent speed per independent one, in their measures, before another choice is tried."""
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
 _PIECE, PATIENT = 256, 16
@@ -57,7 +55,6 @@ class Run(Curve):
         self.curves: list[tuple[Steps, State]] = []
         self.knots: list[float] = []  # ends of the steps
         self.first: float | None = None  # step to begin with
-        self.growth = GROWTH  # beyond which other speeds are tried
         self.works = [np.zeros((1, 2))]
         self.changes: list[float] = []  # instants at which discontinuous loads switch
         self.done = np.zeros(system.engine.count(at.WORKS))  # works of dampers, loads and drives
@@ -146,22 +143,14 @@ class Run(Curve):
         return "the step size tends to zero"
 
     def _better(self, found: State) -> State:
-        """State with another choice of independent speeds, if the dependent ones have become relatively large."""
-        system, choice = self.system, found.choice
-        if not len(choice.dependent) or not len(choice.independent):
+        """State with another choice of independent speeds, if there is one."""
+        choice = choose_anew(self.system, found.q, found.choice)
+        if choice is found.choice:
             return found
-        grown = _largest(system, choice)
-        if grown < self.growth:
-            return found
-        self.growth = 2.0 * grown  # without a better choice, others are tried rarely
         try:
-            other = system.project(found.t, found.q, found.u, choose_anew(system, found.q, choice))
+            return self.system.project(found.t, found.q, found.u, choice)
         except ArithmeticError:
             return found
-        if not _largest(system, other.choice) < 0.5 * grown:
-            return found
-        self.growth = GROWTH
-        return other
 
     def __call__(self, t: float) -> State:
         self.rows(np.array([float(t)]))
@@ -229,12 +218,6 @@ class Run(Curve):
         if len(self.system.modal_speeds):
             cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)
-
-
-def _largest(system: SpatialSystem, choice: Choice) -> float:
-    """Largest entry of the basis, in the measures of the speeds."""
-    found = system.engine.basis(choice) / system.measure
-    return float(abs(found * system.measure[choice.independent][:, None]).max(initial=0.0))
 
 
 def method_in_space(system: SpatialSystem, options: Options) -> Method:

@@ -43,7 +43,7 @@ def along(m, c):
         lean(m, act)
     for i in range(n):
         w[out + i] = 0.0
-    gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
+    gradient(m, row, plan[SPEEDS] > 3 * plan[BODIES], out)
     leave_out(m, out)
     return out
 

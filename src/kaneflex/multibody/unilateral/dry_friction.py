@@ -234,7 +234,9 @@ def brought(m, r):
 def presses(m, n, r):
     """True if the reaction of a factors' row is the normal force of a hold."""
     plan = m.plan
-    of = plan[plan[CUT_OF] + r] if r < plan[KEPT] else plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    of = plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    if r < plan[KEPT]:
+        of = plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]]
     return int(m.w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + OF_AT]) == of
 
 

@@ -15,7 +15,7 @@ from kaneflex.multibody.dynamics.loop_factors import column, reach
 from kaneflex.multibody.unilateral.complementarity import listed
 from kaneflex.multibody.model.layout import (
     COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, FREED, KEPT, LOADS, OPTIONS, POWER, PRESCRIBED, RATE,
-    REACTION, SCHUR, SPRINGS, TOUCHING, WORKS, YIELDING, apart,
+    REACTION, ROW_OF, SCHUR, SPRINGS, TOUCHING, WORKS, YIELDING, apart,
 )  # fmt: skip
 
 
@@ -95,6 +95,6 @@ def share(m, A):
             if plan[plan[FREED] + k] != 0:
                 w[plan[RATE] + k] += A[of + k] * A[x + r]
         if r < m.pivots[KEPT]:
-            course = m.acts[plan[plan[CUT_OF] + r], COURSE_AT]
+            course = m.acts[plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]], COURSE_AT]
             if course >= 0:
                 w[drives + course] += A[x + r] * w[plan[COURSE] + 3 * course + 1]
