@@ -76,7 +76,6 @@ def run(
     with uncollected():
         from kaneflex.cli.workflow import Demand, run_into
         from kaneflex.report.tables import ending
-        from kaneflex.scene.write_back import file_to_write, write_settings
 
     tolerance, sensors = choosing.tolerance, choosing.sensors
     refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
@@ -95,7 +94,10 @@ def run(
         from kaneflex.plots import kinds_of
 
         kinds_of(target.kinds)
-    file = file_to_write(asked.name, asked.changes) if choosing.write_back else None
+    if choosing.write_back:
+        from kaneflex.scene.write_back import file_to_write, write_settings
+
+        file = file_to_write(asked.name, asked.changes)
     demand = None if tolerance is None else Demand(tolerance_of(tolerance), sensors or None)
     with uncollected():
         scene = asked.read()
@@ -107,7 +109,7 @@ def run(
         echo(f"Warning: {warning}", err=True)
     if summary.outcome != "completed":
         echo(ending(summary), err=True)
-    if file is not None:
+    if choosing.write_back:
         write_settings(file, summary.choice.settings)
         echo(f"The model is written into {file}", err=as_json)
     if summary.outcome != "completed":

@@ -7,11 +7,11 @@ from inspect import unwrap
 from typing import Any
 
 from llvmlite.binding import ffi
-from numba.core import base, codegen, ir, postproc, ssa, targetconfig, transforms, utils
+from numba.core import base, codegen, postproc, ssa, targetconfig, transforms, utils
 
 
 def use() -> None:
-    """Store the answers that numba computes anew thousands of times, and list variables without testing every type."""
+    """Store the answers that numba computes anew thousands of times."""
     ffi.lib._lock._cblist.clear()  # events that measure how long LLVM is locked, two for each call of LLVM
     library: Any = codegen.JITCodeLibrary
     library.add_linking_library = _link_parts
@@ -27,8 +27,6 @@ def use() -> None:
     ordered: Any = utils.order_by_target_specificity
     utils.order_by_target_specificity = _by(lambda target, of, *_: (target, tuple(of)), ordered)
     base._has_loc = _by(lambda function: getattr(unwrap(function), "__code__", function), base._has_loc)
-    statement: Any = ir.Inst
-    statement._rec_list_vars = _variables(ir.Var, ir.Inst)
     assignments: Any = ssa
     _rewrite_where_mentioned(assignments)
     processor: Any = postproc.PostProcessor
@@ -61,27 +59,6 @@ def _if_registered(refresh: Any) -> Any:
             self._read = lists, sum(map(len, lists)) + len(known(self))
 
     return refreshed
-
-
-def _variables(variable: type, statement: type) -> Any:
-    """``Inst._rec_list_vars`` of numba, its tests stored by type: variables in a statement, in numba's order."""
-    kinds = variable, statement, list, tuple, dict, object
-    known: dict[type, type] = {}
-
-    def add(found: list[Any], values: Any) -> list[Any]:
-        for each in values:
-            kind = known.get(type(each))
-            if kind is None:
-                kind = known[type(each)] = next(of for of in kinds if isinstance(each, of))
-            if kind is variable:
-                found.append(each)
-            elif kind is statement:
-                found += each.list_vars()
-            elif kind is not object:
-                add(found, each.values() if kind is dict else each)
-        return found
-
-    return lambda self, value: add([], (value,))
 
 
 def _rewrite_where_mentioned(ssa: Any) -> None:
