@@ -141,9 +141,8 @@ class Engine:
 
     def states_of(self, rows: np.ndarray, choice: Choice) -> Iterator[State]:
         """States of rows of the integration; sizes of loads are the current ones."""
-        parts = (rows[:, self.columns[name]].copy() for name in ("q", "u", "du"))
-        sizes = self.sizes.copy()
-        return (State(t, *each, sizes, choice) for t, *each in zip(rows[:, 0].tolist(), *parts, strict=True))
+        (q, u, du), sizes = (rows[:, self.columns[name]].copy() for name in ("q", "u", "du")), self.sizes.copy()
+        return (State(*each, sizes, choice) for each in zip(rows[:, 0].tolist(), q, u, du, strict=True))
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set coordinates and rates of the bodies, in the tree's order."""
