@@ -204,8 +204,8 @@ class Engine:
 
     def cut_of(self, row: int) -> str:
         """Joint of a cut's row; of a resting contact the last one."""
-        acts = self.tables.acts[: self.count(at.HOLDS), at.ROW_AT]
-        return self.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
+        cut = int(self.tables.plan[self.count(at.CUT_OF) + row])
+        return self.layout.cuts[min(cut, len(self.layout.cuts) - 1)]
 
     @cached_property
     def _last_columns(self) -> list[int]:

@@ -34,6 +34,7 @@ _EXACT = OPTIONS | {"fastmath": False}
 @njit(**OPTIONS)
 def stands(m, row):
     """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
+    apart()
     act = m.plan[m.plan[CUT_OF] + row]
     return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and rests(m, act))
 
@@ -117,6 +118,7 @@ def differs(m, taken):
 @njit(**_EXACT)
 def _eliminate(m, level, even, taken):
     """Eliminate the rows with either scale; returns the number of redundant ones."""
+    apart()
     plan, left = m.plan, 0
     _scale(m, level, even)
     for row in range(plan[REACTIONS]):
@@ -138,6 +140,7 @@ def _eliminate(m, level, even, taken):
 @njit(**_EXACT)
 def _by_joints(m, level, row):
     """Largest derivative of a row by a joint's coordinate, in units of the coordinates."""
+    apart()
     plan, size = m.plan, 0.0
     for i in range(plan[COORDINATES]):
         if level[i] < OF_SHAPE:

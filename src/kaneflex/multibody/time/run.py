@@ -221,14 +221,10 @@ class Run:
 
     def _chosen_anew(self) -> bool:
         """Choose kept rows and dependent coordinates at the current state; True if they change."""
-        before, t = self._chosen, float(self.here[0])
+        before = self.engine.choice
         self.engine.stand(self.here)
-        self.engine.choose(t)
-        return self._chosen != before
-
-    @property
-    def _chosen(self) -> tuple[list[int], list[int]]:
-        return self.engine.choice.rows.tolist(), sorted(self.engine.choice.dependent.tolist())
+        self.engine.choose(float(self.here[0]))
+        return self.engine.choice.differs(before)
 
     def _collocation(self, rows: slice, most: int) -> int:
         self.bounds.update(np.vstack([self.rows[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
