@@ -48,7 +48,7 @@ def vectors(x, y):
     a = (x, y, 2.0)
     b = axpy(y, a, a) if x > 0.0 else a
     six = wide(b, x)
-    total = dot(a, b) + dot(six, six)
+    total = dot(a, b) + dot(six, six) + x**2  # printed as a product
     for k in range(len(b)):
         total += b[k] * k
     if y > 0.0:
