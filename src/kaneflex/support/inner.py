@@ -42,6 +42,18 @@ class _Registered(LoweringPass):
         return True
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Deletions(IRLegalization):
+    """Deletions of variables, only in functions with arrays: numba counts the references to these."""
+
+    _name = "deletions_where_counted"
+
+    def run_pass(self, state) -> bool:
+        models = state.targetctx.data_model_manager
+        counted = any(models[kind].contains_nrt_meminfo() for kind in state.typemap.values())
+        return counted and super().run_pass(state)
+
+
 class Inner(CompilerBase):
     """Compiler of numba without its last stage.
 
@@ -52,7 +64,8 @@ class Inner(CompilerBase):
         self.state.flags = self.state.flags.copy()
         self.state.flags.no_compile = True
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state, "inner")
-        passes.passes = [(each, about) for each, about in passes.passes if each not in _NOT_NEEDED]
+        passes.passes = [(_Deletions if each is IRLegalization else each, about) for each, about in passes.passes
+                         if each not in _NOT_NEEDED]  # fmt: skip
         passes.add_pass_after(_Registered, NativeLowering)
         passes.finalize()
         return [passes]
@@ -69,7 +82,7 @@ def once(dispatcher):
     return dispatcher
 
 
-_NOT_NEEDED = (InlineClosureLikes, InlineOverloads, IRLegalization)
+_NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
 """Compiler pass for nested functions, which are not used."""
 
 
