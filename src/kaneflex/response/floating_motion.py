@@ -22,6 +22,7 @@ from kaneflex.mechanism.planar import cross, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.revolutions import left_out
+from kaneflex.multibody.unilateral.dry_friction import STUCK
 from kaneflex.response.motion import Motion
 from kaneflex.scene.quantities import Address
 from kaneflex.support.kept import Kept
@@ -162,8 +163,8 @@ class FloatingMotion(Motion):
         """The same states with accelerations and reactions without axial vibration of the links.
 
         Axial shapes are not accelerated, as far as the joints allow: the axial force is then that of the remaining
-        motion, up to the squared ratio of frequencies. If masses differ too much for a solution, the motion is
-        unchanged.
+        motion, up to the squared ratio of frequencies. If masses differ too much for a solution, or links then bend
+        violently beside sticking friction or resting contacts, the motion is unchanged.
         """
         t, engine = self.trajectory, self.system.engine
         names = (name.rpartition(".")[2] for name, _ in engine.layout.coordinates)
@@ -174,7 +175,23 @@ class FloatingMotion(Motion):
             found = self.system.unfold(self.system.states(t.rows, still))
         except ArithmeticError:
             return self
-        return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
+        across = [k for k, (name, _) in enumerate(self.system.coordinates) if ".transverse_" in name]
+        violent = (abs(found.a[:, across]) > abs(t.a[:, across]).max(axis=0)).any(axis=1)
+        kept = (self._locked & violent)[:, None]
+        a, multipliers = np.where(kept, t.a, found.a), np.where(kept, t.multipliers, found.reactions)
+        return replace(self, trajectory=replace(t, a=a, multipliers=multipliers))
+
+    @property
+    def _locked(self) -> np.ndarray:
+        """True at instants with sticking friction, or rigid sides at rest on each other, (n_times,).
+
+        Such a constraint may lock the loops of the rigid bodies: a link stretches then as they move on, and without
+        axial acceleration it would have to bend violently instead.
+        """
+        engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
+        modes, count = self.trajectory.rows[:, engine.columns["modes"]], len(engine.holds)
+        rigid = count + np.flatnonzero([contact.law == "newton" for contact in contacts])
+        return (modes[:, :count] == STUCK).any(axis=1) | (modes[:, rigid] != 0.0).any(axis=1)
 
     def body(self, name: str) -> Rates:
         """Position x, y [m] and angle phi [rad] of a body's frame with rates, (3, n_times) each."""
