@@ -62,6 +62,8 @@ PAGE_TEXT = """# Accuracy of results
 Every run [estimates the error](scene/solve.md#error-estimates) of its sensors. *Effectivity* is the largest estimate
 of a sensor divided by its largest true error: 1 is exact, above 1 is safe.
 
+Tables as CSV: [one-way](data/accuracy.csv), [coupled](data/accuracy-coupled.csv), [prices](data/accuracy-prices.csv)
+
 ## One-way presets
 
 The reference is preset `stiffened` with four times the elements, all modes, and four times the steps by `radau`. The
@@ -73,9 +75,9 @@ quasi-static runs of scenes that start from rest. For `linear` the greatest effe
 ## Preset coupled
 
 The table contains runs under `coupled`, and one-way runs with `solve.errors = "all"`. The reference is `coupled` with
-four times the elements and steps, 12 modes per link (6 in space) and 1/300 of the tolerance. With half the elements and
-half the modes it changes; a quarter of this change is the estimated error of the reference. Sensors whose error is
-below ten times this value are left out.
+four times the elements and steps, 12 modes per link (6 in space) and 1/300 of the tolerance. The error of the reference
+is estimated as a quarter of its change when elements and modes are halved. Sensors whose error is below ten times this
+value are left out.
 
 {coupled}
 ## Prices and runs

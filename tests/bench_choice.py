@@ -58,12 +58,13 @@ HEAD = """# Choices compared with brute force
 
 The table lists the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance) chooses, its largest error relative
 to the finest converged reference, the fastest model that `kaneflex trade` finds within the tolerance (by brute force,
-budget 20 s), and the ratio of their
-run times. The time to choose includes the time to derive the equations. `CASES` in `tests/bench_choice.py` lists the
-sensors that were considered.
+budget 20 s), and the ratio of their run times. The time to choose includes the time to derive the equations. `CASES` in
+`tests/bench_choice.py` lists the sensors that were considered.
 
 All 43 chosen models are within their tolerance and take at most 1.57 times as long as the cheapest model. In 8 cases
 no reference converges, and no model is chosen.
+
+Table as CSV: [choices](data/choices.csv)
 
 """
 TABLE = "choices"

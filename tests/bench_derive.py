@@ -48,6 +48,8 @@ from ground to ground. Operations are those of the kernel `motion`. Their number
 links; without shared subexpressions it would grow exponentially. Each chain is compiled in a new process with an empty
 cache.
 
+Tables as CSV: [kernels](data/derive-times.csv), [coupled](data/derive-times-coupled.csv)
+
 """
 COLUMNS = (
     "chain", "links", "derive [s]", "module [kB]", "operations written out", "operations shared", "compile motion [s]"

@@ -24,12 +24,14 @@ HEAD = """# Extremes
 
 Scenes with extreme speeds, stiffnesses and step sizes are compared with closed forms, scaling laws or limits.
 
+Table as CSV: [extremes](data/extremes.csv)
+
 ## Results by method
 
 The columns are presets; `radau`, `newmark`, `generalised-alpha` and `gauss` are integrators of `stiffened`. A number is
-the error relative to the largest expected value. A number in brackets exceeds the accuracy required for the case; the
-run then warns. A word is the outcome of the run. A dash means that the case was not run. `gauss` was run only for
-forces and accelerations.
+the error relative to the largest expected value. An error in brackets is larger than the case allows; the run then
+warns. A word is the outcome of the run. A dash means that the case was not run. `gauss` was run only for forces and
+accelerations.
 
 ![Errors and outcomes of every case](pictures/extremes.png)
 
@@ -47,7 +49,7 @@ RULES = """
 - **Excited vibrations with periods shorter than a step**: only `exact-modal` (preset `paper`) stays accurate; other
   runs warn.
 - **Elements**: rounding errors grow with about the fourth power of the number of elements, to 5e-4 with 1024.
-- **Dead centres**: positions are accurate even if the rod is only 1e-9 longer than the crank.
+- **Dead centres**: positions are accurate even if the rod is longer than the crank by only a part in 10^9.
 """
 CYCLES_HEAD = f"""
 ## A million cycles

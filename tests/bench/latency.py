@@ -25,7 +25,8 @@ ABOUT = f"""\
 Times are processor seconds (user and system) of whole processes; rows named *clock* are wall time. Ratios are relative
 to the time of a *reference computation*, `{FIXED}`.
 
-- *Install*: `make run` without bytecode, or `pip install` of a wheel, into an empty environment. MB are 10^6 bytes.
+- *Install*: installation into an empty environment, either by `make run` (which writes no `.pyc` files) or by `pip
+  install` of a wheel. MB are 10^6 bytes.
 - *Cold*: the first `kaneflex run SCENE --no-plots` on a machine. The equations of the engine with gravity are not
   shipped and must first be derived. *From a wheel*: with a wheel that contains compiled kernels.
 - *Warm*: the kernels were compiled in an earlier run."""

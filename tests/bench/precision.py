@@ -14,9 +14,9 @@ from kaneflex_peers import exudyn
 
 TITLE = "Work over precision"
 ABOUT = """\
-Preset `coupled` and Exudyn use the same number of elements and tighter tolerances or more steps. The table gives the
-time, and the rms error of the deflection in the middle of an elastic link relative to the converged result of the same
-program."""
+Preset `coupled` and Exudyn use the same number of elements. Tolerances are tightened, or steps added, from row to row.
+The table gives the time, and the rms error of the deflection in the middle of an elastic link relative to the converged
+result of the same program."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SLOW = (1e-3, 1e-4, 1e-5, 1e-6)
 """Those of scipy."""

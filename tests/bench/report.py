@@ -21,10 +21,15 @@ from kaneflex.support.atomic_output import write_text
 
 HEAD = """# Benchmarks
 
-This page compares kaneflex with hand-written C and other programs. The programs run in turn, in several rounds. Times
-are medians over the rounds, with quartiles; ratios are medians of the ratios in each round. The column *target* shows
-the required value and, in brackets, the desired value, with the result: *met* (the required value is reached),
-*exceeded* (the desired value is reached) or *missed*. All runs except the sweeps use one thread.
+kaneflex, hand-written C and other programs run in turn, in several rounds. Times are medians over the rounds, with
+quartiles; ratios are medians of the ratios in each round. The column *target* shows the required value and, in
+brackets, the desired value, with the result: *met* (the required value is reached), *exceeded* (the desired value is
+reached) or *missed*. All runs except the sweeps use one thread.
+
+Tables as CSV: [latency](data/benchmarks-latency.csv), [kernels](data/benchmarks-kernels.csv),
+[exudyn](data/benchmarks-exudyn.csv), [precision](data/benchmarks-precision.csv),
+[ivp](data/benchmarks-ivp.csv), [impacts](data/benchmarks-impacts.csv),
+[scaling](data/benchmarks-scaling.csv), [sweeps](data/benchmarks-sweeps.csv)
 
 ![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
 """
