@@ -206,7 +206,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
         (
             "engine", ["solve.integrator=newmark"],
             "solve.integrator = 'newmark': this integrator is for equations that are linear in the displacements. "
-            "Use radau, gauss or scipy under preset coupled.",
+            "Use radau or gauss under preset coupled.",
         ),
         (
             "engine", ["solve.modes=90"],

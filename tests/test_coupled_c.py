@@ -261,11 +261,6 @@ def test_a_law_that_jumps_is_refused_by_name():
         coupled_in_c(scene)
 
 
-def test_radau_replaces_integrators_without_steps_of_error_control():
-    texts = coupled_in_c(with_settings(read_scene("four-bar-motor"), ["solve.integrator=scipy"]))
-    assert "scipy" not in texts["four_bar_motor.c"]
-
-
 def test_bounds_that_c_does_not_know_are_refused():
     scene = with_settings(read_scene("four-bar-motor"), ['solve.bounded=["speeds"]'])
     with pytest.raises(SceneError, match=r"solve.bounded = 'speeds': steps in C control the error of displacements"):

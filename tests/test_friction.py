@@ -355,8 +355,6 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
 def test_the_one_way_presets_name_what_has_friction():
     with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid does not support friction.*coupled"):
         solved(BLOCK, "solve.preset=rigid")
-    with pytest.raises(SceneError, match=r"with joints\.slide\.friction this integrator would step over impacts"):
-        solved(BLOCK, "solve.integrator=scipy")
     with pytest.raises(SceneError, match=r"with joints\.slide\.friction the equations are nonlinear"):
         linearise(load(scene_of(BLOCK)))
 

@@ -72,7 +72,7 @@ def test_coordinates_follow_from_enough_rows_as_from_all(tmp_path):
     motion = model.motion.bare.at(np.linspace(0.0, model.scene.horizon, 40))
     each, whole = choice.blocks, joined._in_order(np.arange(joined.row_count), choice.dependent)
     assert len(each) > len(whole) == 1 and len(whole[0].rows) > len(choice.dependent)
-    assert sum(len(block.rows) for block in each) == sum(len(block.said) for block in each) == len(choice.dependent)
+    assert sum(len(block.rows) for block in each) == sum(len(block.dependent) for block in each) == len(choice.dependent)
     every = np.arange(len(choice.independent))
     by_enough, by_all = (joined.tied_maps(motion, replace(choice, blocks=blocks), every) for blocks in (each, whole))
     for rate in range(3):
@@ -84,11 +84,11 @@ def test_coordinates_follow_from_those_before_them(backwards):
     found = load(read_scene("robot-arm-elastic")).motion.deforming.map
     rows = np.concatenate([block.rows for block in found.choice.blocks])
     blocks = found.joined._in_order(np.sort(rows)[:: -1 if backwards else 1], found.choice.dependent)
-    said, dependent = set(), set(found.joined.places(found.choice.dependent).tolist())
+    known, dependent = set(), set(found.joined.places(found.choice.dependent).tolist())
     for block in blocks:
-        assert not (dependent - said) & set(block.given.tolist())
-        said |= set(block.said.tolist())
-    assert said == dependent and len(blocks) == 6
+        assert not (dependent - known) & set(block.given.tolist())
+        known |= set(block.dependent.tolist())
+    assert known == dependent and len(blocks) == 6
 
 
 CANTILEVER = f"""

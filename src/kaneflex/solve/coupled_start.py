@@ -97,7 +97,7 @@ def _in_plane(model: Model) -> Begun:
     room = 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5  # one contact: the compiler can't see that the
     # loop over contacts is empty
     return Begun(
-        engine, run.here, run.step, 0.0, "gauss" if run.method.integrator == "gauss" else "radau",
+        engine, run.here, run.step, 0.0, run.method.integrator,
         engine.choice.independent,
         {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names},
         system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
