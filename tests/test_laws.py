@@ -85,6 +85,8 @@ def test_equal_laws_have_one_text():
     ("t +", "not an expression"),
     ("", "not an expression"),
     ("t; t", "not an expression"),
+    ("2 t", "not an expression"),
+    ("step(t, 0, -30 deg, 1, 0)", "'30 deg' has a unit, and numbers in a law have none"),
     ("(" * 50_000 + "t" + ")" * 50_000, "longer than 100000 characters"),
     ("+".join(["t"] * 400), "more than 100 nested operations"),
     ("sin(t) *" * 30_000 + "t", "longer than 100000 characters"),

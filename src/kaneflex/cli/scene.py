@@ -153,8 +153,8 @@ def mode_angle(scene: Scene, at: str) -> float:
     drive, angle = configuration(scene, at)
     first = next(iter(scene.drives))
     if drive != first:
-        cure = f"Give the angle of {first}"
-        raise SceneError("--at", at, "the first drive's angle gives the configuration", cure)
+        cure = f"Give the angle of {first} only"
+        raise SceneError("--at", at, f"only {first}, the first drive, sets the configuration of modes", cure)
     return angle
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -36,6 +37,8 @@ _BINARY = {
     ast.Pow: operator.pow,
 }
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_WITH_UNIT = re.compile(r"\d+(?:\.\d*)?\s*([A-Za-z%]+)\b")
+"""Number with a unit behind it."""
 _LONGEST = 100_000
 """Largest number of characters, so that parsing is quick; the number of operations limits a law's size."""
 _MOST_OPERATIONS = 1000
@@ -178,6 +181,10 @@ def _parsed(text: str, names: tuple[str, ...]) -> Law:
     except RecursionError:
         raise Fault(f"more than {_DEEPEST} nested operations", _AS_A_TABLE) from None
     except (SyntaxError, ValueError, MemoryError):
+        for found in _WITH_UNIT.finditer(text):
+            if found[1] not in {*names, *FUNCTIONS, "pi"}:
+                cure = "Write SI numbers (rad, m, s, N), like 60 * pi / 180 for 60 deg"
+                raise Fault(f"{found[0]!r} has a unit, and numbers in a law have none", cure) from None
         raise Fault("not an expression", "Write one like '120 * sin(2 * pi * 50 * t)'") from None
     _check_size(tree)
     _check(tree, {*names, "pi"})
