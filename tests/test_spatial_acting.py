@@ -72,7 +72,8 @@ def test_coordinates_follow_from_enough_rows_as_from_all(tmp_path):
     motion = model.motion.bare.at(np.linspace(0.0, model.scene.horizon, 40))
     each, whole = choice.blocks, joined._in_order(np.arange(joined.row_count), choice.dependent)
     assert len(each) > len(whole) == 1 and len(whole[0].rows) > len(choice.dependent)
-    assert sum(len(block.rows) for block in each) == sum(len(block.dependent) for block in each) == len(choice.dependent)
+    sizes = [sum(len(part) for part in parts) for parts in zip(*((b.rows, b.dependent) for b in each), strict=True)]
+    assert sizes == 2 * [len(choice.dependent)]
     every = np.arange(len(choice.independent))
     by_enough, by_all = (joined.tied_maps(motion, replace(choice, blocks=blocks), every) for blocks in (each, whole))
     for rate in range(3):
