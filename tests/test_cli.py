@@ -67,6 +67,7 @@ def test_module_runs_as_a_program(tmp_path):
 
 def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
     """No file may grow beyond 3 kB: the system refuses numba's cache as a full disk does."""
+    kaneflex.load("pin-ended-cross")  # so that its module is derived
     limited = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))"
     shown = subprocess.run(
         [sys.executable, "-c", f"{limited}; from kaneflex.cli import main; main()", "modes", "pin-ended-cross"],
