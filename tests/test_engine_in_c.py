@@ -118,6 +118,8 @@ def memory(run, random):
     points = engine.tables.sections[engine.tables.sections[:, at.OWNER] >= 0, at.POINT]
     for first in (*(points + 3), *(engine.tables.bodies[:, at.BLOCK] + 4)):  # numbers of shapes
         near[first : first + 2] = engine.tables.w[first : first + 2]
+    for part in (at.RATE, at.ACCEL):  # at rest most of these functions find nothing
+        near[engine.tables.plan[part] :][: engine.size] += 0.1 * random.normal(size=engine.size)
     real, pair = (random.normal(size=max(1, len(each))) + 2.0 for each in (engine.real, engine.pair))
     row = run.row * (1.0 + 1e-3 * random.normal(size=len(run.row)))
     spare = [np.concatenate([row, random.uniform(0.5, 1.5, 4000)]) for _ in range(8)]

@@ -42,38 +42,39 @@ def acceleration(m, n):
 
 
 @njit(**OPTIONS)
-def rests(m, n):
+def rests(m, act):
     """True if a contact is at rest under Newton's law."""
-    return m.acts[n, LAW] == NEWTON and m.w[m.plan[CONTACT] + CONTACT_SIZE * (n - m.plan[CONTACTS]) + BEGUN_AT] != 0.0
+    of = m.plan[CONTACT] + CONTACT_SIZE * (act - m.plan[CONTACTS])
+    return m.acts[act, LAW] == NEWTON and m.w[of + BEGUN_AT] != 0.0
 
 
 @njit(**OPTIONS)
-def lean(m, n):
+def lean(m, act):
     """Jacobian of a contact's gap with respect to the twists of its sections, after :func:`meet`."""
     w, plan = m.w, m.plan
-    k = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS])
+    k = plan[CONTACT] + CONTACT_SIZE * (act - plan[CONTACTS])
     x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
     for side in range(2):
-        section, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
-        j = plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT] + 3 + 3 * side
+        section, sign = plan[SECTION] + SEC * m.acts[act, AT + side], 2.0 * side - 1.0
+        j = plan[CUT] + ROW_SIZE * m.acts[act, ROW_AT] + 3 + 3 * side
         w[j], w[j + 1] = sign * x, sign * z
         arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
         w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
 
 
 @njit(**OPTIONS)
-def joint_row(m, n):
+def joint_row(m, act):
     """Row of a joint in laws that is a cut, at SUMS: its coordinate and two rates, then its Jacobian; in space zero."""
     apart()
-    w, sec, j = m.w, shifted(m.w, m.plan[SECTION]), m.acts[n, NUMBERS_AT]
-    if m.acts[n, WHAT] == TURN:
-        laws.turn(sec, m.acts[n, AT], m.acts[n, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
+    w, sec, j = m.w, shifted(m.w, m.plan[SECTION]), m.acts[act, NUMBERS_AT]
+    if m.acts[act, WHAT] == TURN:
+        laws.turn(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
     else:
-        laws.slide(sec, m.acts[n, AT], m.acts[n, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
+        laws.slide(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
 
 
 @njit(**OPTIONS)
-def _unknown(m, n):
+def _unknown(m, act):
     inside()
 
 
