@@ -134,3 +134,13 @@ def test_none_where_more_than_shapes_is_free():
     model = kaneflex.load(kaneflex.read_scene("four-bar-motor"))
     equations, start = prepare(model.coupled, coupled.beginning(model))
     assert coupled.orbit_start(equations, lambda times: [start], 0.0, 1.0, 1e-6) is None
+
+
+def test_the_end_of_a_cycle_is_a_start_without_the_turns_of_its_joints():
+    """The crank's pin turns back once a cycle, against the coupler."""
+    model = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene("four-bar"), ["solve.preset=coupled"]))
+    equations, start = prepare(model.coupled, coupled.beginning(model))
+    cycles = PlanarCycles(equations, model.step * np.arange(model.options.steps + 1), coupled.method_of(model))
+    run = cycles.run(start)
+    turned = run.rows[-1, model.coupled.engine.columns["q"]] - start.q
+    assert abs(turned).max() > 6.0 and abs(cycles.end(run).q - start.q).max() < 0.1

@@ -257,6 +257,8 @@ def test_states_that_do_not_fit(tmp_path, pendulum):
     crank = run("slider-crank-150-coupled", "solve.duration=1 ms", "solve.steps=10")
     with pytest.raises(SceneError, match=r"the state opens joint \w+ by .*Continue with the lengths and drives"):
         run("slider-crank-150-coupled", "rod.length=0.35", after=crank)
+    with pytest.raises(SceneError, match=r"the state opens joint main by 0\.05 .*Continue with the lengths and drives"):
+        run("slider-crank-150-coupled", "main.speed=100 rad/s", after=crank)
     with pytest.raises(SceneError, match=r"after = .*: its results can't be read: the file does not exist\. Give"):
         kaneflex.read_state(tmp_path)
 

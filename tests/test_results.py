@@ -34,6 +34,7 @@ from kaneflex.report.summary import (
 from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.scene.structure import structure_hash
+from kaneflex.solve.error_stages import REQUEST
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.summary_tables import Attempt, Choice, ParameterSensitivity, SensorDerivative
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
@@ -107,6 +108,12 @@ def test_what_is_told_of_a_run_is_no_rounding_and_in_units_that_people_read(solu
     for ns, said in ((0.0, "solve"), (450.0, "450 ns a step"), (189787.0, "189.8 us a step"), (2e7, "20 ms a step")):
         timing = told.timing.model_copy(update={"ns_per_step": ns})
         assert run_lines(told.model_copy(update={"timing": timing})).splitlines()[-1].endswith(said)
+
+
+@pytest.mark.parametrize(("reason", "lines"), [("", 2), (f"not estimated: slow; {REQUEST}", 3), ("not estimated", 2)])
+def test_a_run_says_why_errors_are_not_estimated_where_they_could_be(solution, reason, lines):
+    text = run_lines(summarise(solution).model_copy(update={"errors": reason}))
+    assert len(text.splitlines()) == lines and (reason in text) == (lines == 3 or not reason)
 
 
 def test_dataset_has_a_variable_for_each_sensor_with_units_and_meaning(solution):

@@ -165,8 +165,11 @@ def run_lines(summary: Summary) -> str:
              if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip
     if rigid:
         solver += f"{', '.join(rigid)} are those of the rigid mechanism: frozen equations hold at one instant only\n"
-    if "request it" in summary.errors:  # other reasons leave no choice
-        solver += f"errors of the sensors {summary.errors}\n"
+    if summary.errors:
+        from kaneflex.solve.error_stages import REQUEST
+
+        if summary.errors.endswith(REQUEST):  # other reasons leave no choice
+            solver += f"errors of the sensors {summary.errors}\n"
     return (
         f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
         f"{summary.modes_kept} coordinates solved for, {steps}\n"

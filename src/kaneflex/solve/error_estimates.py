@@ -17,7 +17,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import left_out
 from kaneflex.scene.structure import pruned_hash
-from kaneflex.solve.error_stages import Progress, Read, Stage, Unknown
+from kaneflex.solve.error_stages import REQUEST, Progress, Read, Stage, Unknown
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
 
@@ -146,17 +146,14 @@ def _too_long(solution: RunResult) -> str:
     seconds = nominal_seconds(solution)
     if seconds <= LONGEST or solution.model.options.errors == "all":
         return ""
-    return (
-        f": the run takes about {seconds:.2g} s, and richer ones several times as long; "
-        'request it by solve.errors = "all"'
-    )
+    return f": the run takes about {seconds:.2g} s, and richer ones several times as long; {REQUEST}"
 
 
 def _impossible_one_way(model: Model) -> str:
     if not any(body.elastic for body in model.scene.bodies.values()):
         return ": no body is elastic"
     if model.module.FREE and model.options.errors != "all":
-        return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'
+        return f": the effect of the deformation on free joints is not known; {REQUEST}"
     without = left_out(model.options)
     if without and model.module.STRUCTURE == pruned_hash(model.scene, without):
         return ": the module has only the selected terms"

@@ -21,6 +21,8 @@ Stage = tuple[str, Mapping[str, np.ndarray]]
 Progress = Callable[[float], None]
 READ = 256
 """Approximate number of compared instants."""
+REQUEST = 'request it by solve.errors = "all"'
+"""End of a reason for no estimate that a user can overrule."""
 
 
 class Unknown(Exception):

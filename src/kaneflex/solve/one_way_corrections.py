@@ -23,7 +23,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.scene.options import resolve_options
-from kaneflex.solve.error_stages import READ, Read, Stage, Unknown, values_of, with_half_elements
+from kaneflex.solve.error_stages import READ, REQUEST, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.solve.run_result import RunResult, seconds_of_steps
 
@@ -121,8 +121,7 @@ def _check_work(read: Read, richer: Sequence[Model]) -> None:
     """Raise Unknown if the steps of richer models take long and were not requested."""
     seconds = sum(seconds_of_steps(model, 2 * read.model.options.steps) for model in richer)
     if seconds > LONGEST and read.model.options.errors != "all":
-        reason = f"richer models take about {seconds:.2g} s"
-        raise Unknown(f'{reason}; request it by solve.errors = "all"')
+        raise Unknown(f"richer models take about {seconds:.2g} s; {REQUEST}")
 
 
 def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> ElasticMotion:

@@ -240,7 +240,7 @@ class CoupledSystem:
             return float(apart[5])
         (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
         along = np.array([c * x - s * y, s * x + c * y])
-        return float(along @ (apart[3:5] + first[5] * np.array([apart[1], -apart[0]])))
+        return float(along @ apart[3:5])  # the sides part along the guide only
 
 
 @dataclass(frozen=True, eq=False)
