@@ -16,7 +16,7 @@ from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.model.system import rigid_state
-from kaneflex.multibody.time.planar_linear import prepare
+from kaneflex.multibody.time.linearisation import prepare
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest

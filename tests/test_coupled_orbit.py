@@ -7,7 +7,7 @@ from runs import solved
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time.cycles import PlanarCycles
-from kaneflex.multibody.time.planar_linear import prepare
+from kaneflex.multibody.time.linearisation import prepare
 from kaneflex.solve import coupled
 from kaneflex.support.errors import SceneError
 

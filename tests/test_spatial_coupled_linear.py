@@ -12,8 +12,8 @@ import kaneflex
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time import linearisation
-from kaneflex.multibody.time.linearisation import spin_of
-from kaneflex.multibody.time.spatial_linear import SpatialEquations, _turned
+from kaneflex.multibody.time.linearisation import Equations, spin_of
+from kaneflex.multibody.time.spring_displacements import rotation_rates
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_linearisation import linear_about
 from kaneflex.solve.modes import modes
@@ -202,7 +202,7 @@ def test_springs_hold_modes_at_rest_by_their_stiffness_alone():
 def test_a_bushing_that_is_turned_holds_by_the_rates_of_its_rotation_vector():
     phi, omega, h = np.array([0.7, -0.4, 1.1]), np.array([0.2, 0.5, -0.3]), 1e-6
     moved = [(Rotation.from_rotvec(s * h * omega) * Rotation.from_rotvec(phi)).as_rotvec() for s in (1.0, -1.0)]
-    assert _turned(phi) @ omega == pytest.approx((moved[0] - moved[1]) / (2.0 * h), abs=1e-9)
+    assert rotation_rates(phi) @ omega == pytest.approx((moved[0] - moved[1]) / (2.0 * h), abs=1e-9)
 
 
 def test_a_cantilever_has_the_modes_of_its_beam():
@@ -266,7 +266,7 @@ def test_the_speeds_of_a_closed_loop_change_with_its_place():
     which = start.choice.independent
     u = start.u.copy()
     u[which] = np.linspace(1.5, -1.0, len(which))
-    base, equations, h = system.project(0.0, start.q, u, start.choice), SpatialEquations(system, start.choice), 1e-4
+    base, equations, h = system.project(0.0, start.q, u, start.choice), Equations(system, start.choice), 1e-4
     found = equations.turning(base, equations.derivatives(base, range(len(which)))[1][len(which) :])
     N = equations.spinning(base)[1]
     places = system.engine.advanced(base.q, np.array([h, -h])[:, None] * base.u)

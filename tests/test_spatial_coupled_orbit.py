@@ -11,7 +11,7 @@ from runs import solved
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time.cycles import SpatialCycles
-from kaneflex.multibody.time.spatial_linear import SpatialEquations
+from kaneflex.multibody.time.linearisation import Equations
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve import spatial_run
 from kaneflex.support.errors import SceneError
@@ -192,7 +192,7 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path)
     system, flung = model.motion.module.system, model.motion.curve.start
 
     def over(duration):
-        equations = SpatialEquations(system, flung.choice)
+        equations = Equations(system, flung.choice)
         return SpatialCycles(equations, replace(model.options, duration=duration, tolerance=1e-7))
 
     before, cycles = over(0.5), over(0.1)

@@ -278,6 +278,16 @@ class Engine:
         return self.levels == independent_speeds.OF_SHAPE
 
     @property
+    def stiffness(self) -> np.ndarray:
+        """Stiffness of the shapes by all speeds, (speeds, speeds)."""
+        return np.diag(np.where(self.shapes, self.numbers(at.STIFFNESS, self.size), 0.0))
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Axes of torsional springs by their numbers: in the plane a single one."""
+        return np.ones((1, 1))
+
+    @property
     def inputs(self) -> int:
         """Number of loads and prescribed accelerations."""
         return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)

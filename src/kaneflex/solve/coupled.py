@@ -20,7 +20,7 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
-from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare
+from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -211,7 +211,7 @@ def _slow(model: Model, start: State) -> State:
     return slow_state(*prepare(model.coupled, start), model.options.duration)
 
 
-def _undeformed(model: Model, equations: PlanarEquations, first: State, times: np.ndarray) -> list[State]:
+def _undeformed(model: Model, equations: Equations, first: State, times: np.ndarray) -> list[State]:
     """States of the undeformed bodies, with as many full turns as at first."""
     q, v = rigid_states(equations.system, model.motion.at(times))
     found = [equations.system.folded(*each) for each in zip(times.tolist(), q, v, strict=True)]

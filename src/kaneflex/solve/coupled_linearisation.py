@@ -14,10 +14,9 @@ from kaneflex.multibody.model.building import no_modes
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.model.system import rigid_state
-from kaneflex.multibody.time.linearisation import Equations, Linear, state_matrix
-from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare, probes
+from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
+from kaneflex.multibody.time.neighbours import Neighbours, probes
 from kaneflex.multibody.time.revolutions import unwrapped
-from kaneflex.multibody.time.spatial_linear import Neighbours, SpatialEquations
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
@@ -64,7 +63,7 @@ def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, 
     system, state = motion.module.system, motion.undeformed(t)
     if not moves:
         state = replace(state, u=0.0 * state.u, choice=choose(system, state.q, prefer=True))
-    return SpatialEquations(system, state.choice), state
+    return Equations(system, state.choice), state
 
 
 def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
@@ -88,11 +87,7 @@ def inputs(model: Model) -> tuple[str, ...]:
 def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.ndarray:
     """Derivatives of the sensors with respect to coordinates, rates and inputs, (n_sensors, 2 n_y + n_inputs)."""
     base, n, system, motion = found.instant, len(found.names), model.coupled, model.motion
-    equations: Equations
-    if system is None:
-        equations = SpatialEquations(motion.module.system, base.choice)
-    else:
-        equations = PlanarEquations(system, base.choice)
+    equations = Equations(motion.module.system if system is None else system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
     given = equations.given(base, x)
     beside: Motion

@@ -16,10 +16,10 @@ from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.time.cycles import SpatialCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
+from kaneflex.multibody.time.linearisation import Equations
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene.options import Options
 from kaneflex.solve.coupled_state import SavedState, state_after
@@ -77,7 +77,7 @@ def first_state(system: SpatialSystem, options: Options) -> State:
     """Initial state of a coupled mechanism in space."""
     start = start_of(system)
     if options.start == "quasistatic":
-        return slow_state(SpatialEquations(system, start.choice), start, options.duration)
+        return slow_state(Equations(system, start.choice), start, options.duration)
     return given_state(system, start) if options.start == "given" else start
 
 
@@ -96,11 +96,11 @@ def _cycle(
         return system.project(t, first.q, first.u, first.choice).sizes
 
     check_repeats(system, system.driven, sizes, begin, options.duration)
-    equations, path = SpatialEquations(system, start.choice), Followed(system, start)
+    equations, path = Equations(system, start.choice), Followed(system, start)
     if equations.shapes.all():
         times = begin + np.linspace(0.0, options.duration, _POSITIONS)
         choice = choose_for_all(system, system.instants(path.rows(times)).q)
-        equations, start = SpatialEquations(system, choice), system.project(0.0, start.q, start.u, choice)
+        equations, start = Equations(system, choice), system.project(0.0, start.q, start.u, choice)
         bare = partial(_undeformed, path, choice)
         state = state or orbit_start(equations, bare, begin, options.duration, HARMONICS)
     # fast motion may have no equilibrium nearby

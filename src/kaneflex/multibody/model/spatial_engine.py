@@ -61,6 +61,18 @@ class SpatialEngine(Engine):
         return self.work.sections
 
     @property
+    def stiffness(self) -> np.ndarray:
+        found, first = np.zeros((self.size, self.size)), 0
+        for count, modal in self.tables.bodies[:, [at.SHAPES, at.MODAL]].tolist():
+            own = slice(modal, modal + count)
+            found[own, own] = self.parts["K"][first : (first := first + count**2)].reshape(count, count)
+        return found
+
+    @property
+    def axes(self) -> np.ndarray:
+        return self.work.axes
+
+    @property
     def coordinates(self) -> np.ndarray:
         own, speeds = self.own.T
         self.work.q[own] = self.work.y[speeds]

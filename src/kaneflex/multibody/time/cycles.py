@@ -9,11 +9,10 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.dense_output import between
-from kaneflex.multibody.time.planar_linear import PlanarEquations
+from kaneflex.multibody.time.linearisation import Equations
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -22,10 +21,10 @@ from kaneflex.support.errors import SceneError
 class PlanarCycles(Cycles[CoupledTrajectory]):
     """Cycles over ``times`` [s], by the coordinates of the equations; ``ends``: given ends of their steps [s]."""
 
-    equations: PlanarEquations
+    equations: Equations
 
     def __init__(
-        self, equations: PlanarEquations, times: np.ndarray, method: Method, closer: float = 1.0,
+        self, equations: Equations, times: np.ndarray, method: Method, closer: float = 1.0,
         ends: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         self.times, self.method, self.ends = times, method, ends
@@ -48,10 +47,10 @@ class SpatialCycles(Cycles[Run]):
     ``turned`` and ``ends``, given ends of the steps [s]: see :class:`kaneflex.multibody.time.spatial_forward.Run`.
     """
 
-    equations: SpatialEquations
+    equations: Equations
 
     def __init__(
-        self, equations: SpatialEquations, options: Options, closer: float = 1.0, begin: float = 0.0,
+        self, equations: Equations, options: Options, closer: float = 1.0, begin: float = 0.0,
         turned: Mapping[str, float] | None = None, ends: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         self.options, self.turned, self.ends = options, turned, ends

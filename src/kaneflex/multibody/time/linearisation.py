@@ -19,7 +19,6 @@ Residuals M u' - f are computed without W' y, whose part M W' of K is added to i
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,6 +30,7 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.spatial_frame import skew
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.time.spring_displacements import displacements
 
 OFFSETS, WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
 """Offsets and weights of central differences of fourth order."""
@@ -73,7 +73,7 @@ def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Equations(ABC):
+class Equations:
     """Equations of motion of a mechanism as functions of deviations x = (y, y', y'', p) from an instant.
 
     Methods raise ArithmeticError if loops don't close nearby.
@@ -108,15 +108,6 @@ class Equations(ABC):
     def measure(self) -> np.ndarray:
         """Their units (n,): 1 rad, or the mechanism's size."""
         return self.engine.measure[self.choice.independent]
-
-    @abstractmethod
-    def _stiffness(self) -> np.ndarray:
-        """Stiffness of the shapes by all coordinates' speeds, (speeds, speeds)."""
-
-    @abstractmethod
-    def _springs(self, sections: np.ndarray, moved: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Every spring's relative displacements (n, parts) and their stiffnesses, by the engine's sections and their
-        change in unit motions (n, sections, .)."""
 
     def _on(self, base: State) -> State:
         """The same instant on the constraints, by its independent speeds and accelerations; the tables have it."""
@@ -228,7 +219,8 @@ class Equations(ABC):
         for unit in np.vstack([np.zeros(3 * n), np.eye(n, 3 * n, n)]):
             self.residuals(base, unit[None])
             sections.append(self.engine.sections.copy())
-        return N @ self._stiffness() @ N.T, self._springs(sections[0], np.array(sections[1:]) - sections[0])
+        moved = np.array(sections[1:]) - sections[0]
+        return N @ self.engine.stiffness @ N.T, displacements(self.engine, sections[0], moved)
 
     def neighbours(
         self, base: State, columns: Sequence[int] | np.ndarray | None = None
@@ -350,21 +342,17 @@ class Equations(ABC):
         return self.mass(base), K
 
 
+def prepare(system: Any, state: State) -> tuple[Equations, State]:
+    """Equations of a planar system at a state, and that state; free drives are independent if possible."""
+    engine = system.engine
+    engine.set(state)
+    engine.choose(state.t, engine.free_drives)
+    return Equations(system, engine.choice), replace(state, choice=engine.choice)
+
+
 def spin_of(engine: Engine, u: np.ndarray) -> np.ndarray:
     """Matrix of omega x of every ball, (speeds, speeds)."""
     found = np.zeros((engine.size, engine.size))
     for s in engine.balls[:, 1].tolist():
         found[s : s + 3, s : s + 3] = skew(u[s : s + 3])
     return found
-
-
-def pulled(
-    places: np.ndarray, v: np.ndarray, ends: np.ndarray, numbers: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Relative displacements (n, parts) of a spring's ends in unit motions ``v`` (n, sections, 2 or 3), along its line
-    if it has a length or a damper, with their stiffnesses; numbers: stiffness, damping, length."""
-    (first, second), (stiffness, damping, length) = ends, numbers
-    parts, apart = v[:, second] - v[:, first], places[second] - places[first]
-    if damping or length:
-        parts = parts @ (apart / np.linalg.norm(apart))[:, None]
-    return parts, np.full(parts.shape[1], stiffness)

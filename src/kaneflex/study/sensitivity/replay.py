@@ -18,10 +18,9 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
-from kaneflex.multibody.time.planar_linear import PlanarEquations, prepare
+from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.spatial_linear import SpatialEquations
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.free_motion import integrated
@@ -148,12 +147,12 @@ class _PlanarReplay(Replay):
     def result(self, model: Model, cycle: CoupledTrajectory) -> RunResult:
         return as_result(model, cycle, 0.0)
 
-    def _equations(self, model: Model) -> PlanarEquations:
+    def _equations(self, model: Model) -> Equations:
         assert model.coupled is not None
         return replace(self._prepared, system=model.coupled)
 
     @cached_property
-    def _prepared(self) -> PlanarEquations:
+    def _prepared(self) -> Equations:
         own, system = self.own, self.solution.model.coupled
         assert system is not None
         return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
@@ -174,7 +173,7 @@ class _SpatialReplay(Replay):
         return system.project(start.t, start.q, start.u, self.own.start.choice)
 
     def cycles(self, model: Model) -> SpatialCycles:
-        equations = SpatialEquations(model.motion.module.system, self.own.start.choice)
+        equations = Equations(model.motion.module.system, self.own.start.choice)
         ends = np.array(self.own.knots) * (model.step / self.solution.model.step)
         return SpatialCycles(equations, replace(model.options, tolerance=_SOLVED), ends=ends)
 

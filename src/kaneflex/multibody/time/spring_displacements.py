@@ -1,0 +1,58 @@
+"""Relative displacements of springs in small motions, in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from kaneflex.mechanism.spatial_frame import skew
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import layout as at
+
+
+def displacements(
+    engine: Engine, sections: np.ndarray, moved: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:  # fmt: skip
+    """Relative displacements (n, parts) of every spring in unit motions, and their stiffnesses (parts,).
+
+    ``sections``: the engine's at an instant; ``moved``: their change in unit motions, (n, sections, .).
+    """
+    from scipy.spatial.transform import Rotation
+
+    in_plane = engine.handed.d == 3
+    places, v = (sections[:, :2], moved[:, :, 3:5]) if in_plane else (sections[:, :3], moved[:, :, 3:6])
+    omega, axes = moved[:, :, 5:6] if in_plane else moved[:, :, 9:12], engine.axes
+    springs = engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.CONTACTS)]
+    for kind, first, second, _, axis, place in springs.tolist():
+        numbers = engine.tables.w[place:]
+        if kind == at.STRAIGHT:
+            yield _pulled(places, v, (first, second), numbers[:3])
+        elif kind == at.TORSIONAL:
+            yield (omega[:, second] - omega[:, first]) @ axes[axis][:, None], numbers[:1]
+        elif kind == at.BUSHING:  # the first of its six rows
+            E, other = axes[axis : axis + 3], axes[axis + 3 : axis + 6]
+            phi = Rotation.from_matrix(E @ other.T).as_rotvec()
+            slid = v[:, second] - v[:, first] - np.cross(omega[:, first], places[second] - places[first])
+            turned = (omega[:, second] - omega[:, first]) @ E.T @ rotation_rates(phi).T
+            yield np.hstack([slid @ E.T, turned]), numbers[:18:3]
+
+
+def _pulled(
+    places: np.ndarray, v: np.ndarray, ends: Sequence[int], numbers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Relative displacements (n, parts) of a spring's ends in unit motions ``v`` (n, sections, 2 or 3), along its line
+    if it has a length or a damper, with their stiffnesses; numbers: stiffness, damping, length."""
+    (first, second), (stiffness, damping, length) = ends, numbers
+    parts, apart = v[:, second] - v[:, first], places[second] - places[first]
+    if damping or length:
+        parts = parts @ (apart / np.linalg.norm(apart))[:, None]
+    return parts, np.full(parts.shape[1], stiffness)
+
+
+def rotation_rates(phi: np.ndarray) -> np.ndarray:
+    """Matrix H of the rates H omega of a rotation vector, see
+    :func:`kaneflex.multibody.dynamics.spatial_bushings.cushion`."""
+    theta, cross = np.linalg.norm(phi), skew(phi)
+    curved = (1.0 - 0.5 * theta / np.tan(0.5 * theta)) / theta**2 if theta > 1e-4 else 1.0 / 12.0
+    return np.eye(3) - 0.5 * cross + curved * cross @ cross
