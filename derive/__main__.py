@@ -7,20 +7,20 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
-from kaneflex.derive import packs
-from kaneflex.derive.body_plane import body_text
-from kaneflex.derive.body_space import spatial_shapes_text
-from kaneflex.derive.contact import contact_text
-from kaneflex.derive.elements import element_texts
-from kaneflex.derive.friction import friction_text
+from kaneflex.derive.bodies.plane import body_text
+from kaneflex.derive.bodies.space import spatial_shapes_text
+from kaneflex.derive.elements.plane import element_texts
+from kaneflex.derive.elements.space import spatial_element_texts
 from kaneflex.derive.generate import generate
-from kaneflex.derive.joints import joints_text
-from kaneflex.derive.laws_module import generate_laws
-from kaneflex.derive.lookups_numba import laws_text, tables_text
-from kaneflex.derive.module_text import COMPILING
-from kaneflex.derive.rows import rows_text
-from kaneflex.derive.spatial import spatial_text
-from kaneflex.derive.spatial_elements import spatial_element_texts
+from kaneflex.derive.laws.contact import contact_text
+from kaneflex.derive.laws.drives_and_loads import generate_laws
+from kaneflex.derive.laws.friction import friction_text
+from kaneflex.derive.laws.joints import joints_text
+from kaneflex.derive.laws.space import spatial_text
+from kaneflex.derive.printers import packs
+from kaneflex.derive.printers.functions_text import laws_text, tables_text
+from kaneflex.derive.printers.module_text import COMPILING
+from kaneflex.derive.printers.rows import rows_text
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import laws_hash, structure_hash
 

@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kaneflex.derive import lookups_numba, module_text, rows
-from kaneflex.derive.beam import Element, beam_element
-from kaneflex.derive.bracketed import bracketed
-from kaneflex.derive.elements import TermRow, element_kernel, in_letters, monomial
-from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
-from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
+from kaneflex.derive.elements.beam import Element, beam_element
+from kaneflex.derive.elements.plane import TermRow, element_kernel, in_letters, monomial
+from kaneflex.derive.equations.mechanism import SymbolicMechanism, read_structure
+from kaneflex.derive.equations.motion import Inverse, Motion, derive_inverse, derive_motion
+from kaneflex.derive.ir.program import share
+from kaneflex.derive.printers import functions_text, module_text, rows
 from kaneflex.derive.printers import numba_printer as emit
-from kaneflex.derive.program import share
+from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.contract import (
     BEAMS,
@@ -165,7 +165,7 @@ def print_module(
         [*_in_letters(equations.beam, without), module_text.CHECKED],
         _tables(equations, counts),
         [*emit.print_kernels((kernel for kernel, _ in kernels), names), TABULATE],
-        [*imports, *lookups_numba.import_lookups([raw for _, raw in kernels])],
+        [*imports, *functions_text.import_lookups([raw for _, raw in kernels])],
         structure=structure,
         made=f"kaneflex derive SCENE {'--tolerance SHARE ' if without else ''}-o FILE.py",
     )
@@ -210,7 +210,7 @@ def _in_letters(beam: str, without: Sequence[str]) -> list[str]:
 
 def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[str]:
     mechanism, motion = equations.mechanism, equations.motion
-    told, tables = mechanism.names.told, table_paths(mechanism)
+    told, tables = mechanism.names.told, mechanism.names.told(mechanism.tables)
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
     in_links = tuple(scalar for block in motion.links.values() for scalar in block)
     constants = {s.name: float(s.value) for s in (*in_links, *motion.scalars) if s.value.is_number}
@@ -226,7 +226,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         rows.scalars_table(told(scalars)),
         rows.constants_table(told(constants)),
         *element_tables(equations.beam, equations.terms),
-        module_text.literal("TABLES", told(tables), "what has a table in p, which begins where <path>.table says"),
+        module_text.literal("TABLES", tables, "what has a table in p, which begins where <path>.table says"),
         module_text.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
         module_text.literal("FREE", told(free), "joints left to the forces, in the order of y in the kernel inverse"),
         *([module_text.literal("LOOPS", loops, closed)] * bool(loops)),
@@ -243,14 +243,6 @@ def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
         return [f"# {comment}\n{text}"]
     none = "nothing is elastic"
     return [module_text.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]
-
-
-def table_paths(mechanism: SymbolicMechanism) -> tuple[str, ...]:
-    """Paths of the loads and drives that are tables."""
-    readers = {"loads": mechanism.loads, "drives": mechanism.drives}
-    return tuple(
-        f"{table}.{name}" for table, of in readers.items() for name, reader in of.items() if reader.kind == "table"
-    )
 
 
 TABULATE = '''@njit(**OPTIONS)

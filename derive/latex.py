@@ -11,10 +11,10 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.derive.beam import Element, Term
+from kaneflex.derive.elements.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
+from kaneflex.derive.ir.program import Program
 from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length, subscripted
-from kaneflex.derive.program import Program
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.escaping import latex as escaped

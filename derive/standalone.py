@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 import sympy as sm
 
-from kaneflex.derive.beam import beam_element
-from kaneflex.derive.shapes import length, x
+from kaneflex.derive.elements.beam import beam_element
+from kaneflex.derive.elements.shapes import length, x
 from kaneflex.support.contract import BEAMS
 
 BEAM = "beam_euler_bernoulli"

@@ -9,9 +9,9 @@ import pytest
 from sympy import Function, Matrix, Symbol, cos, diff, integrate, sin, srepr, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
-from kaneflex.derive import beam
-from kaneflex.derive.beam import P_0, a_x, a_y, epsilon, omega
-from kaneflex.derive.shapes import E_A, E_I, beam_section, beam_shape, integral, length, rho_A, x, x_0
+from kaneflex.derive.elements import beam
+from kaneflex.derive.elements.beam import P_0, a_x, a_y, epsilon, omega
+from kaneflex.derive.elements.shapes import E_A, E_I, beam_section, beam_shape, integral, length, rho_A, x, x_0
 
 S_HAT = Matrix(by_hand.S_HAT)
 # Group, matrix and scalar of each term, by its name.
@@ -318,7 +318,7 @@ def test_two_elements_carry_the_tension_of_one_link(matrices):
 def test_derivation_is_the_same_for_every_hash_seed(element):
     """For this process' seed, which is drawn, and for 0, by which none is."""
     code = (
-        "from sympy import srepr; from kaneflex.derive.beam import beam_element; e = beam_element();"
+        "from sympy import srepr; from kaneflex.derive.elements.beam import beam_element; e = beam_element();"
         "print([(t.name, srepr(t.scalar), srepr(t.matrix)) for t in e.terms + e.frame_terms])"
     )
     environment = os.environ | {"PYTHONHASHSEED": "0"}

@@ -12,7 +12,7 @@ import pytest
 from sympy import Matrix, lambdify
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
-from kaneflex.derive.beam import beam_element
+from kaneflex.derive.elements.beam import beam_element
 
 TOLERANCE = 1e-13
 GRAVITY = 9.81

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kaneflex.derive.body_proof import NotKane, comparisons, prove
+from kaneflex.derive.bodies.proof import NotKane, comparisons, prove
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.system import build_system

@@ -20,12 +20,12 @@ from lifting import lifted
 from numba.types import float64, int64
 from runs import model
 
-from kaneflex.derive.c_module import prefix_of
-from kaneflex.derive.laws import law_expression
-from kaneflex.derive.lookups_numba import LAW_FUNCTIONS, TABLE_LOOKUPS
+from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.printers import numba_printer
+from kaneflex.derive.printers.c_module import prefix_of
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly
+from kaneflex.derive.printers.functions_text import LAW_FUNCTIONS, TABLE_LOOKUPS
 from kaneflex.derive.printers.numba_printer import print_kernel
 from kaneflex.export.c_model import CModel, c_model, method_in_c
 from kaneflex.generated import laws, tables

@@ -6,7 +6,7 @@ import pytest
 from sympy import Matrix, symbols
 from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
-from kaneflex.derive.shapes import beam_section, beam_shape, integral, length
+from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length
 
 
 def test_closed_slider_crank_keeps_the_power_balance_and_its_own_derivatives():

@@ -10,7 +10,7 @@ import sympy as sm
 from runs import gaps, moments
 
 import kaneflex
-from kaneflex.derive.body_equations import planar_equations
+from kaneflex.derive.bodies.plane_equations import planar_equations
 from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks

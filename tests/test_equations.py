@@ -12,8 +12,8 @@ import sympy as sm
 from command_line import cli, refused
 from runs import model
 
-from kaneflex.derive.beam import Term
-from kaneflex.derive.elements import monomial
+from kaneflex.derive.elements.beam import Term
+from kaneflex.derive.elements.plane import monomial
 from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
 from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length

@@ -17,7 +17,7 @@ from hostile_names import HOSTILE, NAME
 from scene_fuzz import written_toml
 
 from kaneflex.cli import main
-from kaneflex.derive.c_module import places, prefix_of
+from kaneflex.derive.printers.c_module import places, prefix_of
 from kaneflex.multibody.model.module_loading import generate_text
 from kaneflex.scene import read_scene, scene_of
 from kaneflex.solve.statespace import modelica

@@ -19,9 +19,9 @@ from runs import model, short, solved
 
 import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
-from kaneflex.derive.beam import beam_element
+from kaneflex.derive.elements.beam import beam_element
 from kaneflex.derive.generate import generate
-from kaneflex.derive.packs import CALLED
+from kaneflex.derive.printers.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
 from kaneflex.generated.packs import fill, pack, unpacked
 from kaneflex.multibody.model.module_loading import find_module

@@ -7,7 +7,7 @@ import pytest
 import sympy as sm
 from scipy.interpolate import BPoly
 
-from kaneflex.derive.laws import law_expression
+from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.laws import ON_ARRAYS, parse_law
 from kaneflex.solve.loading import load

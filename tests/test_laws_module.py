@@ -7,7 +7,7 @@ import pytest
 from runs import STENCIL, model
 
 import kaneflex
-from kaneflex.derive.laws_module import generate_laws
+from kaneflex.derive.laws.drives_and_loads import generate_laws
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 

@@ -9,7 +9,7 @@ import renaming
 from runs import run, solved, tables
 
 from kaneflex.derive.generate import generate
-from kaneflex.derive.names import numbered
+from kaneflex.derive.ir.names import numbered
 from kaneflex.multibody.model.module_loading import (
     bind_parameters,
     find_laws_module,

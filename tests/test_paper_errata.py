@@ -12,9 +12,9 @@ import pytest
 from runs import model, run
 from sympy import Matrix, Rational
 
-from kaneflex.derive import beam
-from kaneflex.derive.beam import a_x, a_y, epsilon, omega
-from kaneflex.derive.shapes import E_A, E_I, integral, length, rho_A, x, x_0
+from kaneflex.derive.elements import beam
+from kaneflex.derive.elements.beam import a_x, a_y, epsilon, omega
+from kaneflex.derive.elements.shapes import E_A, E_I, integral, length, rho_A, x, x_0
 
 L_1, L_2 = 0.040, 0.137
 ROD = {rho_A: 0.153 / L_2, E_A: 2.99e7, E_I: 1472.0, length: L_2, x_0: 0.0}

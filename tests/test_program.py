@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 import sympy as sm
 
-from kaneflex.derive import lookups_numba
-from kaneflex.derive.bracketed import bracketed
+from kaneflex.derive.equations.law_expression import law_expression
+from kaneflex.derive.equations.linear import StructurallySingular, determinant, solve_blocks
 from kaneflex.derive.generate import derive_equations
-from kaneflex.derive.laws import law_expression
-from kaneflex.derive.linear import StructurallySingular, determinant, solve_blocks
-from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
-from kaneflex.derive.program import (
+from kaneflex.derive.ir.program import (
     Program,
     expanded_operation_count,
     operation_count,
     prune,
     share,
 )
-from kaneflex.derive.steps import Steps
+from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.printers import functions_text
+from kaneflex.derive.printers.bracketed import bracketed
+from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
 from kaneflex.generated import laws
 from kaneflex.generated.packs import unpacked
 from kaneflex.scene import read_scene
@@ -340,7 +340,7 @@ def test_every_function_of_a_law_comes_through(function):
     law = f"3.7 * {function}(0.3 + main ** 2 / 14{more}) - main_speed / 11 + pi"
     names = {"main": sm.Symbol("main"), "main_speed": sm.Symbol("speed")}
     text = printed(law_expression(law, names))
-    called = {name: getattr(laws, name).py_func for name in lookups_numba.LAW_FUNCTIONS}
+    called = {name: getattr(laws, name).py_func for name in functions_text.LAW_FUNCTIONS}
     for angle, speed in ((0.4, 628.3), (-2.9, 1.0)):
         expected = parse_law(law, names).to(ON_ARRAYS, {"main": angle, "main_speed": speed, "pi": math.pi}, float)
         found = eval(text, {"math": math, **called}, {"main": angle, "speed": speed})

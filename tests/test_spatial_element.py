@@ -9,7 +9,7 @@ import sympy as sm
 from sympy.physics.mechanics import dynamicsymbols
 
 import kaneflex
-from kaneflex.derive import beam_slice
+from kaneflex.derive.elements import slice as beam_slice
 from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
 from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 

@@ -12,9 +12,9 @@ import pytest
 import sympy as sm
 from scipy.spatial.transform import Rotation
 
-from kaneflex.derive.body_proof import NotKane
-from kaneflex.derive.body_space_proof import comparisons, prove
-from kaneflex.derive.spatial_shapes import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
+from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
+from kaneflex.derive.bodies.proof import NotKane
+from kaneflex.derive.bodies.space_proof import comparisons, prove
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes

@@ -8,8 +8,8 @@ from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
-from kaneflex.derive.beam import beam_element
-from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
+from kaneflex.derive.elements.beam import beam_element
+from kaneflex.derive.elements.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
 from kaneflex.generated import beam_timoshenko as general
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_modes

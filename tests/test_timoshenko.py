@@ -10,8 +10,8 @@ from runs import derived_on_the_fly
 from scipy.linalg import eigh
 from sympy import Matrix, diff
 
-from kaneflex.derive.beam import Element, beam_element
-from kaneflex.derive.shapes import (
+from kaneflex.derive.elements.beam import Element, beam_element
+from kaneflex.derive.elements.shapes import (
     E_I,
     beam_section,
     beam_shape,

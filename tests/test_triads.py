@@ -10,7 +10,7 @@ from runs import solved
 from scipy.optimize import fsolve
 
 import kaneflex
-from kaneflex.derive import closure
+from kaneflex.derive.equations import closure
 from kaneflex.mechanism import position_analysis
 from kaneflex.mechanism.closure_continuation import _Follower, _Place, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of

@@ -33,9 +33,9 @@ from typing import Any
 
 from numba import types
 
-from kaneflex.derive.packs import BLOCKS, independent, sign
 from kaneflex.derive.printers.c_expressions import OPERATORS, Expressions
 from kaneflex.derive.printers.c_types import WIDTH, Structures, bare, parts_of
+from kaneflex.derive.printers.packs import BLOCKS, independent, sign
 from kaneflex.support.escaping import c_comment
 
 _QUOTIENT = """/* Quotient, rounded down. */

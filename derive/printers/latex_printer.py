@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable
 import sympy as sm
 from sympy.printing.latex import LatexPrinter
 
-from kaneflex.derive.mechanism import SymbolicMechanism
-from kaneflex.derive.program import Program
+from kaneflex.derive.equations.mechanism import SymbolicMechanism
+from kaneflex.derive.ir.program import Program
 from kaneflex.support.escaping import latex as escaped
 
 _WIDTH = 78

@@ -11,11 +11,11 @@ from types import MappingProxyType
 import sympy as sm
 from sympy.printing.pycode import PythonCodePrinter
 
-from kaneflex.derive import packs
-from kaneflex.derive.lookups_numba import LAW_FUNCTIONS, TABLE_LOOKUPS
-from kaneflex.derive.module_text import UNCHECKED, module, operations_table
-from kaneflex.derive.names import Names
-from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
+from kaneflex.derive.ir.names import Names
+from kaneflex.derive.ir.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
+from kaneflex.derive.printers import packs
+from kaneflex.derive.printers.functions_text import LAW_FUNCTIONS, TABLE_LOOKUPS
+from kaneflex.derive.printers.module_text import UNCHECKED, module, operations_table
 
 
 class NumbaPrinter(PythonCodePrinter):

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import sympy as sm
 
-from kaneflex.derive.elements import element_kernel
+from kaneflex.derive.elements.plane import element_kernel
 from kaneflex.derive.generate import Equations, derive_equations
 from kaneflex.generated import slider_crank_150
 from kaneflex.multibody.model.module_loading import bind_parameters

@@ -77,7 +77,7 @@ def c_model(
             "solve.preset", "coupled", "its equations can't be exported as C",
             one_way_cure(scene, asked, integrated=False),
         )  # fmt: skip
-    from kaneflex.derive.c_module import generate_c, prefix_of
+    from kaneflex.derive.printers.c_module import generate_c, prefix_of
 
     if scene.is_spatial:
         check_cycle(scene, asked)
@@ -140,7 +140,7 @@ def _by_loads(model: Model, columns: list[int], asked: str) -> dict[int, Harmoni
 
 def _motion(found: Harmonics, by_loads: Mapping[int, Harmonics], model: Model, name: str) -> dict[str, str]:
     """Header and source of the motion in space: Fourier series and the functions that evaluate them."""
-    from kaneflex.derive.c_module import places
+    from kaneflex.derive.printers.c_module import places
 
     NAME, scalars, module = name.upper(), list(model.motion.column), model.module
     series = {scalars[k] for k in found.columns}

@@ -53,7 +53,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     _check_untouched(scene, model)
     progress("initial state")
     start = begun(model)
-    from kaneflex.derive.c_module import prefix_of
+    from kaneflex.derive.printers.c_module import prefix_of
     from kaneflex.derive.printers.c_printer import Printer
 
     name = prefix_of(scene.name)

@@ -2,7 +2,7 @@
 
 Its coordinates are the displacement u, v, w [m] of its start and its rotation theta_x, theta_y, theta_z [rad], in its
 axes as the rigid mechanism carries them: these move with the start's acceleration less gravity, a, with omega and
-epsilon. A particle at p asks for what a slice of a beam does (``kaneflex.derive.beam_slice``); their sum knows the
+epsilon. A particle at p asks for what a slice of a beam does (``kaneflex.derive.elements.slice``); their sum knows the
 body's mass, first moments m c and second moments P about its centre:
 
     M q'' + 2 sum_i omega_i G_i q' + Omega-terms q = F,   Omega = epsilon~ + omega~ omega~,  N = [1, -p~].

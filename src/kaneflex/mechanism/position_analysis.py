@@ -424,6 +424,6 @@ def _dyad_of(group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
 
 
 def _side_of(dyad: Dyad, poses: Poses) -> float | None:
-    """Number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others."""
+    """Number whose sign is the branch of a dyad (see kaneflex.derive.equations.closure); None for others."""
     vectors = dyad.vectors(axes_of(poses))
     return None if vectors is None else cross(*vectors)

@@ -41,7 +41,7 @@ def find_laws_module(scene: Scene, progress: Progress) -> tuple[ModuleType, floa
 
 def laws_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """Text of the module of a scene's drives and loads."""
-    from kaneflex.derive.laws_module import generate_laws
+    from kaneflex.derive.laws.drives_and_loads import generate_laws
 
     return generate_laws(scene, progress)
 
@@ -139,8 +139,8 @@ def operation_count(text: str) -> int:
 @contextmanager
 def derivable(scene: Scene) -> Iterator[None]:
     """Turn derivation errors into a SceneError in the scene's terms."""
-    from kaneflex.derive.closure import UnsupportedLoop
-    from kaneflex.derive.linear import StructurallySingular
+    from kaneflex.derive.equations.closure import UnsupportedLoop
+    from kaneflex.derive.equations.linear import StructurallySingular
     from kaneflex.fem.mobility import in_joints
 
     try:

@@ -1,0 +1,257 @@
+"""Module of bodies in the plane that deform: the equations in space (:mod:`kaneflex.derive.bodies.space`), restricted.
+
+Shapes are of the kinds u, stretch, and v, bending, and omega and epsilon have a z component only. Kernels include the
+rigid body, whose sums are where those of the shapes begin, and rotate force and moment into global axes. Nothing is
+printed that is not proved (:mod:`kaneflex.derive.bodies.proof`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from functools import cache
+from itertools import product
+
+import sympy as sm
+
+from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA
+from kaneflex.derive.bodies.kinds import PLANE, POINT, Kinds, numbers
+from kaneflex.derive.bodies.loops import Shape, added, code, grow, lines_of, loops, zeroed
+from kaneflex.derive.bodies.plane_equations import AT, RIGID, by_name
+from kaneflex.derive.bodies.proof import prove
+from kaneflex.derive.bodies.space import (
+    VELOCITY,
+    demanded,
+    energies,
+    first_and_second,
+    grown,
+    rigid_energy,
+    spin,
+    wrench,
+)
+from kaneflex.derive.printers import module_text
+
+C, S, MASS = sm.symbols("c s mass")
+_STILL = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2], VELOCITY[2]), 0)
+_PLACE = {"x": "xi", "y": "eta", "turn": "turn"}
+"""Place of a point along and across the body, and rotation of its section."""
+_ROW = "out[k + 3 + j]"
+
+
+@cache
+def body_text() -> str:
+    """Text of ``generated/body.py``.
+
+    Raises
+    ------
+    NotKane
+        If a kernel differs from the derived equations.
+    """
+    text = kernels_text()
+    prove(text)
+    printed = [
+        _table("BODY", RIGID, PLANE, "mass", "numbers of a body: its own, of a shape by its kind, of a pair of shapes"),
+        _table("POINT", AT, POINT, "", "numbers of a point of a body in the same way"),
+        "# reordered sums are slower here, and so are calls",
+        'WITHIN = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}, "forceinline": True}',
+    ]
+    about = [*_ABOUT.strip().split("\n"), "", module_text.UNCHECKED]
+    return module_text.module("Bodies that move freely in the plane and deform", about, printed, [text])
+
+
+def kernels_text() -> str:
+    """Text of all kernels, which has not been proved."""
+    return "\n\n".join([_deform(), _push(), _twists(), _inverse(), _inertia(), _energy()])
+
+
+def _table(name: str, first: Iterable[sm.Expr], kinds: Kinds, of: str, comment: str) -> str:
+    """Sums that the stored numbers consist of, with their signs, by the names of ``scene.modal_data``."""
+    values = {a: kinds.of_shape(a) for a in kinds.names} | {
+        a + b: kinds.of_pair(a, b) for a, b in product(kinds.names, repeat=2)
+    }
+    found = {"": [_signs(value) for value in first]}
+    for key, sums in values.items():
+        found[key] = [_signs(by_name(sums[each], of=of)) for each in numbers(*key, kinds=kinds).stored]
+    return module_text.literal(name, {key: tuple(each) for key, each in found.items() if each}, comment)
+
+
+def _signs(value: sm.Expr) -> dict[str, int]:
+    """Names without the numbers of shapes, with their coefficients."""
+    terms = value.as_coefficients_dict().items()
+    return dict(sorted((re.sub(r"_\d+", "", str(symbol)), int(sign)) for symbol, sign in terms))
+
+
+def _moved(shape: Shape) -> dict[str, sm.Expr]:
+    """Increments of a point's place by the j-th shape."""
+    q = sm.Symbol("q_j")
+    return {place: q * (shape.single(name) + shape.grown(name)) / 2 for name, place in _PLACE.items()}
+
+
+def _place(shape: Shape) -> dict[str, sm.Expr]:
+    """The same without the rotation."""
+    return {place: value for place, value in _moved(shape).items() if place != "turn"}
+
+
+def _moving(shape: Shape) -> dict[str, sm.Expr]:
+    """Increments of the first and of the second derivative of that."""
+    v, b = sm.symbols("v_j b_j")
+    found = {f"{place}1": v * shape.grown(name) for name, place in _PLACE.items()}
+    return found | {
+        f"{place}2": b * shape.grown(name) + v * shape.total(name, "v") for name, place in _PLACE.items()
+    }
+
+
+def _deform() -> str:
+    zeros = ["turn", *(f"{place}{order}" for order in (1, 2) for place in _PLACE.values())]
+    body = loops(lambda shape: grow(_moved(shape) | _moving(shape)), kinds=POINT)
+    return _DEFORM.format(begun=_BEGUN_POINT, zeros=lines_of(zeroed(zeros)), loops=lines_of(body))
+
+
+def _push() -> str:
+    force = sm.symbols("along across turn")
+
+    def of_shape(shape: Shape) -> list[str]:
+        row = sum(shape.grown(name) * x for name, x in zip(_PLACE, force, strict=True))
+        return grow({_ROW: row} | _place(shape))
+
+    return _PUSH.format(begun=_BEGUN_POINT, loops=lines_of(loops(of_shape, kinds=POINT)))
+
+
+def _twists() -> str:
+    def of_shape(shape: Shape) -> list[str]:
+        return _stored("k", {name: shape.grown(name) for name in _PLACE}, _PLACE)
+
+    return _TWISTS.format(counts=_COUNTS, loops=lines_of(loops(of_shape, kinds=POINT)))
+
+
+def _stored(first: str, of: Mapping[str, sm.Expr], names: Iterable[str]) -> list[str]:
+    """Statements that store a vector of the j-th shape, of these components, in global axes."""
+    along, across, turn = (of.get(name, sm.S.Zero) for name in names)
+    values = C * along - S * across, S * along + C * across, turn
+    return [f"out[{first} + 3 * j{f' + {k}' if k else ''}] = {code(value)}" for k, value in enumerate(values)]
+
+
+def _inverse() -> str:
+    force = (wrench() + MASS * sm.Matrix([*ACCEL, 0, 0, 0])).xreplace(_STILL)
+    f_x, f_y, moment = (code(force[k]) for k in (0, 1, 5))
+    needed = set(map(str, force.free_symbols))
+
+    def of_shape(shape: Shape) -> list[str]:
+        lines, total = demanded(shape, _ROW)
+        return [*lines, *grow({name: value for name, value in total.items() if name in needed})]
+
+    body = lines_of(loops(of_shape, kinds=PLANE))
+    factors = [line for line in spin() if line.startswith("s_zz")]
+    zeros = [name for name in ("V_x", "V_y", "D_zz", "f_x", "f_y", "m_z") if name in needed]
+    return _INVERSE.format(
+        factors=lines_of(factors), begun=_BEGUN, zeros=lines_of(zeroed(zeros)), loops=body, f_x=f_x, f_y=f_y,
+        moment=moment,
+    )  # fmt: skip
+
+
+def _inertia() -> str:
+    def of_shape(shape: Shape) -> list[str]:
+        lines, of = grown(shape)
+        return [*lines, *_stored("coupling", of, ("P_x", "P_y", "H_z")), *grow(first_and_second(shape, of))]
+
+    def of_pair(a: str, b: str) -> list[str]:
+        mass = numbers(a, b, PLANE).of["M"]
+        mass = mass.xreplace({symbol: sm.Symbol(f"{symbol}_l") for symbol in mass.free_symbols})
+        return [f"out[modal + to_v * j + l] = {code(mass)}"]
+
+    return _INERTIA.format(begun=_BEGUN, loops=lines_of(loops(of_shape, of_pair, PLANE)))
+
+
+def _energy() -> str:
+    def of_shape(shape: Shape) -> list[str]:
+        lines, total = energies(shape)
+        return [*lines, *grow(total)]
+
+    kinetic = rigid_energy() + MASS * sum(x**2 for x in VELOCITY) / 2
+    body = lines_of(loops(of_shape, kinds=PLANE))
+    return _ENERGY.format(begun=_BEGUN, loops=body, kinetic=lines_of(added("out[0]", kinetic.xreplace(_STILL))))
+
+
+_ABOUT = """
+A particle at (X, Y) of the body is at (X + s_j b_j - 1/2 H_jk a_j a_k, Y + w_j a_j) in its axes, a section turns by
+psi_k a_k. Shapes are of the kinds u (axial, with coordinates b) and v (transverse, a); their coordinates begin at q[i],
+rates at v[i], accelerations at a[i]. c and s are the cosine and the sine of the body's angle, omega_z is its rate.
+
+Numbers of a body from p[o], of a point in the same way: its own; how many shapes it has of kind u, and of both kinds;
+of every shape in turn its numbers, then those of all pairs with it. BODY and POINT have the sums that they are, by the
+names of kaneflex.scene.modal_data. P, H, J, X, M, K and C are those of kaneflex.generated.spatial_shapes, a sum like
+P_x_vq is that of P_x q over shapes of kind v.
+"""
+_BEGUN = """mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
+    to_u, to_v = int(p[o + 4]), int(p[o + 5])
+    o += 6"""
+_COUNTS = """to_u, to_v = int(p[o + 3]), int(p[o + 4])
+    o += 5"""
+_BEGUN_POINT = f"""share, xi, eta = p[o], p[o + 1], p[o + 2]
+    {_COUNTS}"""
+_DEFORM = '''@njit(**WITHIN)
+def deform(p, o, q, v, a, i, out, k):
+    """Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."""
+    {begun}
+    {zeros}
+    {loops}
+    out[k], out[k + 1], out[k + 2] = xi, eta, turn
+    out[k + 3], out[k + 4], out[k + 5] = xi1, eta1, turn1
+    out[k + 6], out[k + 7], out[k + 8] = xi2, eta2, turn2
+'''
+_PUSH = '''@njit(**WITHIN)
+def push(p, o, q, i, c, s, x, y, turn, out, k):
+    """Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."""
+    along, across = c * x + s * y, c * y - s * x
+    {begun}
+    {loops}
+    out[k] += share * x
+    out[k + 1] += share * y
+    out[k + 2] += across * xi - along * eta + turn
+'''
+_TWISTS = '''@njit(**WITHIN)
+def twists(p, o, q, i, c, s, out, k):
+    """Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."""
+    {counts}
+    {loops}
+'''
+_INVERSE = '''@njit(**WITHIN)
+def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
+    """Add M u' - f, the generalised forces that a motion takes; x, y: acceleration of the start less gravity."""
+    a_x, a_y = c * x + s * y, c * y - s * x
+    {factors}
+    {begun}
+    {zeros}
+    {loops}
+    along = {f_x}
+    across = {f_y}
+    out[k] += c * along - s * across
+    out[k + 1] += s * along + c * across
+    out[k + 2] += {moment}
+'''
+_INERTIA = '''@njit(**WITHIN)
+def inertia(p, o, q, i, c, s, out, k, coupling, modal):
+    """Store the inertia (3, 3) for the twist of the frame, what couples it to the shapes, (shapes, 3), and the mass
+    matrix of these, all row by row."""
+    {begun}
+    {loops}
+    out[k] = out[k + 4] = mass
+    out[k + 1] = out[k + 3] = 0.0
+    out[k + 2] = out[k + 6] = -s * S_x - c * S_y
+    out[k + 5] = out[k + 7] = c * S_x - s * S_y
+    out[k + 8] = I_zz
+'''
+_ENERGY = '''@njit(**WITHIN)
+def energy(p, o, q, v, i, c, s, x, y, omega_z, out):
+    """Add kinetic energy, strain energy [J], dissipated power [W]; return mass times its centre's place from r; x, y:
+    velocity of the start."""
+    v_x, v_y = c * x + s * y, c * y - s * x
+    {begun}
+    kinetic = strain = lost = 0.0
+    {loops}
+    {kinetic}
+    out[0] += kinetic
+    out[1] += strain
+    out[2] += lost
+    return c * S_x - s * S_y, s * S_x + c * S_y
+'''

@@ -1,0 +1,201 @@
+"""Planar beam elements through Kane's method: the constant matrices of the affine form.
+
+A slice of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0) and turns by theta
+against it. An unmodified ``KanesMethod`` gives its generalised inertia forces (``beam_slice``); integrated with the
+shape functions over the element they are the affine form
+
+    sum_k s_k(t) M_k q'' + sum_k s_k(t) C_k q' + sum_k s_k(t) K_k q = sum_k s_k(t) F_k
+
+whose coefficients are read off, not typed in. The strain energy and the work of the axial tension add their
+generalised active forces as further stiffness terms.
+
+Sources: paper equations (28), (43), (44) with the single tilde of (41), (46), (49)-(55), (89), (90), (98);
+Kane, Ryan and Banerjee (1987) for the geometric stiffness, which the paper leaves out.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, symbols
+
+from kaneflex.derive.elements.mass_correction import mass_correction
+from kaneflex.derive.elements.shapes import (
+    PARAMETERS,
+    Section,
+    ShapeFunctions,
+    beam_section,
+    beam_shape,
+    integral,
+    length,
+    rho_A,
+    without_beta,
+    x,
+    x_0,
+)
+from kaneflex.derive.elements.slice import SCALARS, X, by_monomials, link_tension, rho_I_z, slice_equations
+from kaneflex.support.contract import LINK_SCALARS, element_parameters
+
+omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
+_NODE = ("u", "v", "theta_z")
+_IN_PLANE = {SCALARS[2]: omega, SCALARS[5]: epsilon}
+"""Motion about z of a slice with the coordinates _NODE."""
+MOTION = (omega, epsilon, a_x, a_y)
+
+# A term's name and group follow from where Kane's equations put it: (matrix, monomial of the motion).
+KANE_TERMS = {
+    ("M", S.One): ("mass", "inertia"),
+    ("C", omega): ("gyroscopic", "gyroscopic"),
+    ("K", omega**2): ("spin", "spin"),
+    ("K", epsilon): ("euler", "euler"),
+    # Only the frame's row of moments has these two: the load acts at the displaced point.
+    ("K", a_x): ("displaced_load_x", "load"),
+    ("K", a_y): ("displaced_load_y", "load"),
+    ("F", omega**2): ("centrifugal_load", "load"),
+    ("F", epsilon): ("euler_load", "load"),
+    ("F", a_x): ("load_x", "load"),
+    ("F", a_y): ("load_y", "load"),
+}
+TENSION_TERMS = {P_0: "tension_origin", a_x: "tension_acceleration", omega**2: "tension_spin"}
+
+Quantity = tuple[str, Symbol, str, str]
+Affine = dict[tuple[str, Expr], ImmutableMatrix]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One scalar x constant matrix of the affine form.
+
+    target: the matrix that it belongs to, "M", "C", "K" (n x n), "F" (n x 1, right-hand side); in the frame's
+    rows "M_f", "C_f", "K_f" (3 x n), "F_f" (3 x 1). scalar: monomial of the motion's scalars, 1 if constant.
+    """
+
+    name: str
+    group: str
+    target: str
+    scalar: Expr
+    matrix: ImmutableMatrix
+
+
+@dataclass(frozen=True)
+class Element:
+    """A beam element in the axes of its link; parameters and scalars are (name, symbol, unit, meaning).
+
+    terms: ``M q'' + C q' + K q = F`` in the element's coordinates q = (u1, v1, theta1, u2, v2, theta2).
+    frame_terms: ``M_f q'' + C_f q' + K_f q - F_f`` is the force (x, y; link axes) and the moment about the
+    link's origin that the rest of the mechanism applies to the element, to first order in q.
+    shape: N(x), 2 x 6, with x from the element's first node.
+    tension: of the tension P = sum_k c_k (x/l)^k along the element each c_k, what it is, and its matrix in K_g.
+    """
+
+    parameters: tuple[Quantity, ...]
+    scalars: tuple[Quantity, ...]
+    terms: tuple[Term, ...]
+    frame_terms: tuple[Term, ...]
+    shape: ImmutableMatrix
+    tension: tuple[tuple[Symbol, Expr, ImmutableMatrix], ...]
+
+    def has(self, parameter: str) -> bool:
+        """True if the element has a parameter of this name."""
+        return any(name == parameter for name, *_ in self.parameters)
+
+    def matrix(self, target: str) -> ImmutableMatrix:
+        """Sum of scalar x matrix over the terms of `target`, without "viscous" that mu multiplies at run time."""
+        chosen = [t for t in self.terms + self.frame_terms if t.target == target and t.group != "damping"]
+        return sum((t.scalar * t.matrix for t in chosen), ImmutableMatrix.zeros(*chosen[0].matrix.shape))
+
+
+def inertia_terms(shape: ShapeFunctions, section: Section, frame: bool = False) -> tuple[Term, ...]:
+    """The inertia's terms in the elastic rows, or in the frame's own three, in the order of KANE_TERMS.
+
+    Matrices S before a slice's coordinates R q, u, v and theta, are R^T S R before those of the element, integrated.
+    """
+    R = ImmutableMatrix.vstack(shape.displacement, shape.rotation).expand()
+    here = {X: x_0 + x, rho_A: section.density, rho_I_z: section.rotary}
+    found = {}
+    for (target, monomial), matrix in slice_equations(_NODE, frame).items():
+        right = matrix.xreplace(here) * (R if matrix.cols > 1 else ImmutableMatrix([[1]]))
+        whole = (right if frame else R.T * right).applyfunc(integral).expand()
+        if not whole.is_zero_matrix:
+            found[target, monomial.xreplace(_IN_PLANE)] = whole
+    unknown = found.keys() - KANE_TERMS.keys()
+    assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
+    return tuple(
+        Term("frame_" * frame + name, group, key[0] + "_f" * frame, key[1], found[key])
+        for key, (name, group) in KANE_TERMS.items() if key in found
+    )  # fmt: skip
+
+
+def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
+    """K_s, one term for each generalised strain B q, paper (46), (88), (89), (96).
+
+    The strain energy 1/2 rigidity (B q)^2 per length has the generalised active force -rigidity B^T B q.
+    """
+    return tuple(
+        Term(f"{name}_stiffness", "elastic", "K", S.One, (rigidity * B.T * B).applyfunc(integral))
+        for name, B, rigidity in shape.strains
+    )
+
+
+def slope_moments(shape: ShapeFunctions, tension: Expr) -> list[ImmutableMatrix]:
+    """int (x/l)^k H'^T H' dx for every power of x in the tension."""
+    slope = shape.slope.applyfunc(Expr.expand)
+    square, degree = slope.T * slope, Poly(tension, x).degree()
+    return [((x / length) ** k * square).applyfunc(integral).expand() for k in range(degree + 1)]
+
+
+def geometric_terms(powers: Sequence[Expr], moments: Sequence[ImmutableMatrix]) -> tuple[Term, ...]:
+    """K_g = int P H'^T H' dx by the scalars of P: the term that paper (46) leaves out.
+
+    The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
+    its generalised active force is -P H'^T H' q per length; ``powers`` are P's coefficients of (x/l)^k, ``moments``
+    those of :func:`slope_moments`.
+    """
+    whole = sum((c * of for c, of in zip(powers, moments, strict=True)), ImmutableMatrix.zeros(*moments[0].shape))
+    found = by_monomials(whole.expand(), (P_0, *MOTION))
+    assert found.keys() == TENSION_TERMS.keys(), f"the tension's terms are not the named ones: {list(found)}"
+    return tuple(Term(name, "geometric", "K", scalar, found[scalar].expand()) for scalar, name in TENSION_TERMS.items())
+
+
+def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, Symbol]) -> tuple[Quantity, ...]:
+    """(name, unit, meaning) of the contract as (name, symbol, unit, meaning)."""
+    return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
+
+
+@cache
+def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
+    """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
+
+    Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M_t + epsilon G + K_g) q = F; M_t is the mass
+    matrix M without rotary inertia. The "viscous" matrix is int N^T N dx, to be multiplied by mu [N s/m^2] at run
+    time, paper (39), (44).
+
+    rotary: with the rotary inertia of the sections (Rayleigh). shear: sections don't stay normal to the axis
+    (Timoshenko). varying: the section grows linearly over the element, and need not be that of the link before
+    it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0. With
+    nothing it is the uniform element of paper (49)-(55), without rotary inertia. Each takes about one second, once.
+    with_frame: with the terms of the frame's own rows, which a module has no use for.
+    """
+    section = beam_section(rotary, varying)
+    shape = beam_shape(section, shear)
+    of_element, of_frame = inertia_terms(shape, section), inertia_terms(shape, section, True) if with_frame else ()
+    N = shape.displacement
+    viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
+    tension = P_0 + link_tension(section.before, section.density, _NODE).xreplace(_IN_PLANE)
+    moments = slope_moments(shape, tension)
+    powers = [(c * length**k).expand() for (k,), c in reversed(Poly(tension, x).terms())]
+    stiffness = elastic_terms(shape) + geometric_terms(powers, moments)
+    if shear:
+        of_element += (Term("mass_correction", "inertia", "M", S.One, mass_correction(shape)),)
+    return Element(
+        parameters=with_symbols(element_parameters(rotary, shear, varying), PARAMETERS),
+        scalars=with_symbols(LINK_SCALARS, {symbol.name: symbol for symbol in (omega, epsilon, a_x, a_y, P_0)}),
+        terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
+        frame_terms=tuple(_in_parameters(term) for term in of_frame),
+        shape=without_beta(N),
+        tension=tuple((Symbol(f"P_{k + 1}"), powers[k], without_beta(of)) for k, of in enumerate(moments)),
+    )
+
+
+def _in_parameters(term: Term) -> Term:
+    return replace(term, matrix=without_beta(term.matrix))

@@ -1,0 +1,172 @@
+"""Modules of beam elements: the kernels of one element, printed once for each theory and for every scene.
+
+A structure's module imports what it offers of them. Assembly takes the affine form apart with the very kernels that a
+user imports, through ``element_matrices``: each is linear in the monomials of the motion's scalars, so that with one
+scalar at 1 and the others at 0 it gives the constant matrix before that scalar's monomial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import sympy as sm
+
+from kaneflex.derive.elements.beam import Element, beam_element
+from kaneflex.derive.elements.shapes import x_0
+from kaneflex.derive.ir.names import Names
+from kaneflex.derive.ir.program import Program, named, prune, share
+from kaneflex.derive.printers import module_text, packs
+from kaneflex.derive.printers import numba_printer as emit
+from kaneflex.derive.printers.rows import element_table, rows_text
+from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
+
+TermRow = tuple[str, str, str, tuple[str, ...]]
+"""A row of TERMS: name, group, kernel, factors of the scalar."""
+_KERNELS = {
+    "M": ("Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].", "M", ("inertia",)),
+    "K_s": ("Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].", "K", ("elastic",)),
+    "K_d": (
+        "Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].", "K", ("spin", "euler")
+    ),
+    "K_g": ("Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].", "K", ("geometric",)),
+    "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
+    "F": ("Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
+}  # fmt: skip
+"""Kernel -> what it is, and which of the element's terms it sums."""
+
+_ROTARY = {
+    "M": "\n\nM holds the rotary inertia int rho I theta^T theta dx, too.",
+    "F": "\n\nIt holds the rotary inertia -epsilon int rho I theta^T dx, too.",
+}
+
+
+def element_texts() -> dict[str, str]:
+    """Module -> its text, of all BEAMS and of the rows of their tables."""
+    texts = {"rows": rows_text()}
+    for module, options in BEAMS.items():
+        texts[module] = _text(module, beam_element(**options, with_frame=False), texts)
+    return texts
+
+
+def _text(module: str, element: Element, texts: Mapping[str, str]) -> str:
+    """Text of one module; those before it have the tables that it imports."""
+    assert {(term.group, monomial(term.scalar)) for term in element.terms} == {
+        (group, factors) for _, group, _, factors in ELEMENT_TERMS
+    }, f"the terms of {module} are not those of the contract"
+    kernels = [element_kernel(name, element) for name in ELEMENT_KERNELS]
+    counts = emit.operations(kernels)
+    blocks = emit.print_kernels((kernel for kernel, _ in kernels), Names({}))
+    data, imports = tables_of_all(ELEMENT_TERMS, next(iter(BEAMS)), texts)
+    return module_text.module(
+        "Matrices of one element of an elastic link",
+        _about(element),
+        [
+            element_table("PLANAR", ((name, unit, meaning) for name, _, unit, meaning in element.parameters)),
+            *data,
+            module_text.operations_table(counts),
+        ],
+        [*blocks, every_matrix(ELEMENT_TERMS, 6)],
+        [module_text.import_called("rows", ["LINK_SCALARS"], texts["rows"]), *imports],
+    )
+
+
+def tables_of_all(
+    terms: Iterable[TermRow], first: str, texts: Mapping[str, str], more: Mapping[str, str] = MappingProxyType({})
+) -> tuple[list[str], list[str]]:
+    """KERNELS, TERMS and ``more`` tables of a kind's elements: their texts in the first module, imports in others."""
+    data = {
+        **more,
+        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
+        "TERMS": module_text.literal("TERMS", terms, "name, group, kernel that has it, factors of the scalar"),
+    }
+    return ([], [module_text.import_called(first, data, texts[first])]) if first in texts else ([*data.values()], [])
+
+
+def monomial(scalar: sm.Expr) -> tuple[str, ...]:
+    """Factors of a term's scalar, repeated for powers: omega**2 -> ("omega", "omega")."""
+    powers = sorted(scalar.as_powers_dict().items(), key=str)
+    return tuple(str(base) for base, power in powers if base != 1 for _ in range(int(power)))
+
+
+def element_kernel(name: str, element: Element) -> emit.Printed:
+    """The sum of an element's terms that a kernel computes, and its raw program."""
+    doc, target, groups = _KERNELS[name]
+    if element.has("rho_I"):
+        doc += _ROTARY.get(name, "")
+    if element.has("phi_s") and name == "M":
+        doc += "\nSo is the correction M_c for the element's answer to its own inertia; K_d and C are without it."
+    chosen = [term for term in element.terms if term.target == target and term.group in groups]
+    total = sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape))
+    inputs = emit.places((symbol for _, symbol, *_ in element.parameters), "p")
+    inputs += emit.places((symbol for _, symbol, *_ in element.scalars), "s")
+    symbols = tuple(symbol for symbol, _ in inputs)
+    raw, steps, stored = Program(name, symbols, (), _stores(total)), (), total
+    if name == "K_g":  # by the few numbers of the tension, in Horner's form, instead of by all of their products
+        steps = tuple((symbol, sm.horner(expression, x_0)) for symbol, expression, _ in element.tension)
+        stored = sum((symbol * matrix for symbol, _, matrix in element.tension), sm.zeros(*total.shape))
+    arguments = ("p", "s", "out") if any(term.scalar != 1 for term in chosen) else ("p", "out")
+    doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
+    doc += " out: zeros; structural zeros are not stored."
+    matrix = stored.cols > 1
+    program = share(Program(name, symbols, steps, _stores(stored)))
+    program = named(_independent(program, stored) if matrix else program, least=2)
+    return emit.Kernel(program, arguments, inputs, doc, packed=True, fill=matrix), raw
+
+
+def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
+    def index(i: int, j: int) -> str:
+        return f"out[{i}]" if matrix.cols == 1 else f"out[{i}, {j}]"
+
+    return tuple(
+        (index(i, j), matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
+    )
+
+
+def _independent(program: Program, matrix: sm.Matrix) -> Program:
+    """Program of the independent entries of a 6 x 6 matrix."""
+    places = [(block, place) for block in packs.BLOCKS for place in packs.independent(block)]
+    for block, (i, j) in places:
+        difference = matrix[j, i] - packs.sign(block) * matrix[i, j]
+        assert difference.expand() == 0, f"the {block} of {program.name} is not as packs.BLOCKS says"
+    wanted = {f"out[{i}, {j}]" for _, (i, j) in places}
+    return prune(replace(program, outputs=tuple(entry for entry in program.outputs if entry[0] in wanted)))
+
+
+def every_matrix(terms: Iterable[TermRow], size: int) -> str:
+    """The loop over elements of this size that calls every kernel."""
+    lines = [
+        "@njit(**OPTIONS)",
+        "def element_matrices(p, s, out):",
+        '    """Every kernel of many elements, each at several scalars.',
+        "",
+        "    p: a row of ELEMENT_PARAMETERS an element. s: rows of LINK_SCALARS. out: zeros, elements x rows of s x",
+        f'    KERNELS x {size} x {size}; of F the first row is stored."""',
+        "    for e in range(p.shape[0]):",
+        "        for k in range(s.shape[0]):",
+    ]
+    moving = {kernel for _, _, kernel, factors in terms if factors}
+    for k, kernel in enumerate(ELEMENT_KERNELS):
+        arguments = "p[e], s[k]" if kernel in moving else "p[e]"
+        lines.append(f"            {kernel}({arguments}, out[e, k, {k}{', 0' * (kernel == 'F')}])")
+    return "\n".join(lines) + "\n"
+
+
+def in_letters(without: Collection[str] = ()) -> str:
+    """The equations of an elastic link, perhaps without some groups of terms."""
+    damping = {"damping": " + C_s", "gyroscopic": " + 2 omega G"}
+    stiffness = {"elastic": "K_s", "spin": " - omega^2 M", "euler": " + epsilon G", "geometric": " + K_g"}
+    C, K = ("".join(term for group, term in of.items() if group not in without) for of in (damping, stiffness))
+    return "M q''" + (f" + ({C.removeprefix(' + ')}) q'" if C else "") + f" + ({K}) q = F"
+
+
+def _about(element: Element) -> list[str]:
+    return [
+        "In link axes, with one scalar of the motion before each constant matrix:",
+        f"    {in_letters()}",
+        "    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2",
+        *module_text.ROTARY * element.has("rho_I"),
+        "",
+        module_text.CHECKED,
+    ]

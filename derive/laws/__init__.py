@@ -1,0 +1,1 @@
+"""Joints, springs, contacts, friction, drives and loads as modules of kernels."""
