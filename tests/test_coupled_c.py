@@ -86,13 +86,13 @@ def test_accelerations_in_space_in_c_are_those_of_the_engine(scene, compiler, tm
     texts = coupled_in_c(model(*scene).scene)
     library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
     size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
-    assert size["POSITIONS"] == system.coordinates and size["SPEEDS"] == system.speeds
+    assert size["POSITIONS"] == len(system.state_coordinates) and size["SPEEDS"] == system.engine.size
     start, random, state = start_of(system), np.random.default_rng(5), np.zeros(2 * sum(size.values()))
     getattr(library, f"{name}_start")(_address(state))
-    accelerate, unit = getattr(library, f"{name}_accelerations"), system.measure
+    accelerate, unit = getattr(library, f"{name}_accelerations"), system.engine.measure
     for t in (0.0, 1e-3):
-        steps = 1e-4 * unit * random.normal(size=system.speeds)
-        (q,), u = system.engine.advanced(start.q, steps[None]), unit * random.normal(size=system.speeds)
+        steps = 1e-4 * unit * random.normal(size=system.engine.size)
+        (q,), u = system.engine.advanced(start.q, steps[None]), unit * random.normal(size=system.engine.size)
         expected, rates, found = system.project(t, q, u, start.choice), np.zeros(len(q)), np.zeros(len(u))
         assert accelerate(_address(state), ctypes.c_double(t), *map(_address, (q, u, rates, found))) == 0
         assert abs(expected.du).max() > 0.0

@@ -250,7 +250,7 @@ def test_richer_models_in_space_begin_at_a_given_state():
             found, _ = state_after(system, embedded, lambda given, of=system: choose(of, given.q))
             places = system.work.sections[:, :3].copy()
             own.project(start.t, start.q, start.u, start.choice)
-            bent = abs(start.q[own.modal_coordinates]).max()
+            bent = abs(start.q[own.engine.modal[0]]).max()
             assert found.t == begun.times[0] and abs(places - own.work.sections[:, :3]).max() < 1e-3 * bent
 
 

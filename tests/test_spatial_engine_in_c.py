@@ -67,9 +67,10 @@ def states(system):
     """A start, and coordinates, speeds, accelerations and inputs near it."""
     start, random = start_of(system), np.random.default_rng(7)
     q, u = np.tile(start.q, (4, 1)), np.tile(start.u, (4, 1))
-    q[:, system.modal_coordinates] = 1e-4 * random.normal(size=(4, len(system.modal_coordinates)))
-    u[:, system.modal_speeds] = 1e-2 * random.normal(size=(4, len(system.modal_speeds)))
-    return start, np.hstack([q, u, random.normal(size=u.shape), np.zeros((4, len(system.inputs)))])
+    coordinates, speeds = system.engine.modal
+    q[:, coordinates] = 1e-4 * random.normal(size=(4, len(coordinates)))
+    u[:, speeds] = 1e-2 * random.normal(size=(4, len(speeds)))
+    return start, np.hstack([q, u, random.normal(size=u.shape), np.zeros((4, system.engine.inputs))])
 
 
 def agree(one, other, magnified=0.0):
@@ -79,7 +80,7 @@ def agree(one, other, magnified=0.0):
 
 def test_states_and_reactions_are_those_of_numba(system, states, in_c):
     start, given = states
-    engine, work, n, speeds = system.engine, system.work, system.coordinates, system.speeds
+    engine, work, n, speeds = system.engine, system.work, len(system.state_coordinates), system.engine.size
     engine.choose_speeds(start.choice)
     for row in given:
         found = []
@@ -105,7 +106,7 @@ def test_residuals_are_those_of_numba(system, states, in_c):
     independent, times, found = start.choice.independent, np.zeros(len(given)), []
     system.engine.choose_speeds(start.choice)
     for call in (system.engine.call, in_c):
-        out = np.zeros((len(given), len(independent) + system.speeds))
+        out = np.zeros((len(given), len(independent) + system.engine.size))
         done = call(
             reduction.reduced_demand, independent, len(independent), times, len(times), given, given.shape[1], out
         )  # fmt: skip
@@ -131,7 +132,7 @@ def test_steps_are_those_of_numba(system, states, in_c):
         found.append([int(outcome), int(control[4]), here, rows[: int(control[3]) + 1]])
     (ended, taken, here, rows), (ended_in_c, taken_in_c, here_in_c, rows_in_c) = found
     assert ended == ended_in_c and taken == taken_in_c and taken > 4 and len(rows) == len(rows_in_c) > 1
-    n = system.speeds
+    n = system.engine.size
     for part in (slice(1), slice(1, 1 + n), slice(1 + n, 1 + 2 * n), slice(-engine.count(at.WORKS), None)):
         agree(here[part], here_in_c[part])
         agree(rows[1:, part], rows_in_c[1:, part])

@@ -101,11 +101,12 @@ duration = 1
 """)
     mechanism = spatial_mechanism_of(scene)
     tables, _ = build_tables(mechanism)
-    assert sum(ROWS[what] for what in tables.cuts[:, WHAT]) == held == 6 - mechanism.joints["first"].freedoms
+    cuts = tables.acts[: tables.ranges[1], WHAT]
+    assert sum(ROWS[what] for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     rng = np.random.default_rng(SEED)
     for _ in range(4):
-        q = rng.normal(size=system.coordinates)
+        q = rng.normal(size=len(system.state_coordinates))
         system.place(q)
         assert abs(system.work.rows[:, 0]).max() < 1e-13
         assert abs(system.work.J).max(initial=0.0) < 1e-13
@@ -196,7 +197,7 @@ def test_rows_of_joints_by_hand(tmp_path, kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
     scene = scene_of(tmp_path, GUIDED % (kind, AXES[kind]))
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
-    assert system.coordinates == 7 and list(system.layout.cuts) == ["tested"]
+    assert len(system.state_coordinates) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
         system.place(q)
         found = np.column_stack([system.work.rows[:, 0], system.work.J, system.work.rows[:, 3:]])
@@ -275,7 +276,7 @@ def test_rows_of_a_loop_move_as_their_jacobian_says():
     system.place(q)
     J, before = system.work.J.copy(), system.work.rows[:, 0].copy()
     scalars = [k for k, name in enumerate(system.layout.speeds) if ".omega" not in name]
-    assert len(scalars) == system.speeds == len(q)  # no ball in this tree
+    assert len(scalars) == system.engine.size == len(q)  # no ball in this tree
     for k in scalars:
         moved = q.copy()
         moved[k] += h

@@ -79,15 +79,20 @@ class Engine:
     @cached_property
     def columns(self) -> dict[str, slice]:
         """Columns of a row of the integration: coordinates q, speeds u, accelerations du, modes of contacts and holds,
-        works."""
-        n, reactions = self.size, self.count(at.REACTIONS)
-        ends = np.cumsum([1, n, n, n, reactions, len(self.standing), self.count(at.WORKS)]).tolist()
-        names = "q", "u", "du", "reactions", "modes", "works"
+        quaternions of balls, works."""
+        n, reactions, modes, balls = self.size, self.count(at.REACTIONS), len(self.standing), 4 * len(self.balls)
+        ends = np.cumsum([1, n, n, n, reactions, modes, balls, self.count(at.WORKS)]).tolist()
+        names = "q", "u", "du", "reactions", "modes", "quaternions", "works"
         return {name: slice(*pair) for name, pair in zip(names, pairwise(ends), strict=True)}
 
     def row(self, t: float) -> np.ndarray:
         """Current motion at t [s] as a row of the integration, with zero works."""
-        return np.concatenate([[t], *self.motion, self.standing, np.zeros(self.count(at.WORKS))])
+        return np.concatenate([[t], *self.motion, self.standing, self.quaternions, np.zeros(self.count(at.WORKS))])
+
+    @property
+    def quaternions(self) -> np.ndarray:
+        """Current quaternions of balls, one after the other."""
+        return np.zeros(0)
 
     def stand(self, row: np.ndarray) -> None:
         """Set the motion to that of a row."""
@@ -110,8 +115,8 @@ class Engine:
 
     def courses(self, times: np.ndarray) -> np.ndarray:
         """Coordinate, speed and acceleration of all prescribed drives at ``times`` [s], (n_times, 3 drives)."""
-        out = np.zeros((len(times), 3 * (self.inputs - self.count(at.SPRINGS) + self.count(at.LOADS))))
-        self._call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
+        out = np.zeros((len(times), 3 * len(self.prescribed)))
+        self.call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
         return out
 
     def magnitudes(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -121,7 +126,7 @@ class Engine:
         times, x = np.ascontiguousarray(times, float), np.hstack([x, np.zeros((len(x), sides))])
         out = np.zeros((len(times), loads + 2 * sides))
         for _ in range(sides + 1):  # switches may depend on others
-            self._call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, out.shape[1])
+            self.call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, out.shape[1])
             x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
         return out[:, :loads]
 
@@ -147,12 +152,12 @@ class Engine:
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Set coordinates and rates of the bodies, in the tree's order."""
         self.part()
-        self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
+        self.call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
         """Opening of every row of the cut joints [m or rad] at the current coordinates."""
         out = np.zeros(self.count(at.REACTIONS))
-        self._call(independent_speeds.openings, t, out)
+        self.call(independent_speeds.openings, t, out)
         return out
 
     def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
@@ -171,10 +176,21 @@ class Engine:
         """Choice by the :attr:`levels` of coordinates, and redundant rows, see
         :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
         taken = np.zeros(self.count(at.REACTIONS), np.int64)
-        self._call(independent_speeds.choose, level, taken)
+        self.call(independent_speeds.choose, level, taken)
         rows, free = np.flatnonzero(taken >= 0), np.flatnonzero(level < independent_speeds.PRESCRIBED)
         choice = Choice(rows, taken[rows], np.setdiff1d(free, taken[rows]), np.zeros(self.size))
         return choice, np.flatnonzero(taken == -1)
+
+    @cached_property
+    def open_speeds(self) -> np.ndarray:
+        """Speeds that no drive prescribes."""
+        return np.flatnonzero(self.levels < independent_speeds.PRESCRIBED)
+
+    @property
+    def prescribed(self) -> np.ndarray:
+        """Speed of the joint of every prescribed drive; -1 of one that closes a loop."""
+        first = self.count(at.PRESCRIBED)
+        return self.tables.plan[first : first + self.inputs - len(self.sizes)]
 
     @cached_property
     def levels(self) -> np.ndarray:
@@ -269,7 +285,7 @@ class Engine:
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
         found = np.zeros((len(choice.independent), self.size))
-        self._call(reduction.basis, choice.independent, len(choice.independent), found)
+        self.call(reduction.basis, choice.independent, len(choice.independent), found)
         return found
 
     @cached_property
@@ -287,10 +303,21 @@ class Engine:
         """Axes of torsional springs by their numbers: in the plane a single one."""
         return np.ones((1, 1))
 
+    @cached_property
+    def modal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places of shape amplitudes among the coordinates q, and their speeds."""
+        coordinates, speeds = self.own[self.shapes[self.own[:, 1]]].T
+        return coordinates, speeds
+
     @property
     def inputs(self) -> int:
         """Number of loads and prescribed accelerations."""
         return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)
+
+    @property
+    def additions(self) -> np.ndarray:
+        """View of the additions to the sizes of the loads and then to the accelerations of the prescribed drives."""
+        return self.numbers(at.INPUT, self.inputs)
 
     @cached_property
     def contacts(self) -> np.ndarray:
@@ -317,7 +344,7 @@ class Engine:
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         out = np.zeros((len(times), len(choice.independent) + self.size))
         asked = times, len(times), given, given.shape[1], out
-        done = self._call(reduction.reduced_demand, choice.independent, len(choice.independent), *asked)
+        done = self.call(reduction.reduced_demand, choice.independent, len(choice.independent), *asked)
         if done < len(times):
             raise ArithmeticError(f"the loops don't close at t = {times[done]:.6g} s")
         return out
@@ -325,16 +352,16 @@ class Engine:
     def project(self, t: float) -> bool:
         """Project onto the constraints for the current independent coordinates, and compute accelerations and
         reactions."""
-        return bool(self._call(collocation.project, t))
+        return bool(self.call(collocation.project, t))
 
     def move_on(self, t: float) -> bool:
         """Close the loops in position, speed and acceleration for the current independent coordinates; False if they
         don't."""
-        return bool(self._call(unfolding.move_on, t))
+        return bool(self.call(unfolding.move_on, t))
 
     def follow(self, into: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
         """Follow rows, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
-        return int(self._call(unfolding.follow_rows, len(into), into, side, rows))
+        return int(self.call(unfolding.follow_rows, len(into), into, side, rows))
 
     def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
         """Rows of the integration with closed loops, accelerations and reactions, from those of nearby states; None if
@@ -352,7 +379,7 @@ class Engine:
         while done < len(rows):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
-            before, done = done, self._call(unfolding.states, rows, len(rows), done, len(held) > 0)
+            before, done = done, self.call(unfolding.states, rows, len(rows), done, len(held) > 0)
             if done == before:
                 break
         stiffness[:], damping[:] = kept
@@ -364,7 +391,7 @@ class Engine:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
         ends."""
         given, times, *out = parts
-        return int(self._call(
+        return int(self.call(
             collocation.integrate, method, control, here, given, len(given), times, len(times), *out, wide
         ))  # fmt: skip
 
@@ -374,14 +401,14 @@ class Engine:
         exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * (len(self.contacts) + len(self.holds))
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
-        self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
+        self.call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
         return out
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""
         self._handle, self._entries  # noqa: B018 - computes the kernels' addresses
 
-    def _call(self, function: Any, *values: Any) -> Any:
+    def call(self, function: Any, *values: Any) -> Any:
         """Call a library entry with this engine's handle; arrays and handles are passed by address."""
         return self._entries[function](self._handle.address, *map(by_address, values))
 

@@ -99,7 +99,7 @@ def _mobility(model: Model) -> Blocks:
 
         assert isinstance(model.motion, SpatialKinematics)
         system = model.motion.module.system
-        if len(system.modal_speeds):  # shapes are no freedoms of joints
+        if system.engine.shapes.any():  # shapes are no freedoms of joints
             system = build_spatial_system(system.scene, system.module)
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q

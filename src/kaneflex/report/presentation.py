@@ -92,11 +92,12 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
 def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
     """Degrees of freedom of a mechanism in space, by the rank of its joints' constraints."""
     left, tied = len(choice.independent), len(choice.dependent)
-    spare = system.row_count - tied
+    rows, speeds = len(system.row_measure), system.engine.size
+    spare = rows - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
     return {"degrees of freedom": {
-        "joints": f"{system.speeds} at {', '.join(system.layout.tree)}",
-        "closing": f"{system.row_count} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
+        "joints": f"{speeds} at {', '.join(system.layout.tree)}",
+        "closing": f"{rows} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
         + (f", {spare} of them redundant" if spare else ""),
         "driven": f"{len(system.driven)}",
         "left": f"{left}" + (f", free: {free}" if free else ""),

@@ -123,11 +123,11 @@ def _in_space(model: Model) -> Begun:
         **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
     }
     names = _names(system)
-    sizes = {"RATES": len(names["rate"]), "POSITIONS": system.coordinates, "SPEEDS": system.speeds}
+    sizes = {"RATES": len(names["rate"]), "POSITIONS": len(system.state_coordinates), "SPEEDS": system.engine.size}
     return Begun(
         system.engine, row, step, DAMPED if system.has_slopes and options.integrator == "radau" else 0.0,
         options.integrator, start.choice.independent, names,
-        motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.driven_speeds,
+        motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.engine.prescribed,
          "level": system.engine.levels},
         sizes, {"joints": len(points), "drives": len(system.driven), "patience": PATIENT,
                "fixed": int(system.has_light_bodies), "FIXED": spatial_unfolding.FIXED,

@@ -94,7 +94,7 @@ def closed_state(scene: Scene, system: CoupledSystem | SpatialSystem, given: Sta
     size = system.mechanism.size or 1.0
     measure = np.array([size if dimension is LENGTH else 1.0 for dimension in dimensions.values()])
     asked = np.array([name in tables.displacements for name in dimensions], bool)
-    asked[engine.own[engine.shapes[engine.own[:, 1]], 0]] = True
+    asked[engine.modal[0]] = True
     cure = "Give coordinates that keep the joints closed, for example those of solution.state()"
     try:
         found = system.project(given.t, given.q, given.u, choice)

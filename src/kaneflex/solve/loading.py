@@ -204,10 +204,10 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     if spare:
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
-    check_weighty(coupled, placement)
     scene = with_stretch(scene)
     twin = build_twin(scene, coupled, placement)
     compiled = compiled_by(progress, coupled.compile, twin.rigid.compile)
+    check_weighty(coupled, placement)
     motion = _twin(scene, twin, options)
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)

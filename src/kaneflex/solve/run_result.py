@@ -267,7 +267,7 @@ def nominal_seconds(solution: RunResult) -> float:
         differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.holds) > 0
         return _OF_A_STEP * tried * engine.size * (1 + 4 * model.solved_for * differs)
     if model.coupled_in_space is not None:
-        curve, speeds = model.coupled_in_space.curve, model.coupled_in_space.module.system.speeds
+        curve, speeds = model.coupled_in_space.curve, model.coupled_in_space.module.system.engine.size
         each = _IN_SPACE + _OF_A_TANGENT * speeds * (model.options.start == "periodic")
         return each * speeds * getattr(curve, "evaluations", 0)
     return seconds_of_steps(model, model.options.steps) if model.reduced.size else 0.0

@@ -21,7 +21,7 @@ from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
 from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_layout import KIND, TURN
+from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
@@ -117,7 +117,7 @@ def _bound(system: SpatialSystem, options: Options) -> SpatialKinematics:
 def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
     """Raise SceneError if a prescribed motion turns a bushing too far."""
     system = motion.module.system
-    if len(system.tables.bushings):
+    if any(spring.is_bushing for spring in system.mechanism.springs.values()):
         times = np.linspace(0.0, options.duration, SWEEP + 1)
         far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).springs)
         if far:
@@ -173,9 +173,9 @@ def given_state(system: SpatialSystem, start: State) -> State:
 
     Raises SceneError as :func:`kaneflex.solve.coupled_state.closed_state`.
     """
-    given, driven, angles = laid_state(system.scene, system, start), system.driven_coordinates, system.courses(start.t)
-    turns = np.isin(system.tables.nodes[[system.node(name) for name in system.driven], KIND], TURN)
-    given.q[driven] -= turns * whole_turns(given.q[driven] - angles[:, 0])
+    given, driven = laid_state(system.scene, system, start), system.columns(system.driven, COORDINATE)
+    turns = system.engine.turns[system.engine.prescribed]
+    given.q[driven] -= turns * whole_turns(given.q[driven] - system.courses(start.t)[:, 0])
     # a complete state may lie far from the start, where other speeds are independent
     complete = {name for name, _ in system.state_coordinates} <= set(given_start(system.scene).displacements)
     choice = choose(system, given.q, prefer=True) if complete else start.choice

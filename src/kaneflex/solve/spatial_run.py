@@ -114,6 +114,6 @@ def _cycle(
 
 def _undeformed(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
     """States of the undeformed mechanism at ``times`` [s]."""
-    found, none = path.system.instants(path.rows(times)), np.zeros(path.system.speeds)
+    found, none = path.system.instants(path.rows(times)), np.zeros(path.system.engine.size)
     states = zip(times.tolist(), found.q, found.u, strict=True)
     return [State(t, q, u, none, path.start.sizes, choice) for t, q, u in states]

@@ -165,7 +165,7 @@ def arrays_of(
     """Plan, numbers w and working arrays of a mechanism; places in w of the factors' geometries and of springs'
     stiffness and damping; length of factors."""
     n, b, s, rows = len(tables.nodes), counts.bodies, counts.coordinates, counts.joint_rows
-    springs, first_push = counts.ranges[5] - counts.ranges[4], counts.ranges[6]
+    springs = counts.ranges[5] - counts.ranges[4]
     parts = {
         "q": (coordinates,), "u": (s,), "du": (s,), "R": (n, 3, 3),
         **dict.fromkeys(("r", "v", "omega", "a", "e"), (n, 3)), "wrenches": (n, 6), "multipliers": (rows,),
@@ -182,7 +182,7 @@ def arrays_of(
         plan[what] = places[name]
     plan[at.MEASURE] = numbers.room(s)
     plan[at.DAMPED] = numbers.room(counts.square)
-    plan[[at.PUSHES, at.PUSHED]] = first_push, first_push + len(tables.pushes)
+    plan[[at.PUSHES, at.PUSHED]] = counts.ranges[6], len(tables.acts)
     stiffness = numbers.room(3 * springs)
     geometry = numbers.room(4 * (s * (6 + rows) + 6 * counts.twists + 6 * b))
     w = np.concatenate(numbers.parts)
@@ -191,7 +191,7 @@ def arrays_of(
         return w[where : where + math.prod(shape)].reshape(shape)
 
     found = {name: view(places[name], *shape) for name, shape in parts.items()}
-    x = np.zeros(max(64, (6 + counts.most) ** 2))
+    x = np.zeros(max(64, (6 + max(counts.shapes, default=0)) ** 2))
     found |= {
         "y": view(plan[at.Y], s), "J": view(plan[at.GRADIENT], rows, s), "h": view(plan[at.DEMAND], s),
         "I": view(plan[at.INERTIAS], 6 * b, 6), "E": view(plan[at.COUPLINGS], counts.coupling, 6),

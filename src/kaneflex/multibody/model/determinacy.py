@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.position_analysis import Placement
+from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.state import NONE, Choice, State
+from kaneflex.multibody.unilateral.dry_friction import ARM, LAW_AT
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model.state import State
     from kaneflex.multibody.model.system import CoupledSystem
 
 _RANK, _NOTHING = 1e-9, 1e-7
@@ -30,11 +31,8 @@ below which it has no share in one."""
 _MASSLESS, _LENT = 1e-14, 1e-12
 """Share of the inertia of all bodies at a distance of the mechanism's size that counts as zero, and of the largest
 inertia of a speed that counts as none."""
-
-
-def _moved(arm: np.ndarray) -> np.ndarray:
-    """Twist of a point by that of another one, ``arm`` away."""
-    return np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]], [0.0, 0.0, 1.0]])
+_LARGE = 1e8
+"""Accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
 
 
 def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
@@ -127,70 +125,54 @@ def _of_joint(sensor: Sensor) -> Iterator[str]:
 
 
 def check_weighty(system: CoupledSystem, placement: Placement) -> None:
-    """Check that the articulated inertia along the freedoms of the tree's joints is positive, without cuts.
-
-    Bodies count as rigid here: articulated inertias (Featherstone 1983), each by the twist of its body's start.
+    """Check that a planar mechanism has inertia along the freedoms of the tree's joints, without its cuts and shapes.
 
     Raises
     ------
     SceneError
         Naming the body whose mass or moment of inertia is missing.
     """
-    tables, layout = system.engine.tables, system.engine.layout
-    owners = tables.sections[:, at.OWNER]
-    inertias = [_inertia(tables.w[k : k + 4], placement.poses[body][2])
-                for k, body in zip(tables.bodies[:, at.BLOCK], layout.bodies, strict=True)]  # fmt: skip
-    least, size = _MASSLESS * sum(each[0, 0] for each in inertias), system.mechanism.size or 1.0
-    units = np.array([1.0, 1.0, size])
-    for b in range(len(inertias) - 1, -1, -1):
-        (hung, child), row, own = layout.inboard[b], tables.bodies[b], inertias[b]
-        here, parent = placement.poses[layout.bodies[b]], owners[row[at.PARENT]]
-        if hung is None:
-            if np.linalg.eigvalsh(own / np.outer(units, units))[0] <= least:
-                raise _missing(layout.bodies[b], own, None)
-            continue
-        joint = system.mechanism.joints[hung]
-        if joint.kind != "weld" and tables.plan[tables.plan[at.FREED] + row[at.FIRST]]:
-            axis = _axis(joint, child, placement, here)
-            resists = own @ axis
-            if axis @ resists <= least * (size if joint.kind == "revolute" else 1.0) ** 2:
-                raise _missing(layout.bodies[b], own, joint)
-            own = own - np.outer(resists, resists) / (axis @ resists)
-        if parent >= 0:
-            inertias[parent] = inertias[parent] + _seen(own, here - placement.poses[layout.bodies[parent]])
+    engine, layout, q = system.engine, system.engine.layout, np.zeros(system.size)
+    for body, first in system.start.items():
+        q[first : first + 3] = placement.poses[body]
+    A = _open_mass(engine, system.folded(0.0, q, 0.0 * q)) * np.outer(engine.measure, engine.measure)
+    bodies, masses = engine.tables.bodies, engine.tables.w[engine.tables.bodies[:, at.BLOCK]]
+    least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2
+    free = np.isin(np.arange(engine.size), engine.open_speeds) & ~engine.shapes
+    carried, virtual = masses.copy(), np.zeros(len(masses))
+    for fields in engine.tables.acts[engine.count(at.HOLDS) : engine.count(at.DRIVES)]:
+        of_hold = engine.tables.w[fields[at.NUMBERS_AT] :]
+        if of_hold[LAW_AT] < 0.0:  # a hold removes its virtual inertia once the loops are closed
+            virtual[engine.tables.sections[fields[at.ON], at.OWNER]] += of_hold[ARM]
+    for b in range(len(bodies) - 1, -1, -1):
+        if bodies[b, at.PARENT_BODY] >= 0:
+            carried[bodies[b, at.PARENT_BODY]] += carried[b]
+    for b, s in _pivots(A, bodies, free):
+        A[s, s] += virtual[b] * engine.turns[s]
+        if A[s, s] <= least:
+            raise _missing(layout.bodies[b], layout.inboard[b][0], carried[b] <= 0.0 or not engine.turns[s])
 
 
-def _inertia(moments: np.ndarray, phi: float) -> np.ndarray:
-    """Inertia of a twist (v_x, v_y of a body's start, omega) by its mass, first moments and second about its start."""
-    turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
-    mass, (x, y), second = moments[0], turn @ moments[1:3], moments[3]
-    return np.array([[mass, 0.0, -y], [0.0, mass, x], [-y, x, second]])
+def _open_mass(engine: Engine, state: State) -> np.ndarray:
+    """Mass matrix of the speeds that no drive prescribes with open loops, (speeds, speeds); others are zero."""
+    free, n = engine.open_speeds, engine.size
+    rows = np.zeros((1 + len(free), 3 * n))
+    rows[:, :n], rows[1:, 2 * n :] = state.q, _LARGE * np.eye(n)[free]
+    choice = Choice(NONE.rows, NONE.dependent, free, np.zeros(n))
+    found = engine.demand(choice, np.full(len(rows), state.t), rows)[:, : len(free)]
+    M = np.zeros((n, n))
+    M[np.ix_(free, free)] = (found[1:] - found[0]) / _LARGE
+    return M
 
 
-def _seen(inertia: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """Inertia by the twist of another point, from which the first one is ``away``."""
-    return np.asarray(_moved(away).T @ inertia @ _moved(away))
-
-
-def _axis(joint: Joint, child: int, placement: Placement, here: np.ndarray) -> np.ndarray:
-    """Twist of a body's start along the freedom of a pin or a guide."""
-    if joint.kind == "revolute":
-        side = joint.sides[child]
-        x, y = placement.pose(side.body).place(side.at)
-        return np.array([y - here[1], here[0] - x, 1.0])
-    return np.array([*placement.pose(joint.first.body).turn(joint.direction), 0.0])
-
-
-def _missing(body: str, inertia: np.ndarray, joint: Joint | None) -> SceneError:
-    massless = inertia[0, 0] <= 0.0 or (joint is not None and joint.kind == "prismatic")
-    what = "mass" if massless else "inertia"
-    does = "moves" if massless else "turns"
-    where = f"at {joint.name}" if joint is not None else "freely"
+def _missing(body: str, joint: str | None, massless: bool) -> SceneError:
+    what, moves = ("mass", "moves") if massless else ("inertia", "turns")
+    where = f"at {joint}" if joint is not None else "freely"
     return SceneError(
         f"bodies.{body}.{what}", 0,
-        f"{body} {does} {where}: the mass matrix of preset coupled is singular, as neither it nor the bodies that it "
+        f"{body} {moves} {where}: the mass matrix of preset coupled is singular, as neither it nor the bodies that it "
         f"carries have a {'mass' if massless else 'moment of inertia'} along that freedom",
-        "Give it one, however small, or a length and a mass" if not massless else "Give it one, however small",
+        "Give it one, however small, or a length and a mass" if massless else "Give it one, however small",
     )  # fmt: skip
 
 
@@ -199,18 +181,26 @@ def virtual_inertia(
 ) -> np.ndarray:
     """Virtual inertia of dependent speeds whose pivot in a recursion over the tree would vanish, (s,).
 
-    M: mass matrix; free: mask of speeds without drives. The recursion eliminates the outermost body first, of each its
-    shapes, then its joint.
+    M: mass matrix; free: mask of speeds without drives.
     """
     inertia = np.zeros(len(measure))
     A = M * np.outer(measure, measure)
     most = A.diagonal().max(initial=0.0)
-    for body in bodies[::-1]:
-        joint = range(body[at.FIRST], body[at.FIRST] + body[at.DOF])
-        shapes = range(body[at.MODAL], body[at.MODAL] + body[at.SHAPES])
-        for s in filter(free.__getitem__, (*shapes, *joint)):
-            if A[s, s] <= _LENT * most and s in dependent:
-                inertia[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
-            if A[s, s] > 0.0:
-                A = A - np.outer(A[:, s], A[s]) / A[s, s]
+    for _, s in _pivots(A, bodies, free):
+        if A[s, s] <= _LENT * most and s in dependent:
+            inertia[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
     return inertia
+
+
+def _pivots(A: np.ndarray, bodies: np.ndarray, free: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Body and speed of every pivot of a recursion over the tree, which A then has on its diagonal; overwrites A.
+
+    The outermost body comes first, of each its shapes, then its joint.
+    """
+    for b in range(len(bodies) - 1, -1, -1):
+        own = bodies[b]
+        joint, shapes = (range(own[k], own[k] + own[count]) for k, count in ((at.FIRST, at.DOF), (at.MODAL, at.SHAPES)))
+        for s in filter(free.__getitem__, (*shapes, *joint)):
+            yield b, s
+            if A[s, s] > 0.0:
+                A -= np.outer(A[:, s], A[s]) / A[s, s]

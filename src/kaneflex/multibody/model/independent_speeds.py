@@ -58,13 +58,13 @@ def named_speeds(system: SpatialSystem) -> list[int]:
     """Numbers of the speeds of free joints, free bodies and shapes."""
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
-            *system.modal_speeds.tolist()]  # fmt: skip
+            *system.engine.modal[1].tolist()]  # fmt: skip
 
 
 def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> np.ndarray:
     """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
     the measures of both, without redundant rows."""
-    sizes = [np.linalg.svd(system.jacobian(q)[:, system.open_speeds], compute_uv=False) for q in rows]
+    sizes = [np.linalg.svd(system.jacobian(q)[:, system.engine.open_speeds], compute_uv=False) for q in rows]
     rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
     return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 
@@ -86,11 +86,12 @@ def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
     Joints' speeds come first, then the most compliant shapes, in units of equal strain energy. Each pivot is the column
     that is largest where it is smallest.
     """
-    first, free, modal = choose(system, positions[0], prefer=True), system.open_speeds, system.modal_speeds
+    first, free, modal = choose(system, positions[0], prefer=True), system.engine.open_speeds, system.engine.modal[1]
     stiffness = np.concatenate([np.zeros(0), *(np.diag(each.stiffness) for each in system.layout.shapes.values())])
     stiffness = np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300))
-    unit = np.ones(system.speeds)
-    unit[modal] = 1e-4 * np.sqrt(stiffness.min(initial=1.0) / stiffness) * system.mechanism.size / system.measure[modal]
+    unit = np.ones(system.engine.size)
+    size = system.mechanism.size / system.engine.measure[modal]
+    unit[modal] = 1e-4 * np.sqrt(stiffness.min(initial=1.0) / stiffness) * size
     J = np.array([system.jacobian(q)[first.rows] * unit for q in positions])[:, :, free]
     dependent = list[int]()
     for _ in first.rows:

@@ -9,8 +9,11 @@ import numpy as np
 from kaneflex.mechanism import contacts, friction
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Contact, Joint
-from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.planar import GROUND, BodyPoint
+from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.spatial_layout import SPEED
+from kaneflex.multibody.model.tree_builder import TreeBuilder, whole
 from kaneflex.support.errors import SceneError
 
 KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
@@ -171,3 +174,59 @@ def list_acts(
     found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     ends.append(len(found))
     return np.array(found, np.int64).reshape(-1, 6), ends, names
+
+
+def list_spatial_acts(
+    builder: TreeBuilder, cuts: Sequence[tuple[int, ...]], tree: Mapping[str, tuple[tuple[int, ...], int]],
+    in_laws: Sequence[str], switches: int,
+) -> tuple[np.ndarray, tuple[int, ...], np.ndarray, np.ndarray]:  # fmt: skip
+    """``acts``, ``ranges``, ``stiffness`` and ``twisting`` of :class:`Tables`."""
+    mechanism, joints = builder.mechanism, list[tuple[int, ...]]()
+    for name in in_laws:
+        kind = at.SLIDE if mechanism.joints[name].kind == "prismatic" else at.TURN
+        speed = builder.nodes[tree[name][0][0]][SPEED] if mechanism.joints[name].freedoms == 1 else -1
+        joints.append((kind, 0, 0, speed, -1, -1))
+    loads, pushes = [(0, -1, -1, -1, -1, -1)] * len(mechanism.loads), _pushes(builder)
+    springs, bushings, twisting = list[tuple[int, ...]](), list[tuple[int, ...]](), list[int]()
+    stiffness, cushions = [np.zeros((0, 3))], list[np.ndarray]()
+    for spring in mechanism.springs.values():
+        joint = None if spring.joint is None else mechanism.joints[spring.joint]
+        sections = [builder.section(side) for side in (spring if joint is None else joint).sides]
+        if spring.is_bushing:
+            sides = zip(spring.sides, (np.eye(3), mechanism.relative(spring)), strict=True)
+            first, _ = (min([builder.axis(side, axis) for axis in axes]) for side, axes in sides)
+            kinds = at.BUSHING, at.ALONG_AXIS, at.ALONG_AXIS, *3 * (at.ABOUT_AXIS,)
+            bushings += [(kind, *sections, -1, first + k % 3, -1) for k, kind in enumerate(kinds)]
+            cushions.append(np.column_stack([*np.reshape(spring.numbers, (2, 6)), np.zeros(6)]))
+            continue
+        kind, axis, speed = at.STRAIGHT, -1, -1
+        if joint is not None:
+            kind, speed = at.TORSIONAL, builder.nodes[tree[joint.name][0][0]][SPEED]
+            axis = builder.axis(joint.sides[0], joint.moves[0][1])
+        springs.append((kind, *sections, -1, axis, -1))
+        stiffness.append(np.reshape(spring.numbers, (1, 3)))
+        twisting.append(speed)
+    none = list[tuple[int, ...]]()
+    parts = cuts, none, joints, loads, [*springs, *bushings], [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
+    ranges = tuple(np.cumsum([0, *map(len, parts)]).tolist())
+    acts = whole([row for part in (*parts, pushes) for row in part], 6)
+    return acts, ranges, np.vstack([*stiffness, *cushions]), np.array(twisting, int)
+
+
+def _pushes(builder: TreeBuilder) -> list[tuple[int, ...]]:
+    """Forces and moments of loads, as rows of ``acts``."""
+    mechanism, found = builder.mechanism, list[tuple[int, ...]]()
+    for number, load in enumerate(mechanism.loads.values()):
+        for k, (on, share) in enumerate(load.pushes):
+            spread = load.is_spread and on.body in builder.shapes
+            section = builder.mean(on.body, rises=k > 0) if spread else builder.section(on)
+            turning = on if load.at is not None else Side(on.body, (0.0, 0.0, 0.0))
+            turning = turning if load.in_body else Side(GROUND, (0.0, 0.0, 0.0))
+            axis = builder.axis(turning, share * load.direction)
+            found.append((at.FORCE_ALONG, 0, section, number, axis, -1))
+        if load.joint is not None:
+            joint = mechanism.joints[load.joint]
+            sections = [builder.section(side) for side in joint.sides]
+            axis = builder.axis(joint.sides[0], joint.moves[0][1])
+            found.append((at.TORQUE, *sections, number, axis, -1))
+    return found

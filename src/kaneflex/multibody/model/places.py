@@ -20,14 +20,14 @@ class Counts:
     ----------
     d : int
         Numbers of a twist: 3 in the plane, 6 in space.
-    bodies, coordinates, sections : int
-        Bodies; coordinates of the tree; sections with nine numbers each, in the plane alone.
-    speeds, coupling, square, twists, most : int
-        In the plane speeds of all bodies; rows of E, numbers of L, rows of phi; shapes of the body with most.
+    shapes : sequence of int
+        Number of shapes of every body.
+    coordinates, sections, twists : int
+        Coordinates of the tree; sections with nine numbers each, in the plane alone; rows of phi.
     ranges : sequence of int
         First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the end.
-    joint_rows, loads, switches : int
-        Rows of the cuts; loads; switches of their laws.
+    joint_rows, switches : int
+        Rows of the cuts; switches of the loads' laws.
     driven : sequence of int
         The coordinate that each course prescribes, or -1 for that of a cut.
     rigid : bool
@@ -35,20 +35,38 @@ class Counts:
     """
 
     d: int
-    bodies: int
+    shapes: Sequence[int]
     coordinates: int
     sections: int
-    speeds: int
-    coupling: int
-    square: int
     twists: int
-    most: int
     ranges: tuple[int, ...]
     joint_rows: int
-    loads: int
     driven: Sequence[int]
     switches: int
     rigid: bool
+
+    @property
+    def bodies(self) -> int:
+        return len(self.shapes)
+
+    @property
+    def speeds(self) -> int:
+        """Speeds of all bodies, in the plane alone."""
+        return (3 * self.bodies + self.coupling) * (self.d == 3)
+
+    @property
+    def coupling(self) -> int:
+        """Rows of E."""
+        return sum(self.shapes)
+
+    @property
+    def square(self) -> int:
+        """Numbers of L."""
+        return sum(count**2 for count in self.shapes)
+
+    @property
+    def loads(self) -> int:
+        return self.ranges[4] - self.ranges[3]
 
     @property
     def holds(self) -> int:
@@ -93,9 +111,10 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
-        at.TREE_X: d * c.bodies, at.TREE_ROOM: d * c.most, at.COLUMNS: (rows + 1) * n, at.SCHUR: rows**2,
-        at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls, at.SLOPE_SQUARE: pulls**2,
-        at.SLOPE_FORCES: pulls, at.GIVEN: n * in_space, at.GIVEN_REACTION: c.reactions * in_space,
+        at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
+        at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
+        at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * in_space,
+        at.GIVEN_REACTION: c.reactions * in_space,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
     of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * in_space}

@@ -48,7 +48,8 @@ class CoupledKinematics(SpatialKinematics):
             return Followed(system, start_of(system))(t)
         found = self.curve(t)
         q, u = found.q.copy(), found.u.copy()
-        q[system.modal_coordinates] = u[system.modal_speeds] = 0.0
+        coordinates, speeds = system.engine.modal
+        q[coordinates] = u[speeds] = 0.0
         return system.project(t, q, u, choose(system, q, prefer=True))
 
 
@@ -99,8 +100,9 @@ class _Beside(Curve):
     def __init__(self, coupled: SpatialKinematics, system: SpatialSystem, start: State) -> None:
         self.coupled, self.system, self.start = coupled, system, start
         of = coupled.module.system
-        self.q = np.setdiff1d(np.arange(of.coordinates), of.modal_coordinates)
-        self.u = np.setdiff1d(np.arange(of.speeds), of.modal_speeds)
+        coordinates, speeds = of.engine.modal
+        self.q = np.setdiff1d(np.arange(len(of.state_coordinates)), coordinates)
+        self.u = np.setdiff1d(np.arange(of.engine.size), speeds)
 
     @property
     def begin(self) -> float:

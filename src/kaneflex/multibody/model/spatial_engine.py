@@ -16,9 +16,8 @@ from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, STRUCTURE_KERNELS, SWITCHED_SPACE
 from kaneflex.multibody.model.places import Counts, assign_rows
-from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Tables
+from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Layout
 from kaneflex.multibody.model.state import Choice
-from kaneflex.multibody.model.topology import Layout as PlanarLayout
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +34,7 @@ class SpatialEngine(Engine):
         True if it uses the library that integrates motions.
     """
 
+    layout: Layout  # type: ignore[assignment]
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     work: Work = None  # type: ignore[assignment]
     integrates: bool = False
@@ -78,22 +78,21 @@ class SpatialEngine(Engine):
         self.work.q[own] = self.work.y[speeds]
         return self.work.q.copy()
 
-    @property
-    def sizes(self) -> np.ndarray:
-        return self.work.sizes
-
     def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
         out = np.tile(q, (len(steps), 1))
-        self._call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
+        self.call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
         return out
 
-    def row(self, t: float) -> np.ndarray:
-        quaternions = self.work.q[self.balls[:, :1] + np.arange(4)].ravel()
-        return np.concatenate([[t], *self.motion, self.standing, quaternions, np.zeros(self.count(at.WORKS))])
+    @property
+    def quaternions(self) -> np.ndarray:
+        return self.work.q[self.balls[:, :1] + np.arange(4)].ravel()
 
-    def call(self, function: Any, *values: Any) -> Any:
-        """Call an entry of :mod:`kaneflex.multibody.dynamics.spatial_entries`."""
-        return self._call(function, *values)
+    def state_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and speeds of a row of the integration."""
+        q, (own, speeds), columns = np.zeros(len(self.work.q)), self.own.T, self.columns
+        q[own] = row[columns["q"]][speeds]
+        q[self.balls[:, :1] + np.arange(4)] = row[columns["quaternions"]].reshape(-1, 4)
+        return q, row[columns["u"]].copy()
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
@@ -112,76 +111,48 @@ class SpatialEngine(Engine):
 def spatial_engine(system: Any) -> SpatialEngine:
     """Engine of a :class:`kaneflex.multibody.model.spatial_system.SpatialSystem`; at rest, loops not closed."""
     m, layout, counts = system.tables, system.layout, _counts(system)
-    plan, w, work, places, size = arrays_of(m, counts, system.coordinates)
+    speeds, coordinates = len(layout.coordinates), len(layout.positions)
+    plan, w, work, places, size = arrays_of(m, counts, coordinates)
     in_order = sorted(layout.shapes.items(), key=lambda each: layout.node_of[each[0]])
     K, C = (np.concatenate([np.zeros(0), *(getattr(shapes, of).ravel() for _, shapes in in_order)])
             for of in ("stiffness", "damping"))  # fmt: skip
-    for place, numbers in ((plan[at.MEASURE], system.measure), (places["springs"], _springs(m)), (plan[at.DAMPED], C)):
+    measure = [1.0 if unit == "rad" else system.mechanism.size for _, unit in layout.coordinates]
+    for place, numbers in ((plan[at.MEASURE], measure), (places["springs"], m.stiffness.ravel()), (plan[at.DAMPED], C)):
         w[place : place + len(numbers)] = numbers
     w[plan[at.TOUCH] + at.EXTENT] = system.mechanism.size or 1.0
     balls = m.nodes[m.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]]
-    free = (np.arange(size) for size in (system.coordinates, system.speeds))
-    own = np.column_stack([np.setdiff1d(every, first[:, None] + np.arange(wide))
-                           for every, first, wide in zip(free, balls.T, (4, 3), strict=True)])  # fmt: skip
+    of_balls = zip((coordinates, speeds), balls.T, (4, 3), strict=True)
+    own = np.column_stack([np.setdiff1d(np.arange(count), first[:, None] + np.arange(wide))
+                           for count, first, wide in of_balls])  # fmt: skip
     real, *masses = (np.zeros(size) for _ in range(4))
     parts = m._asdict() | vars(work) | {
-        "counts": None, "block": m.p, "axis_at": m.axes, "K": K, "twisting": m.springs[:, 3].copy(),
-        "virtual_inertia": np.zeros(system.speeds), "row_measure": system.row_measure, "own": own,
+        "counts": None, "block": m.p, "axis_at": m.axes, "K": K,
+        "virtual_inertia": np.zeros(speeds), "row_measure": system.row_measure, "own": own,
         "balls": np.ascontiguousarray(balls),
         **{f"mass_{i}": each for i, each in enumerate(masses)},
     }  # fmt: skip
     parts["counts"] = np.array([
-        len(m.nodes), system.speeds, system.coordinates, len(m.on), len(m.axis_on),
+        len(m.nodes), speeds, coordinates, len(m.on), len(m.axis_on),
         len(m.bodies), len(work.kept), len(work.phi), places["geometry"], len(balls), len(own),
     ])  # fmt: skip
-    del parts["p"], parts["bodies"]  # of the nodes; those of the engine have these names
-    acts = _acts(system, places["springs"], counts.switches)
+    del parts["p"], parts["bodies"], parts["acts"]  # of the nodes; those of the engine have these names
+    acts, (first, end) = m.acts.copy(), counts.ranges[4:6]
+    acts[first:end, at.NUMBERS_AT] = places["springs"] + 3 * np.arange(end - first)
     assign_rows(plan, acts)
     tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), acts, w)
     kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
     p = np.ascontiguousarray(system.parameters, float)
-    units = np.where(system.turns, "rad", "m").tolist()
-    names = PlanarLayout((), (), {}, (), tuple(zip(layout.speeds, units, strict=True)), ())
     stiff = system.coupled or (system.integrates and system.has_slopes)
     space, pair = SWITCHED_SPACE if counts.switches else SPACE if stiff else RIGID_SPACE, np.zeros(size, complex)
     return SpatialEngine(
-        tables, names, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates
+        tables, layout, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates
     )
 
 
 def _counts(system: Any) -> Counts:
-    m, shapes = system.tables, system.tables.bodies[:, at.SHAPES]
-    cuts, joints, loads = len(m.cuts), len(system.known_joints), len(system.mechanism.loads)
-    springs = len(m.springs) + 6 * len(m.bushings)
-    twists, switches = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT], len(getattr(system.module, "SWITCHES", ()))
-    return Counts(
-        d=6, bodies=len(m.bodies), coordinates=system.speeds, sections=0, speeds=0, coupling=int(shapes.sum()),
-        square=int((shapes**2).sum()), twists=int(twists.sum()), most=int(shapes.max(initial=0)),
-        ranges=tuple(np.cumsum([0, cuts, 0, joints, loads, springs, switches]).tolist()), joint_rows=system.row_count,
-        loads=loads, driven=system.driven_speeds.tolist(), switches=switches, rigid=False,
-    )  # fmt: skip
-
-
-def _springs(m: Tables) -> np.ndarray:
-    """Stiffness, damping and free length of every row of a spring; of bushings along their axes, then about these."""
-    bushings = m.cushions.reshape(-1, 2, 6).transpose(0, 2, 1).reshape(-1, 2)
-    return np.concatenate([m.stiffness.ravel(), np.insert(bushings, 2, 0.0, axis=1).ravel()])
-
-
-def _acts(system: Any, springs: int, switches: int) -> np.ndarray:
-    """Cuts, joints in laws, loads, rows of springs, whose numbers begin at ``springs``, switches, forces of loads: see
-    ``acts`` in :mod:`kaneflex.multibody.model.layout`."""
     m = system.tables
-    found = m.cuts.tolist()
-    for name in system.known_joints:
-        slides = system.mechanism.joints[name].kind == "prismatic"
-        speed = int(m.nodes[system.node(name), SPEED]) if name in system.told_joints else -1
-        found.append((at.SLIDE if slides else at.TURN, 0, 0, speed, -1, -1))
-    found += [(0, -1, -1, -1, -1, -1)] * len(system.mechanism.loads)
-    rows = [(at.STRAIGHT if axis < 0 else at.TORSIONAL, *ends, axis) for *ends, axis, _ in m.springs.tolist()]
-    rows += [(kind, *ends, axis + k) for *ends, axis, _ in m.bushings.tolist()
-             for kinds in ((at.BUSHING, at.ALONG_AXIS, at.ALONG_AXIS), 3 * (at.ABOUT_AXIS,))
-             for k, kind in enumerate(kinds)]  # fmt: skip
-    found += [(*row[:3], -1, row[3], springs + 3 * k) for k, row in enumerate(rows)]
-    found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
-    return np.array([*found, *m.pushes.tolist()], np.int64).reshape(-1, 6)
+    twists = m.nodes[m.nodes[:, ROW_OF] >= 0, COUNT]
+    return Counts(
+        6, m.bodies[:, at.SHAPES].tolist(), len(system.layout.coordinates), 0, int(twists.sum()), m.ranges,
+        len(system.row_measure), system.columns(system.driven, SPEED).tolist(), m.ranges[6] - m.ranges[5], False,
+    )  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
 from kaneflex.multibody.model.spatial_layout import COORDINATE
@@ -28,7 +29,7 @@ def start_of(system: SpatialSystem) -> State:
         If a loop can't close, drives contradict the loops, a freedom is not named, or has no inertia.
     """
     q = system.at_zero.copy()
-    q[system.driven_coordinates] = system.courses(0.0)[:, 0]
+    q[system.columns(system.driven, COORDINATE)] = system.courses(0.0)[:, 0]
     choice = choose(system, q, prefer=True)
     _check_drives(system, choice)
     if not system.close(q, choice):
@@ -38,7 +39,7 @@ def start_of(system: SpatialSystem) -> State:
     _check_springs(system)
     choice = choose(system, q, prefer=True)
     _check_named(system, choice)
-    given, u = given_speeds(system), np.zeros(system.speeds)
+    given, u = given_speeds(system), np.zeros(system.engine.size)
     for k in choice.independent:
         u[k] = given.get(int(k), 0.0)
     try:
@@ -60,7 +61,7 @@ def _key(system: SpatialSystem, owner: str) -> str:
 
 def _check_drives(system: SpatialSystem, choice: Choice) -> None:
     """Check that prescribed drives are independent of the loops."""
-    J = system.work.J * system.measure / system.row_measure[:, None]
+    J = system.work.J * system.engine.measure / system.row_measure[:, None]
     if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
         raise SceneError(
             f"drives.{system.driven[-1]}", None, "the loops and the other drives already determine its motion",
@@ -98,8 +99,9 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
 def _check_springs(system: SpatialSystem) -> None:
     """Check that springs with a direction have one, at the position of ``work``."""
     between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
-    straight = system.tables.springs[system.tables.springs[:, 2] < 0, :2]
-    for (name, spring), (first, second) in zip(between.items(), straight, strict=True):
+    acts, (first, end) = system.tables.acts, system.tables.ranges[4:6]
+    straight = (row for row in acts[first:end] if row[at.WHAT] == at.STRAIGHT)
+    for (name, spring), (_, first, second, *_) in zip(between.items(), straight, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
         if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:
             raise points_meet(name, spring.ends, " at the start")
@@ -114,10 +116,10 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
             f"drives.{free[0]}", "free", "joints and drives leave the mechanism no degree of freedom",
             "Leave a joint or a drive out, or check their axes",
         )  # fmt: skip
-    held = np.concatenate([system.driven_speeds, named])
-    selected = np.zeros((len(held), system.speeds))
+    held = np.concatenate([system.engine.prescribed, named])
+    selected = np.zeros((len(held), system.engine.size))
     selected[np.arange(len(held)), held] = 1.0
-    left = self_equilibrated(np.vstack([system.work.J[choice.rows] * system.measure, selected]).T)
+    left = self_equilibrated(np.vstack([system.work.J[choice.rows] * system.engine.measure, selected]).T)
     if left.shape[1]:
         moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
@@ -133,11 +135,11 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
     if not len(choice.independent):
         return
     B, M = system.engine.basis(choice), system.mass()
-    unit = system.measure[choice.independent][:, None]
+    unit = system.engine.measure[choice.independent][:, None]
     inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
     if inertia[0] > _HEAVY * inertia[-1]:
         return
-    moving = abs((motions[:, 0] @ (unit * B)) / system.measure)
+    moving = abs((motions[:, 0] @ (unit * B)) / system.engine.measure)
     name = system.layout.speeds[int(moving.argmax())]
     raise SceneError(
         _key(system, name.rpartition(".")[0]), None, f"the mass matrix is singular: {name} carries no inertia",

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -33,8 +34,7 @@ COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
 ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
 SPEEDS = (0, 1, 1, 3, 0, 0)
-COORDINATES = (0, 1, 1, 4, 0, 0)
-"""Speeds and coordinates of a node by its kind, without shapes: a ball has a unit quaternion."""
+"""Speeds of a node by its kind, without shapes."""
 
 
 class Tables(NamedTuple):
@@ -55,15 +55,16 @@ class Tables(NamedTuple):
         Node (-1: the ground) of every section and the place of its point in that node's axes.
     axis_on, axes : ndarray (n_axes,), (n_axes, 3)
         The same of axes.
-    cuts : ndarray (n_constraints, 6)
-        Rows of ``acts`` in :mod:`kaneflex.multibody.model.layout`; their numbers are their axes among ``axes``.
-    pushes : ndarray (n_pushes, 6)
-        Forces and moments of loads, as rows of ``acts`` in :mod:`kaneflex.multibody.model.layout`.
-    springs, stiffness : ndarray (n_springs, 4), (n_springs, 3)
-        Sections, and of torsional springs the axis and the speed of the joint, else -1; stiffness, damping, free length
-        or angle. Without bushings.
-    bushings, cushions : ndarray (n_bushings, 4), (n_bushings, 12)
-        First and second section, first of three axes of either; stiffnesses and dampings, six each.
+    acts : ndarray (n_acts, 6)
+        Interactions, see ``acts`` in :mod:`kaneflex.multibody.model.layout`; numbers of a cut are its axis among
+        ``axes``, those of a spring are not placed yet.
+    ranges : tuple of int
+        First places in ``acts`` of cuts, holds, joints in laws, loads, springs and switches, and the end; forces and
+        moments of loads follow.
+    stiffness : ndarray (n, 3)
+        Stiffness, damping, free length or angle of every row of a spring: one, or six of a bushing.
+    twisting : ndarray (n,)
+        Speeds of the joints of torsional springs; -1 of straight ones.
     gravity : ndarray (3,)
     """
 
@@ -76,12 +77,10 @@ class Tables(NamedTuple):
     at: np.ndarray
     axis_on: np.ndarray
     axes: np.ndarray
-    cuts: np.ndarray
-    pushes: np.ndarray
-    springs: np.ndarray
+    acts: np.ndarray
+    ranges: tuple[int, ...]
     stiffness: np.ndarray
-    bushings: np.ndarray
-    cushions: np.ndarray
+    twisting: np.ndarray
     gravity: np.ndarray
 
 
@@ -153,8 +152,10 @@ class Layout:
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
         Joint that closes a loop -> its rows.
-    speeds : tuple of str
-        What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
+    coordinates : tuple of (str, str)
+        Name and unit of the coordinate of every generalised speed, like ``shaft.angle`` or ``ball.omega_x``.
+    positions : tuple of (str, str)
+        Name and unit of every coordinate of a state: a ball has a unit quaternion.
     """
 
     node_of: Mapping[str, int]
@@ -162,7 +163,13 @@ class Layout:
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
-    speeds: tuple[str, ...]
+    coordinates: tuple[tuple[str, str], ...]
+    positions: tuple[tuple[str, str], ...]
+
+    @cached_property
+    def speeds(self) -> tuple[str, ...]:
+        """Names of the generalised speeds."""
+        return tuple(name for name, _ in self.coordinates)
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""

@@ -70,12 +70,12 @@ def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[
     for state in states:
         for multipliers in without_work(system, state):
             wrenches = {name: each[0] for name, each in joint_wrenches(system, system.passed_on(multipliers)).items()}
-            along = system.work.J[:, system.driven_speeds].T @ multipliers
+            along = system.work.J[:, system.engine.prescribed].T @ multipliers
             found |= self_equilibrated_names(wrenches, dict(zip(system.driven, along, strict=True)))
     return frozenset(found)
 
 
 def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
     """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
-    for combination in self_equilibrated(system.jacobian(state.q)[:, system.open_speeds]).T:
+    for combination in self_equilibrated(system.jacobian(state.q)[:, system.engine.open_speeds]).T:
         yield combination / system.row_measure

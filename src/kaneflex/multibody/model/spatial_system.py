@@ -22,16 +22,11 @@ from kaneflex.multibody.model.spatial_engine import SpatialEngine, spatial_engin
 from kaneflex.multibody.model.spatial_layout import (
     BALL,
     COORDINATE,
-    COORDINATES,
-    COUNT,
     KIND,
     RIGID,
     ROWS,
-    SHAPES,
     SLIDE,
     SPEED,
-    SPEEDS,
-    TURN,
     Flexible,
     Layout,
     Tables,
@@ -112,7 +107,7 @@ class SpatialSystem:
 
     def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, what: int = NEAR) -> None:
         """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
-        u' and :attr:`inputs`; with MOVED see it in :mod:`kaneflex.multibody.dynamics.spatial_entries`.
+        u' and ``engine.additions``; with MOVED see it in :mod:`kaneflex.multibody.dynamics.spatial_entries`.
 
         Raises
         ------
@@ -125,15 +120,11 @@ class SpatialSystem:
         try:
             count = self.engine.call(spatial_entries.near, *asked, what == NEAR)
         finally:
-            if given.shape[1] > self.coordinates + self.speeds:
-                self.inputs[:] = 0.0
+            if given.shape[1] > len(self.layout.positions) + self.engine.size:
+                self.engine.additions[:] = 0.0
         if count < len(times):
             t, outcome, _ = self.work.now.tolist()
             check(int(outcome), t)
-
-    def works_at(self, row: np.ndarray) -> int:
-        """Place of the works in a row of the integration."""
-        return len(row) - self.engine.count(at.WORKS)
 
     def row(self) -> np.ndarray:
         """Row of an instant, ``work`` being as left by :meth:`project`, (n,)."""
@@ -153,7 +144,8 @@ class SpatialSystem:
         for name, rows in self.layout.cuts.items():
             for row in range(rows.start, rows.stop):
                 yield name, float(self.work.rows[row, 0]), float(self.row_measure[row])
-        for name, k, course in zip(self.driven, self.driven_coordinates, self.courses(state.t), strict=True):
+        places, courses = self.columns(self.driven, COORDINATE), self.courses(state.t)
+        for name, k, course in zip(self.driven, places, courses, strict=True):
             slides = self.mechanism.joints[name].kind == "prismatic"
             yield name, float(state.q[k] - course[0]), self.mechanism.size if slides else 1.0
 
@@ -165,13 +157,8 @@ class SpatialSystem:
 
     def mass(self) -> np.ndarray:
         """Mass matrix of all speeds at the position of ``work``, (speeds, speeds)."""
-        self.engine.call(spatial_entries.mass, np.zeros(self.speeds))
+        self.engine.call(spatial_entries.mass, np.zeros(self.engine.size))
         return self.work.M
-
-    @property
-    def inputs(self) -> np.ndarray:
-        """Additions to the sizes of the loads and then to the accelerations of the prescribed drives."""
-        return self.engine.numbers(at.INPUT, self.engine.inputs)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""
@@ -179,11 +166,11 @@ class SpatialSystem:
 
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the position of ``work``."""
-        inertia = np.zeros(self.speeds)
+        engine, inertia = self.engine, np.zeros(self.engine.size)
         if len(dependent) and self.has_light_bodies:
-            free = np.isin(np.arange(self.speeds), self.open_speeds)
-            inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
-        return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
+            free = np.isin(np.arange(engine.size), engine.open_speeds)
+            inertia = virtual_inertia(dependent, self.mass(), engine.measure, self.tables.bodies, free)
+        return Choice(rows, dependent, np.setdiff1d(engine.open_speeds, dependent), inertia)
 
     @cached_property
     def has_light_bodies(self) -> bool:
@@ -192,47 +179,9 @@ class SpatialSystem:
         return any(body.mass <= 0.0 or min(body.inertia[:3]) <= _LIGHT * max(body.inertia[:3]) for body in bodies)
 
     @property
-    def speeds(self) -> int:
-        return len(self.layout.speeds)
-
-    @cached_property
-    def coordinates(self) -> int:
-        """Coordinates of the tree, four a ball."""
-        return int(sum(COORDINATES[kind] for kind in self.tables.nodes[:, KIND])) + len(self.modal_speeds)
-
-    @cached_property
-    def state_coordinates(self) -> list[tuple[str, str]]:
-        """Name and unit of each coordinate."""
-        body_of = {node: body for body, node in self.layout.node_of.items()}
-        found = list[tuple[str, str]]()
-        for node, (kind, speed) in enumerate(self.tables.nodes[:, [KIND, SPEED]].tolist()):
-            if kind in (TURN, SLIDE):
-                found.append((self.layout.speeds[speed], "rad" if kind == TURN else "m"))
-            elif kind == BALL:
-                owner = self.layout.speeds[speed].rpartition(".")[0]
-                found += [(f"{owner}.quaternion_{part}", "1") for part in "wxyz"]
-            elif kind == SHAPES:
-                twisting = self.layout.shapes[body_of[node]].twisting
-                found += [(f"{body_of[node]}.shape_{k}", "rad" if twists else "m") for k, twists in enumerate(twisting)]
-        return found
-
-    @cached_property
-    def modal_speeds(self) -> np.ndarray:
-        """Numbers of the shapes' speeds."""
-        return self._shapes(SPEED)
-
-    @cached_property
-    def modal_coordinates(self) -> np.ndarray:
-        """Places of the shapes' coordinates."""
-        return self._shapes(COORDINATE)
-
-    def _shapes(self, what: int) -> np.ndarray:
-        of = self.tables.nodes[self.tables.nodes[:, KIND] == SHAPES]
-        return np.concatenate([np.zeros(0, int), *(row[what] + np.arange(row[COUNT]) for row in of)])
-
-    @cached_property
-    def row_count(self) -> int:
-        return int(sum(ROWS[what] for what in self.tables.cuts[:, at.WHAT]))
+    def state_coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of a state."""
+        return self.layout.positions
 
     @cached_property
     def engine(self) -> SpatialEngine:
@@ -253,14 +202,6 @@ class SpatialSystem:
     def has_slopes(self) -> bool:
         """True if springs, or loads by the motion of joints, add to a step's matrix."""
         return bool(self.mechanism.springs or (self.mechanism.loads and self.told_joints))
-
-    def state_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and speeds of a row of the integration."""
-        q, n, last, parts = np.zeros(self.coordinates), self.speeds, self.works_at(row), self.engine.parts
-        balls, (own, speeds) = parts["balls"], parts["own"].T
-        q[own] = row[1 + speeds]
-        q[balls[:, :1] + np.arange(4)] = row[last - 4 * len(balls) : last].reshape(-1, 4)
-        return q, row[1 + n : 1 + 2 * n].copy()
 
     @cached_property
     def driven(self) -> tuple[str, ...]:
@@ -288,24 +229,10 @@ class SpatialSystem:
         return [k for k, name in enumerate(self.layout.speeds) if name.rpartition(".")[0] == owner]
 
     @cached_property
-    def turns(self) -> np.ndarray:
-        """True for each angular speed, also of shapes of twist."""
-        found = np.zeros(self.speeds, bool)
-        for kind, speed in self.tables.nodes[:, [KIND, SPEED]].tolist():
-            found[speed : speed + SPEEDS[kind]] = kind in (TURN, BALL)
-        twisting = [shapes.twisting for shapes in self.layout.shapes.values()]
-        found[self.modal_speeds] = np.concatenate([np.zeros(0, bool), *twisting])
-        return found
-
-    @cached_property
-    def measure(self) -> np.ndarray:
-        """Unit of each speed: 1 rad or the mechanism's size."""
-        return np.where(self.turns, 1.0, self.mechanism.size)
-
-    @cached_property
     def row_measure(self) -> np.ndarray:
+        """Unit of every row: 1 rad or the mechanism's size."""
         found: list[float] = []
-        for what in self.tables.cuts[:, at.WHAT].tolist():
+        for what in self.tables.acts[: self.tables.ranges[1], at.WHAT].tolist():
             found += [1.0 if what == 1 else self.mechanism.size] * ROWS[what]
         return np.array(found)
 
@@ -326,22 +253,9 @@ class SpatialSystem:
         return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
 
     @cached_property
-    def driven_coordinates(self) -> np.ndarray:
-        return self.columns(self.driven, COORDINATE)
-
-    @cached_property
-    def driven_speeds(self) -> np.ndarray:
-        return self.columns(self.driven, SPEED)
-
-    @cached_property
-    def open_speeds(self) -> np.ndarray:
-        """Speeds that no drive prescribes."""
-        return np.setdiff1d(np.arange(self.speeds), self.driven_speeds)
-
-    @cached_property
     def at_zero(self) -> np.ndarray:
         """Coordinates with all joints at zero and free bodies at their given positions."""
-        q = np.zeros(self.coordinates)
+        q = np.zeros(len(self.layout.positions))
         nodes = self.tables.nodes
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
         for name, drive in self.scene.drives.items():
@@ -356,7 +270,7 @@ class SpatialSystem:
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian J of the rows by the speeds, both in their measures, at a position."""
         self.place(q)
-        return self.work.J * self.measure / self.row_measure[:, None]
+        return self.work.J * self.engine.measure / self.row_measure[:, None]
 
 
 def build_spatial_system(
@@ -364,5 +278,6 @@ def build_spatial_system(
 ) -> SpatialSystem:
     """Bind a scene to its module; ``flexible``: shapes of the deforming bodies."""
     mechanism = spatial_mechanism_of(scene)
-    tables, layout = build_tables(mechanism, flexible)
+    in_laws, switches = (*scene.drives, *scene.observed), len(getattr(module, "SWITCHES", ()))
+    tables, layout = build_tables(mechanism, flexible, in_laws, switches)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)

@@ -70,13 +70,13 @@ def build_tables(
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
-    bodies, sections, coordinates, hold, damping, row, square, coupling, twists, driven = found
+    bodies, sections, coordinates, hold, damping, twists, driven = found
     virtual = virtual_inertias(mechanism, order, index, bodies, numbers.parts, measure)
     acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, virtual, switches)
     counted = Counts(
-        3, len(order), len(coordinates), len(sections), row, coupling, square, twists, int(bodies[:, at.SHAPES].max()),
-        tuple(ranges), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT]), len(mechanism.loads),
-        driven, switches, any(contact.law == "newton" for contact in mechanism.contacts.values()),
+        3, bodies[:, at.SHAPES].tolist(), len(coordinates), len(sections), twists,
+        tuple(ranges), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT]), driven, switches,
+        any(contact.law == "newton" for contact in mechanism.contacts.values()),
     )  # fmt: skip
     plan, size = assign(counted, numbers)
     assign_rows(plan, acts)
@@ -93,17 +93,14 @@ def build_tables(
 
 
 class _Bodies(NamedTuple):
-    """Rows of bodies and sections, coordinates with stiffness and damping, damping of shapes; numbers of speeds of all
-    bodies, of entries of L, of rows of E and of phi; coordinate of every prescribed drive, or -1 in a cut."""
+    """Rows of bodies and sections, coordinates with stiffness and damping, damping of shapes; number of rows of phi;
+    coordinate of every prescribed drive, or -1 in a cut."""
 
     bodies: np.ndarray
     sections: np.ndarray
     coordinates: list[tuple[str, str]]
     hold: list[tuple[float, float]]
     damping: list[np.ndarray]
-    row: int
-    square: int
-    coupling: int
     twists: int
     driven: list[int]
 
@@ -148,7 +145,7 @@ def _build_bodies(
         hold += [*held, *zip(stiffness.tolist(), np.diag(damping).tolist(), strict=True)]
         coordinates += _named(body, joint, units, axial, transverse)
         row, square, coupling = row + 3 + shapes, square + shapes**2, coupling + shapes
-    return _Bodies(bodies, sections, coordinates, hold, dampings, row, square, coupling, twists, driven)
+    return _Bodies(bodies, sections, coordinates, hold, dampings, twists, driven)
 
 
 def _from(base: str, joints: Sequence[Joint], openness: Callable[[Joint], int]) -> list[tuple[str, Joint, int]]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
@@ -26,7 +25,7 @@ def instants(base: State, count: int) -> np.ndarray:
 def probes(system: CoupledSystem, base: State, given: np.ndarray) -> CoupledTrajectory:
     """States near an instant by rows of coordinates, speeds, accelerations and inputs."""
     engine, rows, states = system.engine, list[np.ndarray](), list[Unfolded]()
-    inputs = engine.numbers(at.INPUT, engine.inputs)
+    inputs = engine.additions
     # free courses need ascending times
     times = instants(base, len(given)) if system.mechanism.free else np.full(len(given), base.t)
     for t, each in zip(times.tolist(), given, strict=True):

@@ -80,7 +80,7 @@ class Run(Curve):
         times = self.start.t + self.longest * np.arange(1, options.steps + 1) if self.given is None else self.given
         times[-1] = self.until
         here, wanted = self.first_row(state)
-        last, most = system.works_at(here), 1 if self.method.bounded else _PIECE
+        last, most = system.engine.columns["works"].start, 1 if self.method.bounded else _PIECE
         here[last:] = self.done
         sloped = DAMPED if system.has_slopes and integrator == "radau" else 0.0
         control = np.array([self.first or wanted, self.longest, _PIECE, 0.0, 0.0, 0.0, 0.0, sloped, 1.0])
@@ -131,7 +131,7 @@ class Run(Curve):
 
     def _now(self, here: np.ndarray, choice: Choice) -> State:
         """State of a row of the integration."""
-        q, u = self.system.state_of(here)
+        q, u = self.system.engine.state_of(here)
         return self.system.project(float(here[0]), q, u, choice)
 
     def _reason(self, here: np.ndarray, choice: Choice) -> str:
@@ -167,8 +167,8 @@ class Run(Curve):
         return self(self.ends[-1])
 
     def rows(self, times: np.ndarray, what: int = NEAR) -> np.ndarray:
-        system, n = self.system, self.system.coordinates
-        out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.speeds))
+        system, n = self.system, len(self.system.state_coordinates)
+        out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.engine.size))
         steps = self._steps_of(times)
         begins = np.flatnonzero(np.diff(steps, prepend=-1))
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
@@ -215,7 +215,7 @@ class Run(Curve):
         if not message:
             entry = "tolerance" if self.options.dynamics == "coupled" else "forward.tolerance"
             reason, cure = self.pace.message(t), f"Shorten the duration, or raise solve.{entry}"
-        if len(self.system.modal_speeds):
+        if self.system.engine.shapes.any():
             cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)
 

@@ -183,7 +183,7 @@ class SpatialKinematics(RigidKinematics):
                   *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
-        tensions, straight = found.springs[:, :, 1].T, len(system.tables.springs)
+        tensions, straight = found.springs[:, :, 1].T, len(system.tables.twisting)
         springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
@@ -191,7 +191,7 @@ class SpatialKinematics(RigidKinematics):
         strain = strain + found.springs[:, :, 5].sum(axis=1)
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
-            found.along[:, system.driven_speeds], _side_by_side(pulls, count),
+            found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
             *(each[:, None] for each in (kinetic, strain, weight)),
             *modal_series(system, found),
         ])  # fmt: skip

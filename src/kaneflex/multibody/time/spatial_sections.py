@@ -29,10 +29,10 @@ def modal_scalars(body: str, count: int) -> Iterator[tuple[str, str]]:
 
 def modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
     """Modal coordinates, rates and accelerations of all deforming bodies, (n_times, count) each."""
-    series, first = list[np.ndarray](), 0
+    series, first, modal = list[np.ndarray](), 0, system.engine.modal
     for shapes in system.layout.shapes.values():
         own = slice(first, first + shapes.count)
-        q, u = system.modal_coordinates[own], system.modal_speeds[own]
+        q, u = (places[own] for places in modal)
         series += [found.q[:, q], found.u[:, u], found.du[:, u]]
         first += shapes.count
     return series

@@ -24,14 +24,12 @@ class Steps:
     @property
     def sides(self) -> np.ndarray:
         """Sides on which discontinuous loads stand."""
-        engine = self.system.engine
-        last = self.system.works_at(self.rows[0]) - 4 * len(engine.parts["balls"])
-        return self.rows[0, last - len(engine.contacts) : last]
+        return self.rows[0, self.system.engine.columns["modes"]]
 
     @cached_property
     def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates y, rates and accelerations at the beginning and the end of each step, (2 steps, n) each."""
-        n = self.system.speeds
+        n = self.system.engine.size
         found = [np.repeat(self.rows[:, 1 + k * n : 1 + (k + 1) * n], 2, axis=0)[1:-1] for k in range(3)]
         for _, s, quaternions in self._balls():
             first, second = quaternions[:-1], quaternions[1:]
@@ -45,10 +43,9 @@ class Steps:
         """First coordinate and speed of every ball, and its axes at all rows."""
         from scipy.spatial.transform import Rotation
 
-        balls = self.system.engine.parts["balls"].tolist()
-        first = self.system.works_at(self.rows[0]) - 4 * len(balls)
-        for n, (k, s) in enumerate(balls):
-            part = self.rows[:, first + 4 * n : first + 4 * n + 4]
+        engine = self.system.engine
+        for n, (k, s) in enumerate(engine.balls.tolist()):
+            part = self.rows[:, engine.columns["quaternions"]][:, 4 * n : 4 * n + 4]
             yield k, s, Rotation.from_quat(np.roll(part, -1, axis=1))
 
     def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -58,8 +55,8 @@ class Steps:
         knots, system = self.rows[:, 0], self.system
         pieces = Pieces.of(knots, np.searchsorted(knots, times, side="right") - 1, times)
         y, u = Pieces(2 * pieces.k, pieces.share, pieces.length).quintic(*self._ends)
-        q = np.zeros((len(times), system.coordinates))
-        own, speeds = system.engine.parts["own"].T
+        q = np.zeros((len(times), len(system.state_coordinates)))
+        own, speeds = system.engine.own.T
         q[:, own] = y[:, speeds]
         for k, s, quaternions in self._balls():
             theta = y[:, s : s + 3]
