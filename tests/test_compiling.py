@@ -32,8 +32,8 @@ from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.model.layout import CONTACT_MECHANISM
-from kaneflex.multibody.model.rigid_reference import build_twin
 from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.support import inner
@@ -239,14 +239,14 @@ def test_variables_of_statements_are_those_that_numba_lists():
         assert each.list_vars() == own(vars(each)), each
 
 
-def test_a_rigid_twin_has_no_library_of_its_own(monkeypatch):
+def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     """It uses that of its mechanism, though it has none of the contacts: a second one takes as long to compile."""
     scene = read_scene("slider-crank-clearance")
     system, _ = build_system(scene, lambda stage: None)
     asked = []
     monkeypatch.setattr(engine, "library", lambda handed: asked.append(handed))
-    twin = build_twin(scene, system, place(scene))
-    for each in (system.engine, twin.engine, pickle.loads(pickle.dumps(twin.engine))):
+    rigid = rigid_reference(scene, system, place(scene))
+    for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
         each._entries  # noqa: B018 - which asks for the library
     assert len(asked) == 3
     assert set(asked) == {CONTACT_MECHANISM}
@@ -261,7 +261,7 @@ from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
-from kaneflex.multibody.model.rigid_reference import build_twin
+from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.multibody.model.system import build_system
 from kaneflex.multibody.model.layout import CONTACT_MECHANISM
 

@@ -99,7 +99,8 @@ class Joint:
 
 @dataclass(frozen=True)
 class Drive:
-    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the forces."""
+    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), "given" at instants, or
+    "free": by the forces."""
 
     kind: str
     law: str | None
@@ -303,6 +304,12 @@ class Mechanism:
         """Free joints, then the coordinates of free bodies."""
         joints = tuple(name for name, drive in self.drives.items() if drive.free)
         return joints + tuple(name for body in self.floating for name in floating_coordinates(body))
+
+    @property
+    def prescribed(self) -> list[str]:
+        """Joints whose courses are prescribed: by laws, then those given at instants."""
+        names = [name for name, drive in self.drives.items() if not drive.free]
+        return sorted(names, key=lambda name: self.drives[name].kind == "given")
 
     @property
     def loop_joints(self) -> tuple[str, ...]:

@@ -354,14 +354,9 @@ class Engine:
         reactions."""
         return bool(self.call(collocation.project, t))
 
-    def move_on(self, t: float) -> bool:
-        """Close the loops in position, speed and acceleration for the current independent coordinates; False if they
-        don't."""
-        return bool(self.call(unfolding.move_on, t))
-
-    def follow(self, into: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
-        """Follow rows, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
-        return int(self.call(unfolding.follow_rows, len(into), into, side, rows))
+    def follow(self, rows: np.ndarray, first: int, given: np.ndarray, side: np.ndarray) -> int:
+        """Close the loops of rows in place, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
+        return int(self.call(unfolding.follow_rows, rows, first, len(rows), given, given.shape[1], side))
 
     def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
         """Rows of the integration with closed loops, accelerations and reactions, from those of nearby states; None if

@@ -7,7 +7,6 @@ motion: displacements, so that sensors have the same meaning under every preset.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +16,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.motion import Section, beside
@@ -39,21 +39,16 @@ class CoupledMotion(FloatingMotion):
     def has_rigid_forces(self) -> bool:
         """True if rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
         vibrate with them."""
-        scene, twin = self.model.scene, self.model.module
+        scene = self.model.scene
         deforms = self.system.engine.shapes.any() and not (scene.contacts or scene.frictions)
-        return bool(deforms) and not twin.FREE and twin.determined
+        return bool(deforms) and self.model.module.determined
 
     @cached_property
     def rigid_forces(self) -> RigidMotion:
-        beside = self._beside({})
-        sizes = self._load_sizes(beside)  # laws may use joints, whose coordinates are now known
-        return (self._beside({name: sizes[name] - self.rigid[name] for name in sizes}) if sizes else beside).floating
-
-    def _beside(self, shift: Mapping[str, np.ndarray]) -> CoupledMotion:
-        """Rigid mechanism with increments of its loads."""
-        twin = self.model.module
-        trajectory = twin.trajectory(self.times, self.model.motion.parameters, shift)
-        return CoupledMotion(replace(self.model, coupled=twin.rigid), self.rigid, trajectory, shift)
+        reference = self.model.module
+        rows = reference.system.states(reference.rows(self.times, reference.first))
+        trajectory = by_themselves(rows, reference.system.unfold(rows))
+        return CoupledMotion(replace(self.model, coupled=reference.system), self.rigid, trajectory).floating
 
     @property
     def scalars(self) -> RigidMotion:

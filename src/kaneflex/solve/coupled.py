@@ -15,20 +15,19 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.rigid_reference import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
+from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
-from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import given_start
 from kaneflex.solve.law_checks import check_repeats
 from kaneflex.solve.run_result import RunResult
@@ -143,21 +142,15 @@ def _given(model: Model, start: State, rigid: RigidMotion) -> State:
 
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
-    """Solution of a coupled trajectory; the free drives of its rigid mechanism follow the coupled motion."""
-    free = model.module.FREE  # its order may differ from the scene's
-    if free and len(trajectory.times) > 1:
-        bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
-        courses = [bare.coordinate(name) for name in free]
-        states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
-        accelerations = np.array([course[2] for course in courses])
-        states = states.reshape(2 * len(free), -1)
-        p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
-        model = replace(model, motion=replace(model.motion, parameters=p))
-    assert model.coupled is not None
-    if isinstance(model.motion, TwinKinematics) and not model.coupled.engine.shapes.any():
-        motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
-        model = replace(model, motion=motion)
-    return RunResult(model, trajectory, seconds)
+    """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
+    system, reference = model.coupled, model.module
+    assert system is not None
+    bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
+    moved = [bare.coordinate(name) for name in reference.FREE]
+    free = Courses(trajectory.times, *np.array(moved).reshape(-1, 3, len(trajectory.times)).transpose(1, 2, 0))
+    run = None if system.engine.shapes.any() else trajectory
+    motion = ReferenceKinematics(reference, free, run)
+    return RunResult(replace(model, motion=motion), trajectory, seconds)
 
 
 def longest(scene: Scene) -> float:

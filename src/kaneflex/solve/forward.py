@@ -19,7 +19,6 @@ from kaneflex.mechanism.closure import check_passage, check_start, locking, swun
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -203,17 +202,6 @@ def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.nda
     places = np.repeat(state[: len(module.FREE), None], 3, axis=1)
     courses = with_courses(module, parameters, times, np.concatenate([places, still]), still)
     return RigidKinematics(module, courses).at(t)
-
-
-def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
-    """Parameters with free joints and bodies that keep their initial speeds over ``duration`` [s]."""
-    times = np.array([0.0, duration / 2, duration])
-    first = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
-    for body, free in scene.floating.items():
-        first |= dict(zip(floating_coordinates(body), zip(free.place, free.rates, strict=True), strict=True))
-    start, speed = (np.array([first[name][k] for name in module.FREE])[:, None] for k in (0, 1))
-    states = np.concatenate([start + speed * times, np.broadcast_to(speed, (len(module.FREE), 3))])
-    return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))
 
 
 def forward_equations(

@@ -33,8 +33,8 @@ from kaneflex.support.terminal import compiled_by, silent
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.position_analysis import Placement
-    from kaneflex.multibody.model.rigid_reference import RigidTwin, TwinKinematics
     from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
 
 Progress = Callable[[str], None]
 _POSED = 1e-6
@@ -188,8 +188,8 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
-    from kaneflex.multibody.model.rigid_reference import build_twin
     from kaneflex.multibody.model.system import build_system, rigid_state, with_stretch
+    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
     from kaneflex.solve.contact_lines import check_lines
 
     posed, scene = scene, without_poses(scene)
@@ -205,11 +205,10 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
-    twin = build_twin(scene, coupled, placement)
-    compiled = compiled_by(progress, coupled.compile, twin.rigid.compile)
+    motion = ReferenceKinematics(rigid_reference(scene, coupled, placement))
+    compiled = compiled_by(progress, coupled.compile, motion.module.engine.compile)
     check_weighty(coupled, placement)
-    motion = _twin(scene, twin, options)
-    check_twin(scene, motion, options)
+    check_reference(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     check_lines(scene, motion.at(np.zeros(1)))
@@ -242,34 +241,22 @@ def _all_modes(scene: Scene) -> list[str]:
     ]  # fmt: skip
 
 
-def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
+def check_reference(scene: Scene, motion: ReferenceKinematics, options: Options) -> None:
     """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
-    mechanism, twin = mechanism_of(scene), motion.module
-    rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
+    mechanism, reference = mechanism_of(scene), motion.module
+    rigid = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
     lost = np.flatnonzero(~np.all([np.isfinite(rigid[f"{name}.c"]) for name in mechanism.bodies], axis=0))
-    if len(lost) and np.isfinite(rigid.said).all():
+    if len(lost) and np.isfinite(rigid.known).all():
         from kaneflex.mechanism.position_analysis import place
 
         # raises SceneError if the loops can't close at all
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
-        joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
+        joints = ", ".join(dict.fromkeys(reference.engine.layout.cuts))
         raise SceneError(
             "joints", joints, f"the loop cannot close at {drive_positions(mechanism, rigid, int(lost[0]))}, or is in a "
             "singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
-
-
-def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
-    """Rigid motion of a reference mechanism, its free joints at their initial speeds."""
-    from kaneflex.multibody.model.rigid_reference import TwinKinematics
-
-    parameters = np.zeros(len(twin.PARAMETERS))
-    if twin.FREE:
-        from kaneflex.solve.forward import at_initial_speed
-
-        parameters = at_initial_speed(scene, twin, parameters, options.duration)
-    return TwinKinematics(twin, parameters)
 
 
 def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
@@ -299,12 +286,12 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
 def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
     """Model of another system of the same mechanism."""
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.rigid_reference import build_twin
     from kaneflex.multibody.model.system import with_stretch
+    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
 
     assert model.coupled is not None
     system, scene = replace(system, undetermined=model.coupled.undetermined), with_stretch(scene)
-    motion = _twin(scene, build_twin(scene, system, place(scene)), options)
+    motion = ReferenceKinematics(rigid_reference(scene, system, place(scene)))
     found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
     return replace(found, coupled=system)
 

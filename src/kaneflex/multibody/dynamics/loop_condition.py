@@ -126,7 +126,7 @@ def determined(m):
 
 @once
 @njit(**OPTIONS)
-def _outgrown(m):
+def outgrown(m):
     """True if a dropped row of a cut joint depends on the kept ones with a much larger coefficient than its own size.
 
     If two kept rows become equal, a third one that depends on both becomes independent.
@@ -186,7 +186,7 @@ def ill_conditioned(m):
     count, n = plan[KEPT], plan[COORDINATES]
     if count == 0:
         return False
-    if count < plan[JOINT_ROWS] and _outgrown(m):
+    if count < plan[JOINT_ROWS] and outgrown(m):
         return True
     for b in range(plan[BODIES]):
         for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + _candidates(m, b)):

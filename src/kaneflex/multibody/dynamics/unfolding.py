@@ -5,23 +5,32 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, float64, int64, void
+from numba.types import boolean, int64, void
 
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.unilateral.contacts import stand_closed
-from kaneflex.multibody.dynamics.loop_condition import orientation
+from kaneflex.multibody.compile.values import row_length
+from kaneflex.multibody.dynamics.courses import courses, prescribe
+from kaneflex.multibody.dynamics.independent_speeds import is_dependent
 from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
+from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSES, DRIVES, ELASTIC,
-    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, HOLDS, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL,
-    LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE,
-    REACTIONS, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, WORKS, Y, apart, kernel, shifted,
-    turned,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE, COURSES, CUT, DEPENDENT,
+    DRIVES, ELASTIC, ENTRY, EXTENT, FIRST, FRAME, FRAME_SIZE, FREE, GAP, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS,
+    KEPT, LAST, LAW, LOCAL, LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT,
+    POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS,
+    Y, apart, kernel, shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.dimensions import deform, demand
+from kaneflex.multibody.dynamics.dimensions import cut_rows, deform, demand
+
+
+FAR = 0.05
+"""Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
+_OPENED = 1e-6
+"""Largest opening of a redundantly constrained joint, in rad or sizes of the mechanism."""
 
 
 @njit(**ENTRY)
@@ -110,12 +119,6 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
 
 
 @njit(**ENTRY)
-def move_on(m, t):
-    """Close the loops in place, speed and acceleration; False if they don't close."""
-    return follow(m, t)
-
-
-@njit(**ENTRY)
 def courses_at(m, times, count, out, width):
     """Prescribed courses of drives at many times, in as many rows."""
     for k in range(count):
@@ -129,23 +132,63 @@ def magnitudes_at(m, times, count, x, columns, out, width):
         kernel(m.kernels, MAGNITUDES)(times[k], x, columns * k, m.p, out, width * k)
 
 
-@njit(**ENTRY)
-def follow_rows(m, count, into, side, rows):
-    """Follow the loops at the times 0, 1, 2, ..., each from the one before; returns the number that close on one side
-    of dead centres.
+@njit(**OPTIONS)
+def _near(m, row):
+    """True if no coordinate with a given course is far from that of a row."""
+    plan, w = m.plan, m.w
+    for i in range(plan[COORDINATES]):
+        if not is_dependent(m, i) and not abs(w[plan[Y] + i] - row[1 + i]) <= 2.0 * FAR * w[plan[MEASURE] + i]:
+            return False
+    return True
 
-    into: row of ``rows`` that every time fills, or -1. side: the sign of the loops' determinant, 0 if unknown. All
-    coordinates without a course depend on those with one.
-    """
-    for k in range(count):
-        if not follow(m, float(k)):
-            return k
+
+@njit(**OPTIONS)
+def _stays(m, side):
+    """True if the closed loops are on one side of dead centres, by the sign of their determinant, and redundant
+    constraints are met."""
+    plan, w = m.plan, m.w
+    if plan[KEPT] == plan[JOINT_ROWS]:
         now = orientation(m)
         if side[0] * now < 0.0:
-            return k
+            return False
         side[0] = now
-        if into[k] >= 0.0:
-            give(m, float(k), shifted(rows, int(into[k]) * row_size(m)))
+        return True
+    cut_rows(m)
+    for row in range(plan[JOINT_ROWS]):
+        if not abs(w[plan[CUT] + row_length(m) * row]) <= _OPENED * w[plan[TOUCH] + EXTENT]:
+            return False
+    return True
+
+
+@njit(**ENTRY)
+def follow_rows(m, rows, first, count, given, width, side):
+    """Close the loops of rows after the ``first`` one, which is closed, each from the last one that closes.
+
+    Returns the number of rows done; if some are left, they need another choice of dependent coordinates.
+
+    rows: all coordinates but the dependent ones are given, or prescribed at the row's time; in a row whose loops do not
+    close the dependent ones become NaN. given: of every row coordinate, speed and acceleration of the last courses,
+    which no law prescribes. side: see :func:`_stays`; 0 if unknown.
+    """
+    apart()
+    plan, w, last = m.plan, m.w, first
+    for k in range(first + 1, count):
+        row, before = shifted(rows, k * row_size(m)), shifted(rows, last * row_size(m))
+        for r in range(plan[KEPT]):
+            row[1 + plan[plan[DEPENDENT] + r]] = before[1 + plan[plan[DEPENDENT] + r]]
+        take(m, row)
+        for j in range(width):
+            w[plan[COURSE] + 3 * courses(m) - width + j] = given[width * k + j]
+        prescribe(m, row[0])
+        if (k - last <= 1 or _near(m, before)) and follow(m, row[0]) and _stays(m, side):
+            last = k
+        else:
+            for r in range(plan[KEPT]):
+                i = plan[plan[DEPENDENT] + r]
+                w[plan[Y] + i] = w[plan[RATE] + i] = w[plan[ACCEL] + i] = math.nan
+        give(m, row[0], row)
+        if last == k and plan[KEPT] < plan[JOINT_ROWS] and outgrown(m):
+            return k + 1
     return count
 
 
@@ -194,10 +237,9 @@ def _exerted(m, b):
 ENTRIES = {
     fold: void(MECHANISM, N, N),
     unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
-    move_on: boolean(MECHANISM, float64),
     courses_at: void(MECHANISM, N, int64, N, int64),
     magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
-    follow_rows: int64(MECHANISM, int64, N, N, N),
+    follow_rows: int64(MECHANISM, N, int64, int64, N, int64, N),
     states: int64(MECHANISM, N, int64, int64, boolean),
 }
 """Signatures of the functions that Python calls."""

@@ -36,7 +36,7 @@ class Layout:
         Name and unit of every coordinate: JOINT.angle or JOINT.position, of a body on no joint BODY.x, BODY.y and
         BODY.phi, then BODY.axial_K and BODY.transverse_K.
     driven : tuple of str
-        Joints whose courses are prescribed.
+        Joints whose courses are prescribed, those with given courses last.
     """
 
     bodies: tuple[str, ...]
@@ -68,7 +68,7 @@ def build_tables(
     """
     order = _order(mechanism)
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
-    prescribed, numbers = [name for name, drive in mechanism.drives.items() if not drive.free], Numbers()
+    prescribed, numbers = mechanism.prescribed, Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
     bodies, sections, coordinates, hold, damping, twists, driven = found
     virtual = virtual_inertias(mechanism, order, index, bodies, numbers.parts, measure)
@@ -113,7 +113,7 @@ def _build_bodies(
     coordinates: list[tuple[str, str]] = []
     units: tuple[str, ...]
     joint_numbers: tuple[float, ...]
-    prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
+    prescribed = mechanism.prescribed
     bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
     hold, dampings = list[tuple[float, float]](), list[np.ndarray]()

@@ -1,0 +1,285 @@
+"""Rigid reference of a coupled mechanism in the plane, computed by the engine without derived equations.
+
+Bodies without shapes use the engine, too. Its drives follow their laws, its free joints and bodies have given courses:
+the loops then place the bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kaneflex.fem.links import Link
+from kaneflex.mechanism.parts import Drive, floating_coordinates
+from kaneflex.mechanism.position_analysis import Placement
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.multibody.dynamics.unfolding import FAR
+from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.state import Choice
+from kaneflex.multibody.model.system import BODY, CoupledSystem, Unfolded
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+_MOST_PLACES = 2_000_000
+"""Largest number of positions between instants, of some hundred numbers each: two gigabytes at most."""
+_SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
+_UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
+
+
+class Courses(NamedTuple):
+    """Courses of free joints and of the coordinates of free bodies, as in FREE: at instants [s], (n_times,), their
+    coordinates, speeds and accelerations, (n_times, FREE) each.
+
+    From a single instant on they keep their speeds.
+    """
+
+    times: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Coordinates, speeds and accelerations, (3, n_times, FREE); between the instants by cubics."""
+        place = np.minimum(np.searchsorted(self.times, times), len(self.times) - 1)
+        if (self.times[place] == times).all():
+            return np.stack([self.q[place], self.u[place], self.du[place]])
+        if len(self.times) == 1:
+            u = np.broadcast_to(self.u, (len(times), self.u.shape[1]))
+            return np.stack([self.q + (times - self.times)[:, None] * u, u, 0.0 * u])
+        from scipy.interpolate import CubicHermiteSpline
+
+        q, u = (CubicHermiteSpline(self.times, *each) for each in ((self.q, self.u), (self.u, self.du)))
+        return np.stack([q(times), u(times), u(times, 1)])
+
+
+@dataclass(frozen=True, eq=False)
+class RigidReference:
+    """Counterpart of a generated module for a :class:`~kaneflex.mechanism.rigid_motion.RigidKinematics`.
+
+    Attributes
+    ----------
+    system : CoupledSystem
+        Of the rigid bodies, with given courses of free joints.
+    start : Placement
+        Position from which the loops are followed.
+    first : Courses
+        Coordinates and speeds of free joints and bodies there.
+    links : mapping of str to Link
+        Elastic links of the coupled mechanism.
+    """
+
+    system: CoupledSystem
+    start: Placement
+    first: Courses
+    links: Mapping[str, Link]
+    CONSTANTS: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    LOOPS: tuple = ()
+
+    def __getattr__(self, name: str) -> object:
+        """Other attributes are those of the module of the laws."""
+        if name.startswith("_") and name not in ("__name__", "__file__"):
+            raise AttributeError(name)
+        return getattr(self.system.module, name)
+
+    @property
+    def engine(self) -> Engine:
+        return self.system.engine
+
+    @cached_property
+    def given(self) -> tuple[str, ...]:
+        """Free joints."""
+        return tuple(name for name, drive in self.system.mechanism.drives.items() if drive.kind == "given")
+
+    @cached_property
+    def FREE(self) -> tuple[str, ...]:
+        """Free joints, then the coordinates of free bodies."""
+        return (*self.given, *self.system.mechanism.free)
+
+    @cached_property
+    def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning of the tabulated scalars."""
+        mechanism = self.system.mechanism
+        found = [(f"{name}.angle", "m" if mechanism.joints[name].slides else "rad", "coordinate of the drive")
+                 for name in mechanism.drives]  # fmt: skip
+        found += [(name, load.unit, "magnitude of the load") for name, load in mechanism.loads.items()]
+        found += [(f"{body}.{name}", unit, "of the body's start") for body in self.system.start
+                  for name, unit in zip(_SCALARS, _UNITS, strict=True)]  # fmt: skip
+        return tuple(found)
+
+    @cached_property
+    def determined(self) -> bool:
+        """True if the drives alone determine the positions of the bodies, without redundant constraints."""
+        _, choice = self._first
+        given = self.FREE or len(choice.independent)
+        return not given and len(choice.rows) == self.engine.count(at.JOINT_ROWS)
+
+    def drives(self, times: np.ndarray, free: Courses) -> np.ndarray:
+        """Coordinates, speeds and accelerations of all drives, (n_times, drives, 3)."""
+        driven, count = self.engine.layout.driven, len(self.given)
+        found = self.engine.courses(times).reshape(len(times), len(driven), 3)
+        found[:, len(driven) - count :] = free.at(times)[:, :, :count].transpose(1, 2, 0)
+        return found[:, [driven.index(name) for name in self.system.mechanism.drives]]
+
+    def known(self, times: np.ndarray, free: Courses) -> np.ndarray:
+        """The first columns of SCALARS, which are known before the bodies are placed.
+
+        Joints in laws without a drive count as at zero.
+        """
+        drives = self.drives(times, free)
+        unknown = np.zeros((len(times), 3 * len(self.system.mechanism.observed)))
+        sizes = self.system.load_sizes(times, np.column_stack([drives.reshape(len(times), -1), unknown]))
+        return np.concatenate([drives[:, :, 0], sizes], axis=1)
+
+    def rows(self, times: np.ndarray, free: Courses) -> np.ndarray:
+        """Rows of the engine at ``times`` [s]; coordinates that loops determine are NaN where these don't close.
+
+        The loops are followed from the start at every call, so that results don't depend on earlier calls.
+        """
+        (start, choice), engine = self._first, self.engine
+        path, courses, asked = self._path(times, free.at(times))
+        rows = np.tile(start, (len(path), 1))
+        rows[1:, 0] = path[1:]
+        for k, i in self._columns.items():
+            for part, course in zip(("q", "u", "du"), courses[:, 1:, k], strict=True):
+                rows[1:, engine.columns[part].start + i] = course
+        given = np.ascontiguousarray(courses[:, :, : len(self.given)].transpose(1, 2, 0)).reshape(len(path), -1)
+        done, side = 1, np.zeros(1)
+        engine.choose_speeds(choice)
+        while done < len(rows):
+            done = engine.follow(rows, done - 1, given, side)
+            if done < len(rows):
+                engine.stand(rows[done - 1])
+                engine.choose(path[done - 1])
+        return rows[asked]
+
+    def _path(self, times: np.ndarray, courses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Path from the start to all ``times`` in turn, with steps so short that loops can be followed.
+
+        Returns its instants [s], (n,); courses of free joints and bodies there, (3, n, FREE), between ``times`` as a
+        path only; the places of ``times``, where the courses are the given ones, (3, n_times, FREE).
+        """
+        times, places = np.append(0.0, times), np.concatenate([self.first.q, courses[0]])
+        driven, moving = self.engine.layout.driven, self.engine.courses(times)[:, ::3]
+        moving[:, len(driven) - len(self.given) :] = places[:, : len(self.given)]
+        joints, size = self.system.mechanism.joints, self.system.mechanism.size
+        moved = abs(np.diff(moving, axis=0)) / [size if joints[name].slides else 1.0 for name in driven]
+        steps = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / FAR))
+        steps = steps if self.engine.count(at.REACTIONS) else np.ones(len(steps))
+        if steps.sum() > _MOST_PLACES:
+            name = driven[int(moved.max(axis=0).argmax())]
+            far = f"it turns so often that the loops would have to be closed at {steps.sum():.3g} positions"
+            raise SceneError(f"drives.{name}.speed", None, far, "Give a lower speed or a shorter duration")
+        ends = np.append(0, np.cumsum(steps).astype(int))
+        every, path = np.arange(ends[-1] + 1), np.zeros((3, ends[-1] + 1, len(self.FREE)))
+        for k, place in enumerate(places.T):
+            path[0, :, k] = np.interp(every, ends, place)
+        path[:, ends[1:]] = courses
+        return np.interp(every, ends, times), path, ends[1:]
+
+    @cached_property
+    def _columns(self) -> dict[int, int]:
+        """Places in FREE of free coordinates of the tree, and their numbers there."""
+        own = [name for name, _ in self.engine.layout.coordinates]
+        return {k: own.index(each) for k, name in enumerate(self.FREE)
+                for each in (name, f"{name}.angle", f"{name}.position") if each in own}  # fmt: skip
+
+    @cached_property
+    def _first(self) -> tuple[np.ndarray, Choice]:
+        """Row of the engine at the start, and the choice of dependent coordinates there."""
+        engine = self.engine
+        q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
+        engine.fold(q, np.zeros_like(q))
+        engine.choose(0.0)
+        return engine.row(0.0), engine.choice
+
+
+class ReferenceKinematics(RigidKinematics):
+    """Motion of a rigid reference, whose bodies are placed on request.
+
+    ``free``: courses of its free joints and bodies; ``run``: motion of all bodies at instants, if it is known.
+    """
+
+    module: RigidReference  # type: ignore[assignment]
+    free: Courses
+    run: CoupledTrajectory | Unfolded | None
+
+    def __init__(
+        self, module: RigidReference, free: Courses | None = None, run: CoupledTrajectory | None = None
+    ) -> None:
+        self.__dict__.update(module=module, parameters=module.engine.p, free=free or module.first, run=run)
+
+    def at(self, times: np.ndarray | float) -> RigidMotion:
+        return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
+        times, found = np.asarray(times, dtype=float), self.run
+        place = np.minimum(np.searchsorted(self.free.times, times), len(self.free.times) - 1)
+        if found is None or not (self.free.times[place] == times).all():
+            found = self.module.system.unfold(self.module.rows(times, self.free))
+            place = np.arange(len(times))
+        q, v, a = (part[place].reshape(len(times), -1, BODY) for part in (found.q, found.v, found.a))
+        turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
+        bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1).reshape(len(times), -1)
+        return np.concatenate([self.module.known(times, self.free), bodies], axis=1)
+
+
+class _Placed(RigidMotion):
+    """Motion at some times, whose bodies are placed when they are asked for."""
+
+    motion: Any
+
+    def __init__(self, motion: ReferenceKinematics, times: np.ndarray) -> None:
+        self.__dict__.update(motion=motion, times=times)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        owner, _, key = name.rpartition(".")
+        if owner in self.motion.module.system.mechanism.springs:
+            return self._direction(owner)["cs".index(key)]
+        column = self.motion.column[name]
+        return (self.known if column < self.known.shape[1] else self.values)[:, column]
+
+    def _direction(self, spring: str) -> np.ndarray:
+        """Cosine and sine of a spring's direction."""
+        sides = self.motion.module.system.mechanism.springs[spring].sides
+        start, end = (self.frame(side.body).place(side.at) for side in sides)
+        return (end - start) / np.hypot(*(end - start))
+
+    def taken(self, instants: np.ndarray) -> RigidMotion:
+        return _Placed(self.motion, self.times[instants])
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """Scalars that are known before the bodies are placed."""
+        return self.motion.module.known(self.times, self.motion.free)
+
+    @cached_property
+    def values(self) -> np.ndarray:  # type: ignore[override]
+        return self.motion.table(self.times)
+
+
+def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> RigidReference:
+    """Rigid mechanism of a scene from the initial position of its bodies, with its free joints and bodies at their
+    initial speeds."""
+    mechanism, none = system.mechanism, dict.fromkeys(system.counts, (0, 0))
+    given = {name: Drive("given", None) if drive.free else drive for name, drive in mechanism.drives.items()}
+    rigid = replace(mechanism, drives=given, contacts={}, frictions={})
+    engine = build_engine(rigid, system.module, Blocks(scene, none, {}), system.engine.p)
+    engine = replace(engine, shared=system.engine.handed)  # one library for both: compiling another takes as long again
+    plan, count = engine.tables.plan, sum(drive.free for drive in mechanism.drives.values())
+    laws = len(engine.layout.driven) - count
+    plan[plan[at.PRESCRIBED] + laws : plan[at.PRESCRIBED] + laws + count] = -1  # rows give these coordinates
+    places = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
+    for body, free in scene.floating.items():
+        places |= dict(zip(floating_coordinates(body), zip(free.place, free.rates, strict=True), strict=True))
+    q, u = (np.array([[places[name][k] for name in mechanism.free]], float) for k in range(2))
+    undeformed = CoupledSystem(system.module, engine, rigid, {}, {}, none)
+    return RigidReference(undeformed, start, Courses(np.zeros(1), q, u, 0.0 * u), system.links)
