@@ -15,7 +15,6 @@ from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.multibody.model.system import rigid_state
 from kaneflex.multibody.time.linearisation import prepare
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import simulate_coupled
@@ -166,7 +165,7 @@ def test_stiffness_at_speed_is_that_of_the_stiffened_model():
     settings = ["solve.preset=coupled", "beam.axially_rigid=true"]
     model = kaneflex.load(with_settings(read_scene("spin-up"), settings))
     system, t = model.coupled, 20.0
-    equations, state = prepare(system, system.folded(t, *rigid_state(system, model.motion.at(t))))
+    equations, state = prepare(system, *model.motion.states(system, np.array([t])))
     still = np.zeros(len(equations.names))
     K = equations.linear(equations.deformed(state, still, still, still)).K
     plain = kaneflex.load(read_scene("spin-up"))

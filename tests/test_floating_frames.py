@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 import kaneflex
 from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.shape_bases import link_shapes
-from kaneflex.multibody.model.system import build_system, rigid_state
+from kaneflex.multibody.model.system import build_system
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.read import _validated
 
@@ -155,7 +155,7 @@ def test_accelerations_and_reactions_know_no_direction(name):
     turned, links = reversed_links(scene)
     model = kaneflex.load(scene)
     system, other = model.coupled, build_system(turned, lambda stage: None)[0]
-    q, v = moved_state(system, *rigid_state(system, model.motion.at(np.array([T]))), 7)
+    q, v = moved_state(system, *(part[0] for part in model.motion.frames(system, np.array([T]))), 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
     found, mirrored = closed(system, T, q, v), closed(other, T, there, rates)
     assert mirrored.q[0] == pytest.approx(there, abs=1e-10) and mirrored.v[0] == pytest.approx(rates, abs=1e-8)

@@ -149,11 +149,6 @@ class Engine:
         (q, u, du), sizes = (rows[:, self.columns[name]].copy() for name in ("q", "u", "du")), self.sizes.copy()
         return (State(*each, sizes, choice) for each in zip(rows[:, 0].tolist(), q, u, du, strict=True))
 
-    def fold(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Set coordinates and rates of the bodies, in the tree's order."""
-        self.part()
-        self.call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
-
     def openings(self, t: float) -> np.ndarray:
         """Opening of every row of the cut joints [m or rad] at the current coordinates."""
         out = np.zeros(self.count(at.REACTIONS))

@@ -5,7 +5,6 @@ Functions that read a rigid motion by its scalars, such as joint and spring forc
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -119,16 +118,9 @@ class FloatingMotion(Motion):
     @cached_property
     def load_sizes(self) -> dict[str, np.ndarray]:
         """Magnitudes of loads whose laws use joints without drive, which the rigid motion lacks."""
-        return self._load_sizes(self)
-
-    def _load_sizes(self, of: FloatingMotion) -> dict[str, np.ndarray]:
-        """Magnitudes :attr:`load_sizes` with the joints of another motion, counting full turns as in this one."""
         mechanism, states = self.system.mechanism, []
         for name in (*mechanism.drives, *mechanism.observed) if mechanism.observed else ():
-            place, *rates = of.coordinate(name)
-            if of is not self and not mechanism.joints[name].slides:
-                place = place + math.tau * np.round((self.coordinate(name)[0] - place) / math.tau)
-            states += [place, *rates]
+            states += self.coordinate(name)
         if not states:
             return {}
         return dict(zip(mechanism.loads, self.system.load_sizes(self.times, np.column_stack(states)).T, strict=True))

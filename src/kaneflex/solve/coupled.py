@@ -13,10 +13,9 @@ import numpy as np
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem, rigid_state, rigid_states
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
@@ -108,12 +107,10 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 
 
 def _beginning(model: Model) -> State:
-    system, rigid = model.coupled, model.motion.at(0.0)
+    system, start = model.coupled, undeformed(model, np.zeros(1))[0]
     assert system is not None
-    q, v = rigid_state(system, rigid)
-    start = system.folded(0.0, unwrapped(model.scene, system, q, rigid), v)
     if model.options.start == "given":
-        start = _given(model, start, rigid)
+        start = _given(model, start)
     _check_turns(model.scene, system, start)
     if model.options.start == "quasistatic":
         return _slow(model, start)
@@ -122,7 +119,7 @@ def _beginning(model: Model) -> State:
     return start
 
 
-def _given(model: Model, start: State, rigid: RigidMotion) -> State:
+def _given(model: Model, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives, the others of the start; with as many full
     turns as drives, welds and guides prescribe.
 
@@ -132,7 +129,7 @@ def _given(model: Model, start: State, rigid: RigidMotion) -> State:
     assert system is not None
     laid, engine = laid_state(scene, system, start), system.engine
     before, _ = system.frames(laid)
-    q = unwrapped(scene, system, before, rigid, system.start)
+    q = unwrapped(scene, system, before, model.module.start.drives, system.start)
     check_turns_kept(scene, system, before, q)
     turns = engine.turns & ~engine.shapes
     given = replace(laid, q=laid.q + turns * whole_turns(system.folded(laid.t, q, 0.0 * q).q - laid.q))
@@ -204,10 +201,15 @@ def _slow(model: Model, start: State) -> State:
     return slow_state(*prepare(model.coupled, start), model.options.duration)
 
 
+def undeformed(model: Model, times: np.ndarray) -> list[State]:
+    """States of a coupled system with undeformed bodies, which move as the rigid reference, at ``times`` [s]."""
+    assert isinstance(model.motion, ReferenceKinematics) and model.coupled is not None
+    return model.motion.states(model.coupled, times)
+
+
 def _undeformed(model: Model, equations: Equations, first: State, times: np.ndarray) -> list[State]:
-    """States of the undeformed bodies, with as many full turns as at first."""
-    q, v = rigid_states(equations.system, model.motion.at(times))
-    found = [equations.system.folded(*each) for each in zip(times.tolist(), q, v, strict=True)]
+    """The same with as many full turns as at first."""
+    found = undeformed(model, times)
     turns = equations.engine.turns & ~equations.engine.shapes
     missing = turns * whole_turns(first.q - found[0].q)
     return [replace(state, q=state.q + missing, choice=equations.choice) for state in found]

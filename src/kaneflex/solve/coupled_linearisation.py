@@ -13,10 +13,8 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import no_modes
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
-from kaneflex.multibody.model.system import rigid_state
 from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
 from kaneflex.multibody.time.neighbours import Neighbours, probes
-from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.motion import Motion
@@ -24,7 +22,7 @@ from kaneflex.response.sensors import sensor_values
 from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_result
+from kaneflex.solve.coupled import as_result, undeformed
 from kaneflex.support.errors import SceneError
 
 
@@ -52,10 +50,8 @@ def linear_about(model: Model, t: float) -> Linear:
 def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, Any]:
     """Equations of a mechanism and its undeformed state at t [s]; at rest unless it ``moves``."""
     if model.coupled is not None:
-        rigid = model.motion.at(t)
-        q, v = rigid_state(model.coupled, rigid)
-        state = model.coupled.folded(t, unwrapped(model.scene, model.coupled, q, rigid), moves * v)
-        return prepare(model.coupled, state)
+        state = undeformed(model, np.array([float(t)]))[0]
+        return prepare(model.coupled, replace(state, u=moves * state.u))
     motion, end = cast(CoupledKinematics, model.motion), model.options.duration
     if motion.module.FREE and not 0.0 <= t <= end:
         reason = f"the motion of {motion.module.FREE[0]} is computed from 0 to {end:.6g} s only"

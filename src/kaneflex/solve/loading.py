@@ -188,7 +188,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
-    from kaneflex.multibody.model.system import build_system, rigid_state, with_stretch
+    from kaneflex.multibody.model.system import build_system, with_stretch
     from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
     from kaneflex.solve.contact_lines import check_lines
 
@@ -214,7 +214,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     check_lines(scene, motion.at(np.zeros(1)))
     model = build_model(scene, options, motion, bare=bare)
     if spare:
-        open_rows = undetermined(coupled, coupled.folded(0.0, *rigid_state(coupled, motion.at(0.0))))
+        open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     warnings = (*model.warnings, *implausible(scene), *ignored, *_all_modes(scene))

@@ -1,4 +1,4 @@
-"""Compiled transformations between the coordinates of the tree and of the bodies, with energies and joint forces."""
+"""Compiled motion of the bodies from coordinates of the tree, with energies and joint forces; loops along a path."""
 
 from __future__ import annotations
 
@@ -19,57 +19,17 @@ from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE, COURSES, CUT, DEPENDENT,
-    DRIVES, ELASTIC, ENTRY, EXTENT, FIRST, FRAME, FRAME_SIZE, FREE, GAP, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS,
-    KEPT, LAST, LAW, LOCAL, LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT,
-    POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, SEC, SECTION, SECTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS,
-    Y, apart, kernel, shifted, turned,
+    DRIVES, ELASTIC, ENTRY, EXTENT, FRAME, FRAME_SIZE, GAP, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, KEPT, LAW,
+    LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POWER, PRISMATIC, PUSH_NOW,
+    RATE, REACTIONS, SEC, SECTION, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart, kernel, shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.dimensions import cut_rows, deform, demand
+from kaneflex.multibody.dynamics.dimensions import cut_rows, demand
 
 
 FAR = 0.05
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
 _OPENED = 1e-6
 """Largest opening of a redundantly constrained joint, in rad or sizes of the mechanism."""
-
-
-@njit(**ENTRY)
-def fold(m, q, v):
-    """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    apart()
-    plan, w = m.plan, m.w
-    k = 0
-    for b in range(plan[BODIES]):
-        f, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL]
-        w[f], w[f + 1], w[f + 2], w[f + 3], w[f + 4] = q[k], q[k + 1], q[k + 2], math.cos(q[k + 2]), math.sin(q[k + 2])
-        w[f + 5], w[f + 6], w[f + 7] = v[k], v[k + 1], v[k + 2]
-        for j in range(m.bodies[b, SHAPES]):
-            w[plan[Y] + i + j], w[plan[RATE] + i + j] = q[k + 3 + j], v[k + 3 + j]
-        k += 3 + m.bodies[b, SHAPES]
-    deform(m)
-    for b in range(plan[BODIES]):
-        f = plan[FRAME] + FRAME_SIZE * b
-        c, s, omega = w[f + 3], w[f + 4], w[f + 7]
-        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            k, l, share = plan[SECTION] + SEC * n, plan[LOCAL] + SEC * n, w[m.sections[n, POINT]]
-            arm_x, arm_y = c * w[l] - s * w[l + 1], s * w[l] + c * w[l + 1]
-            w[k], w[k + 1], w[k + 2] = share * w[f] + arm_x, share * w[f + 1] + arm_y, w[f + 2] + w[l + 2]
-            w[k + 3] = share * w[f + 5] - omega * arm_y + c * w[l + 3] - s * w[l + 4]
-            w[k + 4] = share * w[f + 6] + omega * arm_x + s * w[l + 3] + c * w[l + 4]
-            w[k + 5] = omega + w[l + 5]
-    for b in range(plan[BODIES]):
-        up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
-        y, r, j = plan[Y] + m.bodies[b, FIRST], plan[RATE] + m.bodies[b, FIRST], m.bodies[b, NUMBERS]
-        if m.bodies[b, JOINT] == REVOLUTE:
-            w[y], w[r] = w[j] * (w[own + 2] - w[up + 2] - w[j + 1]), w[j] * (w[own + 5] - w[up + 5])
-        elif m.bodies[b, JOINT] == PRISMATIC:
-            d_x, d_y = turned(w, w[up + 2], j + 2)
-            x, z = w[own] - w[up], w[own + 1] - w[up + 1]
-            w[y] = d_x * x + d_y * z
-            w[r] = d_x * (w[own + 3] - w[up + 3]) + d_y * (w[own + 4] - w[up + 4]) + w[up + 5] * (d_x * z - d_y * x)
-        elif m.bodies[b, JOINT] == FREE:
-            for i in range(3):
-                w[y + i], w[r + i] = w[own + i], w[own + 3 + i]
 
 
 @njit(**ENTRY)
@@ -235,7 +195,6 @@ def _exerted(m, b):
 
 
 ENTRIES = {
-    fold: void(MECHANISM, N, N),
     unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
     courses_at: void(MECHANISM, N, int64, N, int64),
     magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),

@@ -15,7 +15,6 @@ from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
@@ -142,9 +141,48 @@ class CoupledSystem:
         self.engine.compile()
 
     def folded(self, t: float, q: np.ndarray, v: np.ndarray) -> State:
-        """State at t [s] by frames and shapes of the bodies, (size,); loops are not closed."""
-        self.engine.fold(q[self.order], v[self.order])
-        return self.engine.state(t, self.engine.choice)
+        """State at t [s] by frames and shapes of the bodies, (size,); loops are not closed.
+
+        The tables have the bodies' sections by these frames.
+        """
+        engine, bodies = self.engine, self.engine.tables.bodies
+        engine.part()
+        for body, (first, count) in zip(engine.layout.bodies, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
+            for part, given in zip(engine.motion, (q, v), strict=False):
+                part[first : first + count] = given[self.modal(body)]
+        engine.openings(t)  # deforms the bodies
+        self._place_sections(q, v)
+        places, rates, *_ = engine.motion
+        for fields in bodies:
+            up, own = engine.sections[fields[[at.PARENT, at.INBOARD]]]
+            sign, angle, *along = engine.tables.w[fields[at.NUMBERS] :][:4]
+            moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
+            if fields[at.JOINT] == at.FREE:
+                places[moves], rates[moves] = own[:3], own[3:6]
+            elif fields[at.JOINT] == at.REVOLUTE:
+                places[moves], rates[moves] = sign * (own[2] - up[2] - angle), sign * (own[5] - up[5])
+            elif fields[at.JOINT] == at.PRISMATIC:
+                guide = complex(*along) * np.exp(1j * up[2])
+                apart, parting = (complex(*(own - up)[k : k + 2]) * guide.conjugate() for k in (0, 3))
+                places[moves], rates[moves] = apart.real, parting.real + up[5] * apart.imag
+        return engine.state(t, engine.choice)
+
+    def _place_sections(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Set the sections of the bodies by their frames, (size,), as they are deformed.
+
+        Vectors are complex numbers.
+        """
+        engine, (owners, points) = self.engine, self.engine.tables.sections[:, [at.OWNER, at.POINT]].T
+        own = np.flatnonzero(owners >= 0)
+        local = engine.numbers(at.LOCAL, at.SEC * len(owners)).reshape(-1, at.SEC)[own].T
+        k = np.array([self.start[body] for body in engine.layout.bodies])[owners[own]]
+        share = engine.tables.w[points[own]]
+        turn, omega = np.exp(1j * q[k + 2]), v[k + 2]
+        arm = turn * (local[0] + 1j * local[1])
+        place = share * (q[k] + 1j * q[k + 1]) + arm
+        rate = share * (v[k] + 1j * v[k + 1]) + 1j * omega * arm + turn * (local[3] + 1j * local[4])
+        found = place.real, place.imag, q[k + 2] + local[2], rate.real, rate.imag, omega + local[5]
+        engine.sections[own, :6] = np.column_stack(found)
 
     @property
     def state_coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -330,19 +368,3 @@ def with_stretch(scene: Scene) -> Scene:
         for name, body in scene.bodies.items()
     }
     return scene.seen(bodies=bodies)
-
-
-def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """States q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
-    q, v = np.zeros((2, len(rigid.times), system.size))
-    for name, k in system.start.items():
-        turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
-        q[:, k : k + BODY] = np.column_stack([rigid[f"{name}.x"], rigid[f"{name}.y"], turn])
-        v[:, k : k + BODY] = np.column_stack([rigid[f"{name}.{rate}"] for rate in ("v_x", "v_y", "omega")])
-    return q, v
-
-
-def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """The same at the first time."""
-    q, v = rigid_states(system, rigid)
-    return q[0], v[0]

@@ -9,21 +9,19 @@ import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
 
 def unwrapped(
-    scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion, given: Collection[str] = ()
+    scene: Scene, system: CoupledSystem, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
 ) -> np.ndarray:
-    """State q with full turns added to the bodies' angles, consistent with drives, welds and guides.
+    """State q with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
 
     Joints with springs, laws or free drives start within half a turn of their rest or start; between bodies with
     ``given`` angles they keep their turns.
     """
-    drives = {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives}
     before = {name: float(q[k + 2]) for name, k in system.start.items()}
     angles = _counted(scene, before, drives, _between(scene, before, given))
     q = q.copy()

@@ -7,9 +7,8 @@ the loops then place the bodies.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +16,14 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import Drive, floating_coordinates
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import ComputedModule, RigidKinematics, RigidMotion
 from kaneflex.multibody.dynamics.unfolding import FAR
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.state import Choice
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem, Unfolded
+from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
@@ -61,8 +61,8 @@ class Courses(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RigidReference:
-    """Counterpart of a generated module for a :class:`~kaneflex.mechanism.rigid_motion.RigidKinematics`.
+class RigidReference(ComputedModule):
+    """Rigid mechanism whose free joints and bodies have given courses, by names of its tabulated scalars.
 
     Attributes
     ----------
@@ -80,14 +80,6 @@ class RigidReference:
     start: Placement
     first: Courses
     links: Mapping[str, Link]
-    CONSTANTS: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    LOOPS: tuple = ()
-
-    def __getattr__(self, name: str) -> object:
-        """Other attributes are those of the module of the laws."""
-        if name.startswith("_") and name not in ("__name__", "__file__"):
-            raise AttributeError(name)
-        return getattr(self.system.module, name)
 
     @property
     def engine(self) -> Engine:
@@ -194,9 +186,8 @@ class RigidReference:
     @cached_property
     def _first(self) -> tuple[np.ndarray, Choice]:
         """Row of the engine at the start, and the choice of dependent coordinates there."""
-        engine = self.engine
-        q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
-        engine.fold(q, np.zeros_like(q))
+        engine, q = self.engine, np.concatenate([self.start.poses[body] for body in self.system.start])
+        self.system.folded(0.0, q, 0.0 * q)
         engine.choose(0.0)
         return engine.row(0.0), engine.choice
 
@@ -218,6 +209,20 @@ class ReferenceKinematics(RigidKinematics):
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
+
+    def frames(self, system: CoupledSystem, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Frames and shapes of the undeformed bodies of a coupled system with their rates at ``times`` [s], (n_times,
+        size) each, with the full turns since the start."""
+        q, v = np.zeros((2, len(times), system.size))
+        found = self.module.system.unfold(self.module.rows(times, self.free))
+        columns = [first + k for first in system.start.values() for k in range(BODY)]
+        q[:, columns], v[:, columns] = found.q, found.v
+        return q, v
+
+    def states(self, system: CoupledSystem, times: np.ndarray) -> list[State]:
+        """States of a coupled system with undeformed bodies at ``times`` [s]."""
+        frames = zip(times.tolist(), *self.frames(system, times), strict=True)
+        return [system.folded(*each) for each in frames]
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
@@ -277,9 +282,14 @@ def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> Ri
     plan, count = engine.tables.plan, sum(drive.free for drive in mechanism.drives.values())
     laws = len(engine.layout.driven) - count
     plan[plan[at.PRESCRIBED] + laws : plan[at.PRESCRIBED] + laws + count] = -1  # rows give these coordinates
+    undeformed = CoupledSystem(system.module, engine, rigid, {}, {}, none)
+    frames = np.array([start.poses[body] for body in none])
+    frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
+    frames = unwrapped(scene, undeformed, frames.ravel(), start.drives).reshape(-1, BODY)
+    poses = dict(zip(none, frames, strict=True))
     places = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
     for body, free in scene.floating.items():
-        places |= dict(zip(floating_coordinates(body), zip(free.place, free.rates, strict=True), strict=True))
+        places |= dict(zip(floating_coordinates(body), zip(poses[body], free.rates, strict=True), strict=True))
     q, u = (np.array([[places[name][k] for name in mechanism.free]], float) for k in range(2))
-    undeformed = CoupledSystem(system.module, engine, rigid, {}, {}, none)
-    return RigidReference(undeformed, start, Courses(np.zeros(1), q, u, 0.0 * u), system.links)
+    first = Courses(np.zeros(1), q, u, 0.0 * u)
+    return RigidReference(undeformed, replace(start, poses=poses), first, system.links)

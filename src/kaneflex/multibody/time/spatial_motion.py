@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import ComputedModule, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values
@@ -38,8 +38,8 @@ _AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialModule:
-    """Counterpart of a generated module for a mechanism in space: names of its tabulated scalars.
+class SpatialModule(ComputedModule):
+    """Mechanism in space by names of its tabulated scalars.
 
     Attributes
     ----------
@@ -53,16 +53,6 @@ class SpatialModule:
     system: SpatialSystem
     open_reactions: frozenset[str] = frozenset()
     more: tuple[tuple[str, str, str], ...] = ()
-    CONSTANTS: dict[str, float] = field(default_factory=dict)
-    LOOPS: tuple = ()
-    TERMS: tuple = ()
-    LINKS: tuple = ()
-
-    def __getattr__(self, name: str) -> object:
-        """Other attributes are those of the generated module."""
-        if name.startswith("_") and name not in ("__name__", "__file__"):
-            raise AttributeError(name)
-        return getattr(self.system.module, name)
 
     @cached_property
     def FREE(self) -> tuple[str, ...]:
