@@ -118,7 +118,7 @@ class FloatingMotion(Motion):
     @cached_property
     def load_sizes(self) -> dict[str, np.ndarray]:
         """Magnitudes of loads whose laws use joints without drive, which the rigid motion lacks."""
-        mechanism, states = self.system.mechanism, []
+        mechanism, states = self.system.mechanism, list[np.ndarray]()
         for name in (*mechanism.drives, *mechanism.observed) if mechanism.observed else ():
             states += self.coordinate(name)
         if not states:
