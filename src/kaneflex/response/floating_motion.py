@@ -5,6 +5,7 @@ Functions that read a rigid motion by its scalars, such as joint and spring forc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,21 +18,15 @@ from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.planar import cross, wrapped
+from kaneflex.mechanism.planar import cross, whole_turns, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.system import BODY, CoupledSystem
-from kaneflex.multibody.time.revolutions import left_out
 from kaneflex.multibody.unilateral.dry_friction import STUCK
 from kaneflex.response.motion import Motion
 from kaneflex.scene.quantities import Address
-from kaneflex.support.kept import Kept
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
-
-_LEFT_OUT: Kept[object, Mapping[str, float]] = Kept()
-"""Full turns that sensors of a rigid reference's bodies leave out."""
-
 
 @dataclass(frozen=True, eq=False)
 class FloatingScalars(RigidMotion):
@@ -263,8 +258,10 @@ class FloatingMotion(Motion):
 
     @property
     def _turns_left_out(self) -> Mapping[str, float]:
-        twin = self.model.module
-        return _LEFT_OUT.of(twin, lambda: left_out(self.model.scene, twin.start))
+        """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
+        angles = {name: float(pose[2]) for name, pose in self.model.module.start.poses.items()}
+        return {name: float(whole_turns(each - math.atan2(math.sin(each), math.cos(each))))
+                for name, each in angles.items()}  # fmt: skip
 
     def joined(self, address: Address) -> Rates:
         """Position and section angle of a point of a body or the ground with rates, (3, n_times) each."""

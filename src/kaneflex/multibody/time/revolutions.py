@@ -1,4 +1,4 @@
-"""Full turns of planar bodies: initial ones, and those that sensors leave out."""
+"""Initial full turns of planar bodies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
@@ -46,13 +45,6 @@ def check_turns_kept(scene: Scene, system: CoupledSystem, before: np.ndarray, q:
                 "Continue with --after, or simulate(model, after=...), which also continues drives, or add turns to "
                 "the drives' angles",
             )  # fmt: skip
-
-
-def left_out(scene: Scene, start: Placement) -> dict[str, float]:
-    """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
-    angles = {name: math.atan2(math.sin(pose[2]), math.cos(pose[2])) for name, pose in start.poses.items()}
-    counted = _counted(scene, angles, start.drives)
-    return {name: float(whole_turns(counted[name] - angle)) for name, angle in angles.items()}
 
 
 def _between(scene: Scene, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:

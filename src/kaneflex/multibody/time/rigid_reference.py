@@ -30,6 +30,8 @@ from kaneflex.support.errors import SceneError
 
 _MOST_PLACES = 2_000_000
 """Largest number of positions between instants, of some hundred numbers each: two gigabytes at most."""
+_ROUNDED = 1e-6
+"""Share of a step that counts as rounding."""
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
 
@@ -152,18 +154,21 @@ class RigidReference(ComputedModule):
                 engine.choose(path[done - 1])
         return rows[asked]
 
-    def _path(self, times: np.ndarray, courses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _path(
+        self, times: np.ndarray, courses: np.ndarray, again: int = 2
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Path from the start to all ``times`` in turn, with steps so short that loops can be followed.
 
         Returns its instants [s], (n,); courses of free joints and bodies there, (3, n, FREE), between ``times`` as a
-        path only; the places of ``times``, where the courses are the given ones, (3, n_times, FREE).
+        path only; the places of ``times``, where the courses are the given ones, (3, n_times, FREE). Where laws are
+        uneven between ``times``, it divides the path up to twice ``again``.
         """
         times, places = np.append(0.0, times), np.concatenate([self.first.q, courses[0]])
         driven, moving = self.engine.layout.driven, self.engine.courses(times)[:, ::3]
         moving[:, len(driven) - len(self.given) :] = places[:, : len(self.given)]
         joints, size = self.system.mechanism.joints, self.system.mechanism.size
         moved = abs(np.diff(moving, axis=0)) / [size if joints[name].slides else 1.0 for name in driven]
-        steps = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / FAR))
+        steps = np.maximum(1.0, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / FAR - _ROUNDED))
         steps = steps if self.engine.count(at.REACTIONS) else np.ones(len(steps))
         if steps.sum() > _MOST_PLACES:
             name = driven[int(moved.max(axis=0).argmax())]
@@ -174,7 +179,11 @@ class RigidReference(ComputedModule):
         for k, place in enumerate(places.T):
             path[0, :, k] = np.interp(every, ends, place)
         path[:, ends[1:]] = courses
-        return np.interp(every, ends, times), path, ends[1:]
+        instants, asked = np.interp(every, ends, times), ends[1:]
+        if again and len(every) > len(times):
+            instants, path, places = self._path(instants[1:], path[:, 1:], again - 1)
+            asked = places[asked - 1]
+        return instants, path, asked
 
     @cached_property
     def _columns(self) -> dict[int, int]:
