@@ -12,8 +12,10 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
 from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.loading import load
@@ -46,10 +48,51 @@ def short(scene: str) -> Model:
     return model(scene, *SHORT.get(scene, ()))
 
 
+def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> State:
+    """State of a planar system at t [s] by frames and shapes of its bodies, (size,); loops are not closed. The tables
+    have the sections by these frames."""
+    engine, bodies = system.engine, system.engine.tables.bodies
+    engine.part()
+    for body, (first, count) in zip(engine.layout.bodies, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
+        for part, given in zip(engine.motion, (q, v), strict=False):
+            part[first : first + count] = given[system.modal(body)]
+    engine.openings(t)  # deforms the bodies
+    _place_sections(system, q, v)
+    places, rates, *_ = engine.motion
+    for fields in bodies:
+        up, own = engine.sections[fields[[at.PARENT, at.INBOARD]]]
+        sign, angle, *along = engine.tables.w[fields[at.NUMBERS] :][:4]
+        moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
+        if fields[at.JOINT] == at.FREE:
+            places[moves], rates[moves] = own[:3], own[3:6]
+        elif fields[at.JOINT] == at.REVOLUTE:
+            places[moves], rates[moves] = sign * (own[2] - up[2] - angle), sign * (own[5] - up[5])
+        elif fields[at.JOINT] == at.PRISMATIC:
+            guide = complex(*along) * np.exp(1j * up[2])
+            apart, parting = (complex(*(own - up)[k : k + 2]) * guide.conjugate() for k in (0, 3))
+            places[moves], rates[moves] = apart.real, parting.real + up[5] * apart.imag
+    return engine.state(t, engine.choice)
+
+
+def _place_sections(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> None:
+    """Sections of the bodies by their frames, (size,), as they are deformed; vectors are complex numbers."""
+    engine, (owners, points) = system.engine, system.engine.tables.sections[:, [at.OWNER, at.POINT]].T
+    own = np.flatnonzero(owners >= 0)
+    local = engine.numbers(at.LOCAL, at.SEC * len(owners)).reshape(-1, at.SEC)[own].T
+    k = np.array([system.start[body] for body in engine.layout.bodies])[owners[own]]
+    share = engine.tables.w[points[own]]
+    turn, omega = np.exp(1j * q[k + 2]), v[k + 2]
+    arm = turn * (local[0] + 1j * local[1])
+    place = share * (q[k] + 1j * q[k + 1]) + arm
+    rate = share * (v[k] + 1j * v[k + 1]) + 1j * omega * arm + turn * (local[3] + 1j * local[4])
+    found = place.real, place.imag, q[k + 2] + local[2], rate.real, rate.imag, omega + local[5]
+    engine.sections[own, :6] = np.column_stack(found)
+
+
 def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
     """By how much frames and shapes q (size,) of a planar system violate every joint's rows and every prescribed drive
     [m or rad] at t [s]: by name."""
-    system.folded(t, q, 0.0 * q)
+    folded(system, t, q, 0.0 * q)
     engine, joints, poses = system.engine, {}, {}
     for name, joint in system.mechanism.joints.items():
         ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
@@ -65,7 +108,7 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
 
 def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded:
     """The nearest state of a planar system with closed loops, with accelerations and reactions."""
-    system.folded(t, q, v)
+    folded(system, t, q, v)
     return system.unfold(system.states(system.engine.row(t)[None]))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import solved
+from runs import folded, solved
 
 from kaneflex import SceneError
 from kaneflex.integrate.outcome import Outcome
@@ -68,7 +68,7 @@ def contact(name, first, second, kind="point-line", reach=0.0, K=1e8, n=1.5, e=0
 
 
 def run(system, q, v, times, integrator="radau", tolerance=1e-8):
-    start = system.folded(times[0], np.array(q, float), np.array(v, float))
+    start = folded(system, times[0], np.array(q, float), np.array(v, float))
     trajectory = integrate(system, start, times, Method(integrator, tolerance, 1.0))
     assert trajectory.outcome is Outcome.COMPLETED
     assert np.isfinite(trajectory.q).all()
@@ -278,7 +278,7 @@ def test_a_sensor_names_a_contact():
 def test_a_cascade_without_time_between_stops_with_its_name(scenes):
     """As if a thousand changes had been at the instant of the first one."""
     system = system_of(scenes[1], contact("floor", GROUND, body()))
-    start = system.folded(0.0, np.array([0, 0.1, 0]), np.zeros(3))
+    start = folded(system, 0.0, np.array([0, 0.1, 0]), np.zeros(3))
     started = Run(system, start, np.linspace(0, 1, 11), METHOD, np.zeros(0))
     system.engine.numbers(at.TOUCH, at.SHARED)[[at.IN_A_ROW, at.LAST_CHANGE]] = 1000, 1.0
     outcome, message = started.go(None, None)

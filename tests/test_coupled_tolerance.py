@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from machines import cantilever
-from runs import derived_on_the_fly
+from runs import derived_on_the_fly, folded
 from scipy.linalg import eigh
 
 from kaneflex.multibody.model.system import build_system
@@ -60,7 +60,7 @@ def integrated(system, start, times, tolerance, integrator):
     """Angles and speeds of the discs at ``times`` from rest at these angles, and how many steps that took."""
     q, turns = np.zeros(system.size), [k + 2 for k in system.start.values()]
     q[turns] = start
-    found = integrate(system, system.folded(times[0], q, 0.0 * q), times, Method(integrator, tolerance, 1.0))
+    found = integrate(system, folded(system, times[0], q, 0.0 * q), times, Method(integrator, tolerance, 1.0))
     assert found.outcome.name == "COMPLETED"
     return found.q[:, turns], found.v[:, turns], found.steps
 

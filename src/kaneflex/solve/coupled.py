@@ -131,8 +131,8 @@ def _given(model: Model, start: State) -> State:
     before, _ = system.frames(laid)
     q = unwrapped(scene, system, before, model.module.start.drives, system.start)
     check_turns_kept(scene, system, before, q)
-    turns = engine.turns & ~engine.shapes
-    given = replace(laid, q=laid.q + turns * whole_turns(system.folded(laid.t, q, 0.0 * q).q - laid.q))
+    was, now = system.undeformed(np.full(2, laid.t), np.array([before, q]), np.zeros((2, len(q))))
+    given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
     asked = [k for k, (name, _) in enumerate(system.state_coordinates)
              if name in (*tables.displacements, *tables.velocities) and not engine.shapes[k]]  # fmt: skip
     return closed_state(scene, system, given, system.choose(given, asked or engine.free_drives))

@@ -135,7 +135,8 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     engine, layout, q = system.engine, system.engine.layout, np.zeros(system.size)
     for body, first in system.start.items():
         q[first : first + 3] = placement.poses[body]
-    A = _open_mass(engine, system.folded(0.0, q, 0.0 * q)) * np.outer(engine.measure, engine.measure)
+    (state,) = system.undeformed(np.zeros(1), q[None], 0.0 * q[None])
+    A = _open_mass(engine, state) * np.outer(engine.measure, engine.measure)
     bodies, masses = engine.tables.bodies, engine.tables.w[engine.tables.bodies[:, at.BLOCK]]
     least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2
     free = np.isin(np.arange(engine.size), engine.open_speeds) & ~engine.shapes

@@ -14,7 +14,8 @@ from kaneflex.fem.links import Link, link_of_scene
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.parts import Joint
+from kaneflex.mechanism.planar import GROUND, BodyPoint, whole_turns
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
@@ -140,49 +141,30 @@ class CoupledSystem:
         """Compile all kernels, timed separately."""
         self.engine.compile()
 
-    def folded(self, t: float, q: np.ndarray, v: np.ndarray) -> State:
-        """State at t [s] by frames and shapes of the bodies, (size,); loops are not closed.
+    def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
+        """States at ``times`` [s] by frames of undeformed bodies with their rates, (n_times, size) each; loops are not
+        closed."""
+        engine, layout, joints = self.engine, self.engine.layout, self.mechanism.joints
+        places, rates = np.zeros((2, len(times), engine.size))
+        for body, (name, _), fields in zip(layout.bodies, layout.inboard, engine.tables.bodies, strict=True):
+            own, k = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF]), self.start[body]
+            if name is None:
+                places[:, own], rates[:, own] = q[:, k : k + BODY], v[:, k : k + BODY]
+            elif fields[at.DOF]:
+                found = _coordinate(joints[name], *(self._point(side, q, v) for side in joints[name].sides))
+                places[:, own.start], rates[:, own.start] = found
+        each = zip(times.tolist(), places, rates, strict=True)
+        return [State(t, y, u, 0.0 * u, engine.sizes.copy(), engine.choice) for t, y, u in each]
 
-        The tables have the bodies' sections by these frames.
-        """
-        engine, bodies = self.engine, self.engine.tables.bodies
-        engine.part()
-        for body, (first, count) in zip(engine.layout.bodies, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
-            for part, given in zip(engine.motion, (q, v), strict=False):
-                part[first : first + count] = given[self.modal(body)]
-        engine.openings(t)  # deforms the bodies
-        self._place_sections(q, v)
-        places, rates, *_ = engine.motion
-        for fields in bodies:
-            up, own = engine.sections[fields[[at.PARENT, at.INBOARD]]]
-            sign, angle, *along = engine.tables.w[fields[at.NUMBERS] :][:4]
-            moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
-            if fields[at.JOINT] == at.FREE:
-                places[moves], rates[moves] = own[:3], own[3:6]
-            elif fields[at.JOINT] == at.REVOLUTE:
-                places[moves], rates[moves] = sign * (own[2] - up[2] - angle), sign * (own[5] - up[5])
-            elif fields[at.JOINT] == at.PRISMATIC:
-                guide = complex(*along) * np.exp(1j * up[2])
-                apart, parting = (complex(*(own - up)[k : k + 2]) * guide.conjugate() for k in (0, 3))
-                places[moves], rates[moves] = apart.real, parting.real + up[5] * apart.imag
-        return engine.state(t, engine.choice)
-
-    def _place_sections(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Set the sections of the bodies by their frames, (size,), as they are deformed.
-
-        Vectors are complex numbers.
-        """
-        engine, (owners, points) = self.engine, self.engine.tables.sections[:, [at.OWNER, at.POINT]].T
-        own = np.flatnonzero(owners >= 0)
-        local = engine.numbers(at.LOCAL, at.SEC * len(owners)).reshape(-1, at.SEC)[own].T
-        k = np.array([self.start[body] for body in engine.layout.bodies])[owners[own]]
-        share = engine.tables.w[points[own]]
-        turn, omega = np.exp(1j * q[k + 2]), v[k + 2]
-        arm = turn * (local[0] + 1j * local[1])
-        place = share * (q[k] + 1j * q[k + 1]) + arm
-        rate = share * (v[k] + 1j * v[k + 1]) + 1j * omega * arm + turn * (local[3] + 1j * local[4])
-        found = place.real, place.imag, q[k + 2] + local[2], rate.real, rate.imag, omega + local[5]
-        engine.sections[own, :6] = np.column_stack(found)
+    def _point(self, side: BodyPoint, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Position x + iy and angle of a point of an undeformed body, or of the ground, with their rates, (n_times,)
+        each, by frames (n_times, size)."""
+        none = np.zeros(len(q))
+        if side.body == GROUND:
+            return none + complex(*side.at), none, none, none
+        (x, y, phi), (v_x, v_y, omega) = (part[:, self.start[side.body] :][:, :BODY].T for part in (q, v))
+        arm = np.exp(1j * phi) * complex(*side.at)
+        return x + 1j * y + arm, phi, v_x + 1j * v_y + 1j * omega * arm, omega
 
     @property
     def state_coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -279,6 +261,17 @@ class CoupledSystem:
         (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
         along = np.array([c * x - s * y, s * x + c * y])
         return float(along @ apart[3:5])  # the sides part along the guide only
+
+
+def _coordinate(
+    joint: Joint, first: tuple[np.ndarray, ...], second: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinate of a joint between two points [rad, or m along its guide] and its rate."""
+    apart, turn, parting, omega = (after - before for before, after in zip(first, second, strict=True))
+    if not joint.slides:
+        return turn, omega
+    along = np.exp(-1j * first[1]) * complex(*joint.direction).conjugate()
+    return (along * apart).real, (along * parting).real + first[3] * (along * apart).imag
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,10 +195,10 @@ class RigidReference(ComputedModule):
     @cached_property
     def _first(self) -> tuple[np.ndarray, Choice]:
         """Row of the engine at the start, and the choice of dependent coordinates there."""
-        engine, q = self.engine, np.concatenate([self.start.poses[body] for body in self.system.start])
-        self.system.folded(0.0, q, 0.0 * q)
-        engine.choose(0.0)
-        return engine.row(0.0), engine.choice
+        q = np.array([[self.start.poses[body] for body in self.system.start]]).reshape(1, -1)
+        (state,) = self.system.undeformed(np.zeros(1), q, 0.0 * q)
+        choice = self.system.choose(state)
+        return self.engine.row(0.0), choice
 
 
 class ReferenceKinematics(RigidKinematics):
@@ -230,8 +230,7 @@ class ReferenceKinematics(RigidKinematics):
 
     def states(self, system: CoupledSystem, times: np.ndarray) -> list[State]:
         """States of a coupled system with undeformed bodies at ``times`` [s]."""
-        frames = zip(times.tolist(), *self.frames(system, times), strict=True)
-        return [system.folded(*each) for each in frames]
+        return system.undeformed(times, *self.frames(system, times))
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
