@@ -15,7 +15,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.cycles import PlanarCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
@@ -131,7 +131,8 @@ def _given(model: Model, start: State) -> State:
     before, _ = system.frames(laid)
     q = unwrapped(scene, system, before, model.module.start.drives, system.start)
     check_turns_kept(scene, system, before, q)
-    was, now = system.undeformed(np.full(2, laid.t), np.array([before, q]), np.zeros((2, len(q))))
+    frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
+    was, now = system.undeformed(np.full(2, laid.t), frames, 0.0 * frames)
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
     asked = [k for k, (name, _) in enumerate(system.state_coordinates)
              if name in (*tables.displacements, *tables.velocities) and not engine.shapes[k]]  # fmt: skip

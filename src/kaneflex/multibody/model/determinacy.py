@@ -132,10 +132,9 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     SceneError
         Naming the body whose mass or moment of inertia is missing.
     """
-    engine, layout, q = system.engine, system.engine.layout, np.zeros(system.size)
-    for body, first in system.start.items():
-        q[first : first + 3] = placement.poses[body]
-    (state,) = system.undeformed(np.zeros(1), q[None], 0.0 * q[None])
+    engine, layout = system.engine, system.engine.layout
+    q = np.concatenate([placement.poses[body] for body in system.start])[None]
+    (state,) = system.undeformed(np.zeros(1), q, 0.0 * q)
     A = _open_mass(engine, state) * np.outer(engine.measure, engine.measure)
     bodies, masses = engine.tables.bodies, engine.tables.w[engine.tables.bodies[:, at.BLOCK]]
     least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2

@@ -12,10 +12,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link, link_of_scene
 from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
-from kaneflex.mechanism.joints import drive_reaction, reactions
+from kaneflex.mechanism.joints import course, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, BodyPoint, whole_turns
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
@@ -29,6 +28,8 @@ from kaneflex.support.errors import SceneError
 
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
+_STEP = 1e-30
+"""Complex step [s] that gives rates: so small that it changes no position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,29 +143,19 @@ class CoupledSystem:
         self.engine.compile()
 
     def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
-        """States at ``times`` [s] by frames of undeformed bodies with their rates, (n_times, size) each; loops are not
-        closed."""
+        """States at ``times`` [s] by frames x, y, phi of undeformed bodies, and their rates, (n_times, 3 bodies);
+        loops are not closed."""
         engine, layout, joints = self.engine, self.engine.layout, self.mechanism.joints
-        places, rates = np.zeros((2, len(times), engine.size))
+        found, moved = np.zeros((len(times), engine.size), complex), q + 1j * _STEP * v
+        poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.start)}
         for body, (name, _), fields in zip(layout.bodies, layout.inboard, engine.tables.bodies, strict=True):
-            own, k = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF]), self.start[body]
+            own = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
             if name is None:
-                places[:, own], rates[:, own] = q[:, k : k + BODY], v[:, k : k + BODY]
+                found[:, own] = poses[body].T
             elif fields[at.DOF]:
-                found = _coordinate(joints[name], *(self._point(side, q, v) for side in joints[name].sides))
-                places[:, own.start], rates[:, own.start] = found
-        each = zip(times.tolist(), places, rates, strict=True)
+                found[:, own.start] = course(joints[name], poses)
+        each = zip(times.tolist(), found.real.copy(), found.imag / _STEP, strict=True)
         return [State(t, y, u, 0.0 * u, engine.sizes.copy(), engine.choice) for t, y, u in each]
-
-    def _point(self, side: BodyPoint, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Position x + iy and angle of a point of an undeformed body, or of the ground, with their rates, (n_times,)
-        each, by frames (n_times, size)."""
-        none = np.zeros(len(q))
-        if side.body == GROUND:
-            return none + complex(*side.at), none, none, none
-        (x, y, phi), (v_x, v_y, omega) = (part[:, self.start[side.body] :][:, :BODY].T for part in (q, v))
-        arm = np.exp(1j * phi) * complex(*side.at)
-        return x + 1j * y + arm, phi, v_x + 1j * v_y + 1j * omega * arm, omega
 
     @property
     def state_coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -261,17 +252,6 @@ class CoupledSystem:
         (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
         along = np.array([c * x - s * y, s * x + c * y])
         return float(along @ apart[3:5])  # the sides part along the guide only
-
-
-def _coordinate(
-    joint: Joint, first: tuple[np.ndarray, ...], second: tuple[np.ndarray, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinate of a joint between two points [rad, or m along its guide] and its rate."""
-    apart, turn, parting, omega = (after - before for before, after in zip(first, second, strict=True))
-    if not joint.slides:
-        return turn, omega
-    along = np.exp(-1j * first[1]) * complex(*joint.direction).conjugate()
-    return (along * apart).real, (along * parting).real + first[3] * (along * apart).imag
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,7 +195,7 @@ class RigidReference(ComputedModule):
     @cached_property
     def _first(self) -> tuple[np.ndarray, Choice]:
         """Row of the engine at the start, and the choice of dependent coordinates there."""
-        q = np.array([[self.start.poses[body] for body in self.system.start]]).reshape(1, -1)
+        q = np.concatenate([self.start.poses[body] for body in self.system.start])[None]
         (state,) = self.system.undeformed(np.zeros(1), q, 0.0 * q)
         choice = self.system.choose(state)
         return self.engine.row(0.0), choice
@@ -219,18 +219,10 @@ class ReferenceKinematics(RigidKinematics):
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
-    def frames(self, system: CoupledSystem, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Frames and shapes of the undeformed bodies of a coupled system with their rates at ``times`` [s], (n_times,
-        size) each, with the full turns since the start."""
-        q, v = np.zeros((2, len(times), system.size))
-        found = self.module.system.unfold(self.module.rows(times, self.free))
-        columns = [first + k for first in system.start.values() for k in range(BODY)]
-        q[:, columns], v[:, columns] = found.q, found.v
-        return q, v
-
     def states(self, system: CoupledSystem, times: np.ndarray) -> list[State]:
-        """States of a coupled system with undeformed bodies at ``times`` [s]."""
-        return system.undeformed(times, *self.frames(system, times))
+        """States of a coupled system with undeformed bodies at ``times`` [s], with the full turns since the start."""
+        found = self.module.system.unfold(self.module.rows(times, self.free))
+        return system.undeformed(times, found.q, found.v)
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
