@@ -21,7 +21,7 @@ BASELINE = {
     "report": 5,
     "response": 30,
     "scene": 59,
-    "solve": 24,
+    "solve": 23,
     "study": 70,
     "support": 3,
 }

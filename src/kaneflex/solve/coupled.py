@@ -141,14 +141,13 @@ def _given(model: Model, start: State) -> State:
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
-    system, reference = model.coupled, model.module
-    assert system is not None
-    bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
-    moved = [bare.coordinate(name) for name in reference.FREE]
+    system, rigid = model.coupled, model.motion
+    assert system is not None and isinstance(rigid, ReferenceKinematics)
+    bare = CoupledMotion(model, rigid.at(trajectory.times), trajectory)
+    moved = [bare.coordinate(name) for name in rigid.module.FREE]
     free = Courses(trajectory.times, *np.array(moved).reshape(-1, 3, len(trajectory.times)).transpose(1, 2, 0))
     run = None if system.engine.shapes.any() else trajectory
-    motion = ReferenceKinematics(reference, free, run)
-    return RunResult(replace(model, motion=motion), trajectory, seconds)
+    return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 
 
 def longest(scene: Scene) -> float:

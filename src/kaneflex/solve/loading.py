@@ -189,7 +189,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
     from kaneflex.multibody.model.system import build_system, with_stretch
-    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
+    from kaneflex.multibody.time.rigid_reference import rigid_reference
     from kaneflex.solve.contact_lines import check_lines
 
     posed, scene = scene, without_poses(scene)
@@ -205,7 +205,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
-    motion = ReferenceKinematics(rigid_reference(scene, coupled, placement))
+    motion = rigid_reference(scene, coupled, placement)
     compiled = compiled_by(progress, coupled.compile, motion.module.engine.compile)
     check_weighty(coupled, placement)
     check_reference(scene, motion, options)
@@ -287,11 +287,11 @@ def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options,
     """Model of another system of the same mechanism."""
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.system import with_stretch
-    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
+    from kaneflex.multibody.time.rigid_reference import rigid_reference
 
     assert model.coupled is not None
     system, scene = replace(system, undetermined=model.coupled.undetermined), with_stretch(scene)
-    motion = ReferenceKinematics(rigid_reference(scene, system, place(scene)))
+    motion = rigid_reference(scene, system, place(scene))
     found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
     return replace(found, coupled=system)
 

@@ -115,20 +115,16 @@ class RigidReference(ComputedModule):
         given = self.FREE or len(choice.independent)
         return not given and len(choice.rows) == self.engine.count(at.JOINT_ROWS)
 
-    def drives(self, times: np.ndarray, free: Courses) -> np.ndarray:
-        """Coordinates, speeds and accelerations of all drives, (n_times, drives, 3)."""
-        driven, count = self.engine.layout.driven, len(self.given)
-        found = self.engine.courses(times).reshape(len(times), len(driven), 3)
-        found[:, len(driven) - count :] = free.at(times)[:, :, :count].transpose(1, 2, 0)
-        return found[:, [driven.index(name) for name in self.system.mechanism.drives]]
-
     def known(self, times: np.ndarray, free: Courses) -> np.ndarray:
         """The first columns of SCALARS, which are known before the bodies are placed.
 
         Joints in laws without a drive count as at zero.
         """
-        drives = self.drives(times, free)
-        unknown = np.zeros((len(times), 3 * len(self.system.mechanism.observed)))
+        driven, count, mechanism = self.engine.layout.driven, len(self.given), self.system.mechanism
+        drives = self.engine.courses(times).reshape(len(times), len(driven), 3)
+        drives[:, len(driven) - count :] = free.at(times)[:, :, :count].transpose(1, 2, 0)
+        drives = drives[:, [driven.index(name) for name in mechanism.drives]]
+        unknown = np.zeros((len(times), 3 * len(mechanism.observed)))
         sizes = self.system.load_sizes(times, np.column_stack([drives.reshape(len(times), -1), unknown]))
         return np.concatenate([drives[:, :, 0], sizes], axis=1)
 
@@ -201,6 +197,7 @@ class RigidReference(ComputedModule):
         return self.engine.row(0.0), choice
 
 
+@dataclass(frozen=True, eq=False)
 class ReferenceKinematics(RigidKinematics):
     """Motion of a rigid reference, whose bodies are placed on request.
 
@@ -209,12 +206,7 @@ class ReferenceKinematics(RigidKinematics):
 
     module: RigidReference  # type: ignore[assignment]
     free: Courses
-    run: CoupledTrajectory | Unfolded | None
-
-    def __init__(
-        self, module: RigidReference, free: Courses | None = None, run: CoupledTrajectory | None = None
-    ) -> None:
-        self.__dict__.update(module=module, parameters=module.engine.p, free=free or module.first, run=run)
+    run: CoupledTrajectory | Unfolded | None = None
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
@@ -271,9 +263,9 @@ class _Placed(RigidMotion):
         return self.motion.table(self.times)
 
 
-def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> RigidReference:
-    """Rigid mechanism of a scene from the initial position of its bodies, with its free joints and bodies at their
-    initial speeds."""
+def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> ReferenceKinematics:
+    """Motion of the rigid mechanism of a scene from the initial position of its bodies, with its free joints and bodies
+    at their initial speeds."""
     mechanism, none = system.mechanism, dict.fromkeys(system.counts, (0, 0))
     given = {name: Drive("given", None) if drive.free else drive for name, drive in mechanism.drives.items()}
     rigid = replace(mechanism, drives=given, contacts={}, frictions={})
@@ -292,4 +284,5 @@ def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> Ri
         places |= dict(zip(floating_coordinates(body), zip(poses[body], free.rates, strict=True), strict=True))
     q, u = (np.array([[places[name][k] for name in mechanism.free]], float) for k in range(2))
     first = Courses(np.zeros(1), q, u, 0.0 * u)
-    return RigidReference(undeformed, replace(start, poses=poses), first, system.links)
+    reference = RigidReference(undeformed, replace(start, poses=poses), first, system.links)
+    return ReferenceKinematics(reference, engine.p, first)
