@@ -26,7 +26,7 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.dynamics.dimensions import cut_rows, demand
 
 
-FAR = 0.05
+FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
 _OPENED = 1e-6
 """Largest opening of a redundantly constrained joint, in rad or sizes of the mechanism."""
