@@ -125,7 +125,7 @@ class RigidReference(ComputedModule):
         drives[:, len(driven) - count :] = free.at(times)[:, :, :count].transpose(1, 2, 0)
         drives = drives[:, [driven.index(name) for name in mechanism.drives]]
         unknown = np.zeros((len(times), 3 * len(mechanism.observed)))
-        sizes = self.system.load_sizes(times, np.column_stack([drives.reshape(len(times), -1), unknown]))
+        sizes = self.system.load_sizes(times, np.column_stack([drives.reshape(len(times), 3 * len(driven)), unknown]))
         return np.concatenate([drives[:, :, 0], sizes], axis=1)
 
     def rows(self, times: np.ndarray, free: Courses) -> np.ndarray:
@@ -218,14 +218,14 @@ class ReferenceKinematics(RigidKinematics):
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
-        times, found = np.asarray(times, dtype=float), self.run
+        times, found, count = np.asarray(times, dtype=float), self.run, len(self.module.system.start)
         place = np.minimum(np.searchsorted(self.free.times, times), len(self.free.times) - 1)
         if found is None or not (self.free.times[place] == times).all():
             found = self.module.system.unfold(self.module.rows(times, self.free))
             place = np.arange(len(times))
-        q, v, a = (part[place].reshape(len(times), -1, BODY) for part in (found.q, found.v, found.a))
+        q, v, a = (part[place].reshape(len(times), count, BODY) for part in (found.q, found.v, found.a))
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
-        bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1).reshape(len(times), -1)
+        bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1).reshape(len(times), len(_SCALARS) * count)
         return np.concatenate([self.module.known(times, self.free), bodies], axis=1)
 
 
