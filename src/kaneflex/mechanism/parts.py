@@ -306,12 +306,6 @@ class Mechanism:
         return joints + tuple(name for body in self.floating for name in floating_coordinates(body))
 
     @property
-    def prescribed(self) -> list[str]:
-        """Joints whose courses are prescribed: by laws, then those given at instants."""
-        names = [name for name, drive in self.drives.items() if not drive.free]
-        return sorted(names, key=lambda name: self.drives[name].kind == "given")
-
-    @property
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: earlier joints already connect their two bodies."""
         return tuple(name for name, joint in self.joints.items() if joint.closes_loop)

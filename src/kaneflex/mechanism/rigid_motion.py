@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType, ModuleType
-from typing import Any, ClassVar
+from types import ModuleType
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,24 +16,6 @@ from kaneflex.support.errors import SceneError
 
 _MANY = 200
 """Number of terms above which a matrix is summed entry by entry, since most entries have few terms."""
-
-
-class ComputedModule:
-    """Counterpart of a generated module for a system whose motion the engine computes.
-
-    Other attributes are those of the generated module of the system's laws.
-    """
-
-    system: Any
-    CONSTANTS: ClassVar[Mapping[str, float]] = MappingProxyType({})
-    LOOPS: ClassVar[tuple] = ()
-    TERMS: ClassVar[tuple] = ()
-    LINKS: ClassVar[tuple] = ()
-
-    def __getattr__(self, name: str) -> object:
-        if name.startswith("_") and name not in ("__name__", "__file__"):
-            raise AttributeError(name)
-        return getattr(self.system.module, name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,7 +68,7 @@ def build_tables(
     """
     order = _order(mechanism)
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
-    prescribed, numbers = mechanism.prescribed, Numbers()
+    prescribed, numbers = _prescribed(mechanism), Numbers()
     found = _build_bodies(mechanism, order, index, counts, blocks, numbers)
     bodies, sections, coordinates, hold, damping, twists, driven = found
     virtual = virtual_inertias(mechanism, order, index, bodies, numbers.parts, measure)
@@ -92,6 +92,12 @@ def build_tables(
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
 
 
+def _prescribed(mechanism: Mechanism) -> list[str]:
+    """Joints whose courses are prescribed: by laws, then those given at instants."""
+    names = [name for name, drive in mechanism.drives.items() if not drive.free]
+    return sorted(names, key=lambda name: mechanism.drives[name].kind == "given")
+
+
 class _Bodies(NamedTuple):
     """Rows of bodies and sections, coordinates with stiffness and damping, damping of shapes; number of rows of phi;
     coordinate of every prescribed drive, or -1 in a cut."""
@@ -113,7 +119,7 @@ def _build_bodies(
     coordinates: list[tuple[str, str]] = []
     units: tuple[str, ...]
     joint_numbers: tuple[float, ...]
-    prescribed = mechanism.prescribed
+    prescribed = _prescribed(mechanism)
     bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
     hold, dampings = list[tuple[float, float]](), list[np.ndarray]()

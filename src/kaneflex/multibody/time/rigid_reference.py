@@ -16,11 +16,12 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import Drive, floating_coordinates
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import ComputedModule, RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.dynamics.unfolding import FAR
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem, Unfolded
 from kaneflex.multibody.time.revolutions import unwrapped

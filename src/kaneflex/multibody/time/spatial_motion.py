@@ -9,9 +9,10 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
-from kaneflex.mechanism.rigid_motion import ComputedModule, RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
