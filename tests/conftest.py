@@ -14,7 +14,7 @@ import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
 EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk", "playwright": "browser",
-          "imageio_ffmpeg": "mp4", "skfem": "test", "pyyeti": "nastran", "pyuff": "uff", "pymoca": "test",
+          "skfem": "test", "pyyeti": "nastran", "pyuff": "uff", "pymoca": "test",
           "fmpy": "test"}  # fmt: skip
 """Which extra of the package brings what some tests need."""
 

@@ -10,9 +10,9 @@ import pytest
 
 HERE = Path(__file__).parents[1]
 PROJECT = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-USERS = ("tables", "peer", "cluster", "zarr", "nastran", "uff", "vtk", "mp4")
+USERS = ("tables", "peer", "cluster", "zarr", "nastran", "uff", "vtk")
 """Extras for users; the others are for building, testing and measuring kaneflex."""
-IMPORTED = {"imageio-ffmpeg": "imageio_ffmpeg", "distributed": "dask"}
+IMPORTED = {"distributed": "dask"}
 WITHOUT = """
 import sys
 
@@ -99,7 +99,7 @@ finished = k.sweep("study.toml", "swept")
 print(finished.total, finished.failures)
 told(lambda: finished.dataset)
 for each in (["sweep", "study.toml", "--plots", "-o", "s"], ["run", "engine", "--vtk", "-o", "v"],
-             ["run", "engine", "--mp4", "-o", "m"], ["compare", "engine", "--with", "exudyn", "-o", "c"],
+             ["compare", "engine", "--with", "exudyn", "-o", "c"],
              ["sweep", "study.toml", "--scheduler", "tcp://localhost:1", "-o", "d"]):
     kaneflex(*each)
 print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
@@ -113,7 +113,6 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
         f"dataset: xarray {tables}.",
         f"--plots: xarray {tables}.",
         '--vtk: meshio is not installed. Run: pip install "kaneflex[vtk]", or leave it out.',
-        '--mp4: imageio-ffmpeg is not installed. Run: pip install "kaneflex[mp4]", or leave it out.',
         "--with = 'exudyn': the package exudyn is not installed. Run: pip install \"kaneflex[peer]\".",
         "--scheduler = 'tcp://localhost:1': distributed is not installed. Run: pip install \"kaneflex[cluster]\".",
     ]  # fmt: skip

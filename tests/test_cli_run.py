@@ -114,7 +114,7 @@ def test_integrator_is_taken():
 def test_pictures_are_drawn_into_the_folder_unless_declined(monkeypatch):
     drawn = []
 
-    def draw_all(solution, folder, progress, frames, seconds, mp4, kinds):
+    def draw_all(solution, folder, progress, frames, seconds, kinds):
         (folder / "picture.png").write_bytes(b"")
         progress(1.0)
         drawn.append(solution.model.scene.name)

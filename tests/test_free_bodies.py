@@ -114,7 +114,7 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
     monkeypatch.setattr(animation, "new_figure", lambda *size: made.append(new_figure(*size)) or made[-1])
     with styled():
         found = solved(scene_of(tmp_path, BEAM, "solve.steps=20"))
-        animation.animate(found, [tmp_path / "beam.gif"], 2)
+        animation.animate(found, tmp_path / "beam.gif", 2)
         assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam"}
         assert set(displacements.surfaces(found)) == {"surfaces_beam"}
     assert made[0].get_suptitle().startswith("free: deformation enlarged")

@@ -131,16 +131,16 @@ def test_films_keep_the_extremes_and_say_what_they_leave_out(tmp_path, peer):
 
 
 def test_a_film_states_it_in_its_title(tmp_path, monkeypatch):
-    titles, recording = [], animation.recording
+    titles, recorded = [], animation.recorded
 
 
     def noting(axes, *given):
         titles.append(axes.figure.get_suptitle())
-        return recording(axes, *given)
+        return recorded(axes, *given)
 
-    monkeypatch.setattr(animation, "recording", noting)
+    monkeypatch.setattr(animation, "recorded", noting)
     with styled():
-        animation.animate(vibrating(SINE[FRAMES]), [tmp_path / "film.gif"], frames=6)
+        animation.animate(vibrating(SINE[FRAMES]), tmp_path / "film.gif", frames=6)
     assert titles[0].replace("\n", " ").endswith(f"(6 of {COUNT} instants, some motion is too fast for them)")
 
 

@@ -151,8 +151,8 @@ def together(*parts: Decorator) -> Decorator:
 
 @dataclass(frozen=True)
 class Target:
-    """Output of a command: the folder if named; pictures to draw, and whether also for ParaView and as MP4; frames
-    and length [s] of a motion (None: the animation's default); whether to replace an earlier folder."""
+    """Output of a command: the folder if named; pictures to draw, and whether also for ParaView; frames and length
+    [s] of a motion (None: the animation's default); whether to replace an earlier folder."""
 
     output: Path | None
     plots: bool = True
@@ -160,7 +160,6 @@ class Target:
     vtk: bool = False
     frames: int | None = None
     seconds: float | None = None
-    mp4: bool = False
     kinds: str | None = None
 
     def named(self, scene: Scene, ending: str) -> Target:
@@ -190,7 +189,6 @@ which_pictures = together(
     no_plots,
 )  # fmt: skip
 moving_options = together(
-    click.option("--mp4", is_flag=True, help='Also write the animation as MP4; needs pip install "kaneflex[mp4]".'),
     click.option("--frames", type=Count(min=2), metavar="N", help="Number of frames of an animation. [default: 60]"),
     click.option(
         "--seconds", type=Real(min=0.1, max=3600.0), metavar="S",

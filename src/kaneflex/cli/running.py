@@ -29,7 +29,6 @@ from kaneflex.cli.scene import (
     tolerance_of,
     uncollected,
 )
-from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
@@ -84,12 +83,6 @@ def run(
         from kaneflex.plots.vtk import demand_meshio
 
         demand_meshio()
-    if target.mp4:
-        from kaneflex.plots.animation import demand_ffmpeg
-
-        if not target.plots:
-            raise SceneError("--mp4", None, "--no-plots draws no animation", "Leave out one of the two")
-        demand_ffmpeg()
     if target.kinds is not None:
         from kaneflex.plots import kinds_of
 

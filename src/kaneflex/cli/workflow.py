@@ -185,10 +185,9 @@ def _draw_all(solution: Solution, folder: Path, target: Target, waiting: Waiting
     from kaneflex.solve.solution import PLOTS
 
     share = share_of(waiting, "drawing the pictures")
-    kinds = (target.kinds or PLOTS) + ",animation" * target.mp4
     with uncollected():
         undocumented()
-    return draw_all(solution, folder, share, target.frames, target.seconds, target.mp4, kinds)
+    return draw_all(solution, folder, share, target.frames, target.seconds, target.kinds or PLOTS)
 
 
 def draw_again(folder: Path, target: Target) -> list[Path]:

@@ -61,7 +61,7 @@ def kinds_of(text: str) -> tuple[str, ...]:
 @takes(solution="solution", folder="path", progress="function", frames="whole", seconds="number", kinds="text")
 def draw_all(
     solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None,
-    seconds: float | None = None, mp4: bool = False, kinds: str = _ALL,
+    seconds: float | None = None, kinds: str = _ALL,
 ) -> list[Path]:  # fmt: skip
     """Write the pictures of a run; kinds that do not apply to its scene are left out.
 
@@ -77,8 +77,6 @@ def draw_all(
         Instants of the animation; by default 60.
     seconds : float, optional
         Duration of the animation; by default 12 frames per second.
-    mp4 : bool
-        Whether the animation is written as MP4, too; the extra ``mp4`` installs the encoder.
     kinds : str
         Comma-separated names of :data:`kaneflex.plots.KINDS`; "svg" also writes SVG files, "all" draws everything.
 
@@ -92,7 +90,7 @@ def draw_all(
     OSError
         If the folder or a file in it can't be written.
     SceneError
-        If a kind is unknown, or an MP4 is wanted and no encoder installed.
+        If a kind is unknown.
     """
     from kaneflex.plots.style import save, styled
     from kaneflex.plots.view import FRAMES
@@ -105,9 +103,8 @@ def draw_all(
     with styled():
         for done, (kind, make) in enumerate(makers, 1):
             if kind == "animation":
-                moving = [folder / f"animation.{ending}" for ending in ("gif", *["mp4"] * mp4)]
-                make(solution, moving, frames or FRAMES, seconds)
-                written += moving
+                written.append(folder / "animation.gif")
+                make(solution, written[-1], frames or FRAMES, seconds)
             else:
                 for name, figure in make(solution).items():
                     written += save(figure, folder / name, _SVG in wanted)
