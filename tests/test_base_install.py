@@ -98,8 +98,7 @@ told(lambda: k.sweep("study.toml", "zarr", form="zarr"))
 finished = k.sweep("study.toml", "swept")
 print(finished.total, finished.failures)
 told(lambda: finished.dataset)
-for each in (["sweep", "study.toml", "--plots", "-o", "s"], ["run", "engine", "--vtk", "-o", "v"],
-             ["compare", "engine", "--with", "exudyn", "-o", "c"],
+for each in (["run", "engine", "--vtk", "-o", "v"], ["compare", "engine", "--with", "exudyn", "-o", "c"],
              ["sweep", "study.toml", "--scheduler", "tcp://localhost:1", "-o", "d"]):
     kaneflex(*each)
 print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
@@ -111,7 +110,6 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
         '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or use netcdf.',
         "2 {}",
         f"dataset: xarray {tables}.",
-        f"--plots: xarray {tables}.",
         '--vtk: meshio is not installed. Run: pip install "kaneflex[vtk]", or leave it out.',
         "--with = 'exudyn': the package exudyn is not installed. Run: pip install \"kaneflex[peer]\".",
         "--scheduler = 'tcp://localhost:1': distributed is not installed. Run: pip install \"kaneflex[cluster]\".",

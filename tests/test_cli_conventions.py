@@ -44,16 +44,13 @@ def test_commands_of_a_scene_take_settings_and_a_preset(command):
     assert "--set PATH=VALUE" in shown and "--preset" in shown
 
 
-def test_lists_take_commas_or_are_repeated_and_the_earlier_spelling_still_works():
+def test_lists_take_commas_or_are_repeated():
     arguments = ("linearise", "engine", "-o")
-    for number, (names, said) in enumerate([
-        (("--sensors", "mid_transverse,crank_torque"), ""),
-        (("--sensors", "mid_transverse", "--sensors", "crank_torque"), ""),
-        (("--sensor", "mid_transverse", "--sensor=crank_torque"), "Warning: --sensor is now called --sensors\n"),
+    for number, names in enumerate([
+        ("--sensors", "mid_transverse,crank_torque"), ("--sensors", "mid_transverse", "--sensors", "crank_torque"),
     ]):  # fmt: skip
         found = cli(*arguments, f"{number}.npz", *names)
-        assert found.exit_code == 0 and "2 outputs" in found.stdout
-        assert set(found.stderr.splitlines(True)) <= {said}
+        assert found.exit_code == 0 and "2 outputs" in found.stdout and not found.stderr
 
 
 def test_a_new_scene_without_a_model_is_the_commented_template():
@@ -83,18 +80,14 @@ def test_pictures_are_drawn_unless_no_plots_is_given(command):
 
 def test_stability_states_the_speeds_that_it_computed():
     arguments = ("stability", "mathieu", "--no-plots", "-o", "out")
-    earlier = cli(*arguments, "--plots")
-    assert "Warning: --plots is the default" in earlier.stderr and "At the scene's own speed; --vary" in earlier.stdout
+    assert "At the scene's own speed; --vary" in cli(*arguments).stdout
     found = cli(*arguments, "--force", "--vary", "clock.speed=100:300rpm", "--points", "3")
     assert found.stdout.startswith("At the scene's own speed, and at 3 speeds of clock from 100 rpm to 300 rpm\n")
 
 
-def test_derive_takes_presets_and_the_earlier_spelling():
+def test_derive_takes_presets():
     found = cli("derive", "four-bar", "--preset", "coupled", "-o", "new.py")
     assert found.exit_code == 0 and "Drives and loads of a mechanism" in Path("new.py").read_text(encoding="utf-8")
-    earlier = cli("derive", "four-bar", "--coupled", "-o", "old.py")
-    assert "Warning: --coupled is now called --preset coupled\n" in earlier.stderr
-    assert Path("new.py").read_bytes() == Path("old.py").read_bytes()
 
 
 TABLES = {

@@ -293,7 +293,7 @@ def test_command_line(tmp_path, monkeypatch):
     assert shown.exit_code == 0 and shown.stdout == derived("engine")[2]
     written = cli("equations", "engine", "-o", "engine.tex")
     assert written.exit_code == 0 and Path("engine.tex").read_text() == shown.stdout
-    refused(cli("equations", "engine", "--latex", "-o", "engine.tex"), "the file exists", "--force")
+    refused(cli("equations", "engine", "-o", "engine.tex"), "the file exists", "--force")
     refused(cli("equations", "engin"), "scene = 'engin'")
     assert [path.name for path in Path().iterdir()] == ["engine.tex"]
 

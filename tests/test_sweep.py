@@ -389,8 +389,7 @@ def test_what_can_not_be_drawn_is_said(tmp_path, monkeypatch):
     (tmp_path / "study.toml").write_text(
         'scene = "engine"\nsettings = ["solve.steps=36"]\n[parameters]\n"solve.preset" = ["rigid", "quasistatic"]\n'
     )
-    told = cli("sweep", "study.toml", "--plots")
-    assert "Warning: --plots is the default" in told.stderr  # the earlier spelling
+    told = cli("sweep", "study.toml")
     assert told.exit_code == 0 and "No picture sweep: no parameter of the study is a number that varies" in told.stderr
 
 def test_statistics_of_many_series_are_those_of_each():

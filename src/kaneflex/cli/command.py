@@ -1,4 +1,4 @@
-"""Commands with earlier spellings of their options, lists and numbers in options, and the files that commands make."""
+"""Commands, lists and numbers in their options, and the files that they make."""
 
 from __future__ import annotations
 
@@ -59,28 +59,11 @@ _LOUDNESS = (
 )  # fmt: skip
 
 
-class Command(click.Command):
-    """Command that accepts earlier spellings of its options with a warning."""
+def command(name: str | None = None) -> Callable[[Callable[..., None]], click.Command]:
+    """Decorator of a command, which adds -q and -v."""
 
-    renamed: Mapping[str, str] = {}
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        words = []
-        for word in args:
-            option, equals, value = word.partition("=")
-            new = self.renamed.get(option, option)
-            if new != option:
-                echo(f"Warning: {option} is now called {new}", err=True)
-            words.append(f"{new}{equals}{value}")
-        return super().parse_args(ctx, words)
-
-
-def command(name: str | None = None, renamed: Mapping[str, str] | None = None) -> Callable[..., Command]:
-    """Decorator of a command; ``renamed`` maps old names of options to new ones."""
-
-    def decorate(function: Callable[..., None]) -> Command:
-        made = click.command(name, cls=Command)(function)
-        made.renamed = renamed or {}
+    def decorate(function: Callable[..., None]) -> click.Command:
+        made = click.command(name)(function)
         made.params += _LOUDNESS
         return made
 
@@ -173,14 +156,7 @@ class Target:
         return self.output
 
 
-def _needless(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:
-    if given:
-        echo("Warning: --plots is the default and no longer an option here", err=True)
-
-
 no_plots = click.option("--no-plots", "plots", is_flag=True, flag_value=False, default=True, help="Draw no pictures.")
-earlier_plots = click.option("--plots", is_flag=True, hidden=True, expose_value=False, callback=_needless)
-_one_picture = together(no_plots, earlier_plots)
 which_pictures = together(
     click.option(
         "--plots", "kinds", metavar="KINDS",
@@ -197,7 +173,7 @@ moving_options = together(
 )  # fmt: skip
 
 
-def folder_options(ending: str, plots: Decorator = _one_picture) -> Decorator:
+def folder_options(ending: str, plots: Decorator = no_plots) -> Decorator:
     """Options that give a :class:`Target`; ``ending`` is the default ending of the folder's name."""
     return together(
         output_option("DIR", f"Folder to make. [default: NAME-{ending}]"),

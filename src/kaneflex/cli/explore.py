@@ -13,7 +13,7 @@ from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.terminal import echo
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @scene_options()
 @click.option(
     "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -181,7 +180,7 @@ def new(name: str, like: str | None, output: Path | None, force: bool) -> None:
         echo(f"Written to {written}")
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @scene_options("preset", "settings")
 @at_option
 @names_option("--sensors", help="Sensors as outputs. [default: all]")
@@ -240,7 +239,6 @@ def linearise(
 
 @command()
 @scene_options("preset", "settings")
-@click.option("--latex", is_flag=True, expose_value=False, hidden=True)  # the only form, once had to be said
 @output_option("FILE.tex", "File to write. [default: printed]")
 @force_option
 @gathered(asked=SceneArguments)
@@ -265,7 +263,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
         echo(f"Written to {output}")
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @scene_options("preset", "settings")
 @output_option("FILE.py", "Module to write; with --language c the folder to make.", required=True)
 @click.option(
@@ -276,7 +274,6 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
     "--standalone", is_flag=True,
     help="Write the whole model (matrices, modes, sensors) into one file that needs only numpy and numba.",
 )  # fmt: skip
-@click.option("--coupled", is_flag=True, hidden=True)  # as --preset coupled, in versions before
 @click.option(
     "--tolerance", metavar="SHARE", help="Write only the terms that `kaneflex run --tolerance` keeps, like 1%."
 )
@@ -284,7 +281,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 @force_option
 @gathered(asked=SceneArguments)
 def derive(
-    asked: SceneArguments, output: Path, language: str, standalone: bool, coupled: bool, tolerance: str | None,
+    asked: SceneArguments, output: Path, language: str, standalone: bool, tolerance: str | None,
     sensors: tuple[str, ...], force: bool,
 ) -> None:  # fmt: skip
     """Derive the equations of SCENE and write them as a numba module or as C code.
@@ -301,9 +298,6 @@ def derive(
     from kaneflex.export.code import derive_code
     from kaneflex.scene.structure import structure_hash
 
-    if coupled:
-        echo("Warning: --coupled is now called --preset coupled", err=True)
-        asked = replace(asked, preset="coupled")
     _refuse_others("--language c", {"--standalone": standalone} if language == "c" else {})
     if language == "c" or standalone:
         form = "--language c" if language == "c" else "--standalone"

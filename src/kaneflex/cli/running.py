@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @scene_options()
 @path_option(
     "--after", metavar="RESULTS", help="Continue from the last state in the folder of another run (preset coupled)."

@@ -41,7 +41,6 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
     "--vary", metavar="DRIVE.speed=LOW:HIGH",
     help="Speeds of the first drive, like main.speed=0:12000rpm; plain numbers are SI.",
 )  # fmt: skip
-@click.option("--speed", hidden=True)  # as --vary without the drive's name, in versions before
 @click.option("--points", type=Count(min=2), help="With --vary: number of speeds. [default: 41]")
 @click.option(
     "--orders", metavar="LIST", default="1,2,3,4,5,6", show_default=True,
@@ -51,8 +50,7 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
 @json_option
 @gathered(asked=SceneArguments, target=Target)
 def stability(
-    asked: SceneArguments, target: Target, vary: str | None, speed: str | None, points: int | None, orders: str,
-    as_json: bool,
+    asked: SceneArguments, target: Target, vary: str | None, points: int | None, orders: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Compute the stability of SCENE's periodic motion and print one sentence for each finding.
 
@@ -68,12 +66,9 @@ def stability(
     from kaneflex.study.stability.sweep import check_sweep, speeds_between
 
     multiples, scene, speeds = orders_of(orders), asked.read(), None
-    if speed is not None:
-        echo("Warning: --speed LOW:HIGH is now called --vary DRIVE.speed=LOW:HIGH", err=True)
     if vary is not None:
-        speed = range_of(check_sweep(scene), vary)
-    if speed is not None:
-        speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points or _POINTS)
+        drive = check_sweep(scene)
+        speeds = speeds_between(*speed_range(scene, drive, range_of(drive, vary)), points or _POINTS)
     elif points is not None:
         raise SceneError("--points", points, "requires --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")

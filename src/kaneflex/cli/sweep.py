@@ -24,15 +24,6 @@ _QUIET = 2.0
 """Time between two progress lines [s]."""
 
 
-def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) -> None:
-    if given:  # the earlier spelling, which asks for pictures
-        from kaneflex.support.labelled import needing_xarray
-
-        echo("Warning: --plots is the default and no longer an option here", err=True)
-        with needing_xarray("--plots"):
-            import xarray  # noqa: F401
-
-
 @command()
 @click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
@@ -51,7 +42,6 @@ def _demand_xarray(ctx: click.Context, parameter: click.Parameter, given: bool) 
     "--no-plots", "plots", is_flag=True, flag_value=False, default=True,
     help="Draw no pictures; they need xarray, and are left out without it.",
 )  # fmt: skip
-@click.option("--plots", is_flag=True, hidden=True, expose_value=False, callback=_demand_xarray)
 @click.option("--force", is_flag=True, help="Start again and replace the results of an earlier sweep.")
 @gathered(asked=SceneArguments)
 @click.pass_context

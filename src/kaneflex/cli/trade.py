@@ -48,7 +48,7 @@ def _options(ending: str) -> Decorator:
     )
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @_options("trade")
 def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Recommend the cheapest model of SCENE (least computing time) within a tolerance, and rank the others.
@@ -70,7 +70,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
         _weigh("trade", ranked, trade_data, _trade_text, asked, target, limits)
 
 
-@command(renamed={"--sensor": "--sensors"})
+@command()
 @_options("terms")
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance requires it.
