@@ -18,6 +18,7 @@ from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import bode
 from kaneflex.plots.style import styled
+from kaneflex.report.tables import poles_table
 from kaneflex.scene import read_scene
 from kaneflex.solve.linearisation import linearise
 from kaneflex.solve.loading import load
@@ -70,7 +71,10 @@ def test_poles_are_the_modes_with_their_damping(damping, folder):
         alpha, beta = rayleigh_coefficients(0.02, 60.0, 400.0)
         zeta = alpha / (2.0 * omega) + beta * omega / 2.0
     assert (zeta < 1.0).all()
-    assert linearise(found).poles == pytest.approx(poles(omega, zeta), rel=1e-9)
+    system = linearise(found)
+    assert system.poles == pytest.approx(poles(omega, zeta), rel=1e-9)
+    shown = [line.split()[-1] for line in poles_table(system).splitlines()]
+    assert shown[1:] == [f"{ratio:.3%}" for ratio in zeta[: len(shown) - 1]] and len(shown) > 3
 
 
 def test_adams_damps_by_frequency(folder):
