@@ -7,7 +7,7 @@ step to its time constant m/c: Newton's iteration doesn't converge for longer on
 estimate (Hairer & Wanner 1996, IV.8), is inconsistent with the equations.
 
 Most steps converge without them. So the terms are omitted until Newton's iteration fails in a step that they would
-change by ``SMALL``; from then on the Woodbury formula adds them to the factors of ``closed_factors``. Springs at joints
+change by ``SMALL``; from then on the Woodbury formula adds them to the factors of ``loop_factors``. Springs at joints
 of the tree and contacts are in these factors already.
 """
 
@@ -153,7 +153,7 @@ def _column(m, r):
 @of_stiffness(True)
 @njit(**OPTIONS)
 def factorise(m, h, A, pivots, own):
-    """Add the slopes to the factors of ``closed_factors`` for h; False: the matrix is singular.
+    """Add the slopes to the factors of ``loop_factors`` for h; False: the matrix is singular.
 
     ``pivots``, ``own``: places of the pivots of those factors, and of the ones made here.
     """

@@ -6,12 +6,13 @@ drives, its row of CUT follows the cut joints', its numbers precede the contacts
 is open), 1 or -1 while slipping in that direction, STUCK, or FLOWS if its force is a function of the state. While
 slipping, its force follows its law (:mod:`kaneflex.generated.friction`); while stuck it is an unknown: a rigid row of
 the factors, and a reaction of NOW and of the stages like those of cut joints. In mode BENDS, bristles exert it: also an
-unknown, whose row of the factors is their force law (``bristles``). The factors also contain the friction forces caused
+unknown, whose row of the factors is their force law (``lugre``). The factors also contain the friction forces caused
 by the reactions.
 
-To add a kind of hold: a number after ALONG in ``tables`` with its kernel in :func:`row_of`, and its interaction in
-``topology``. Setting MODE to STUCK fixes it: in the stages (:func:`ask`), at an instant (``loops.mend``), and in
-position and speed at the end of every step (``sticking.keep``). Its force is at HOLDING.
+To add a kind of hold: a number after ALONG in ``model.layout`` with its kernel in :func:`row_of`, and its interaction
+in ``model.interactions``. Setting MODE to STUCK fixes it: in the stages (:func:`ask`), at an instant
+(``loop_closure.mend``), and in position and speed at the end of every step (``stick_slip.keep``). Its force is at
+HOLDING.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def number_at(m, n):
 
 @njit(**OPTIONS)
 def virtual_inertia(m, n):
-    """Virtual inertia [kg m^2] that a hold removes, see ``topology``; 0 for friction."""
+    """Virtual inertia [kg m^2] that a hold removes, see ``model.interactions``; 0 for friction."""
     j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
 

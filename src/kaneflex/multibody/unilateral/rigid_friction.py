@@ -6,7 +6,7 @@ own reactions; as that is not a linear law, it is found by iteration. Friction b
 or bristles has no impulse.
 
 In the problem of forces, holds with a speed slip, those without are rows of the complementarity problem, which
-determines their first mode; ``sticking.decide`` makes the final choice.
+determines their first mode; ``stick_slip.decide`` makes the final choice.
 """
 
 from __future__ import annotations
