@@ -24,7 +24,7 @@ NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
 """Whole numbers by the names of arguments: a body on another one, a section of a body, a load; else 0 or 1."""
 ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", "planar_tree", "kinematics")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
-WHOLE_RUNS = ("integrate", "finish", "soften", "answered", "settle")
+WHOLE_RUNS = ("integrate", "finish", "soften", "add_in_stages", "settle")
 """Functions that take as many steps as rounding lets them, or serve contacts, which the scene does not have, or space:
 runs in C are compared with Python's in test_coupled_c."""
 

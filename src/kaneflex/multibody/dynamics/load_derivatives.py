@@ -164,7 +164,7 @@ def factorise(m, h, A, pivots, own):
         way = _way(m, m.pivots[plan[WITH_SLOPES] + q])
         for i in range(n):
             A[answer + i] = w[way + i]
-        dry_friction.want_nothing(m, A)
+        dry_friction.prescribe_nothing(m, A)
         solve_closed(m, A, pivots)
         for i in range(n):
             A[_column(m, q) + i] = A[answer + i]

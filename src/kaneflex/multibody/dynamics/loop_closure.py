@@ -263,7 +263,7 @@ def hold_now(m):
 @njit(**OPTIONS)
 def hold_rows(m):
     """Rows of the mass matrix beside those of cuts: of stuck holds; in space their number is known."""
-    m.pivots[YIELDING] = dry_friction.stuck_rows(m, 0)
+    m.pivots[YIELDING] = dry_friction.rows_now(m, 0)
 
 
 @njit(**OPTIONS)
@@ -293,11 +293,11 @@ def mend(m, t, A, h, turns):
         demand(m, t)
         for k in range(plan[COORDINATES]):
             A[answer + k] = -w[plan[DEMAND] + k]
-        dry_friction.hold_still(m, A)
+        dry_friction.prescribe_now(m, A)
         solve_closed(m, A, plan[PIVOTS])
         for r in range(plan[KEPT]):
             w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
-        dry_friction.take_up(m, A)
+        dry_friction.add_now(m, A)
         for i in range(plan[COORDINATES]):
             w[plan[ACCEL] + i] += A[answer + i]
         if not follow(m, t):

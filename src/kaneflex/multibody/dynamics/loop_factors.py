@@ -24,12 +24,13 @@ from kaneflex.multibody.model.layout import (
 def pull(m, t, r):
     """Add the generalised forces of a row's unit reaction, with the friction that it brings."""
     cut, k = row_at(m, r)
-    n = dry_friction.brought(m, r)
+    n = dry_friction.slips_by(m, r)
     for side in range(2):
         add_force(m, t, m.acts[cut, AT + side], vectors(shifted(m.w, k + 3 * side))[0])
         if n:
             friction = vectors(shifted(m.w, hold_row(m, n) + 3 * side))[0]
-            add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], scaled(dry_friction.share(m, n, r), friction))
+            friction = scaled(dry_friction.force_by_reaction(m, n, r), friction)
+            add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], friction)
 
 
 @njit(**OPTIONS)
@@ -71,7 +72,7 @@ def factorise_closed(m, h, A, pivots):
     if not reach(m, h, A):
         return False
     plan, count = m.plan, m.plan[KEPT] + m.pivots[YIELDING]
-    most = dry_friction.most(m, count, A)
+    most = dry_friction.largest_limit(m, count, A)
     for r in range(plan[KEPT], count):
         soften(m, r, count, h, A, most)
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
@@ -132,7 +133,7 @@ def solve_closed(m, A, pivots):
     solve(t)
     if count:
         for r in range(count):
-            A[x + r] = dry_friction.wanted(m, A, r) - lugre_step.weight(m, A, r) * opening(m, t, r)
+            A[x + r] = dry_friction.prescribed(m, A, r) - lugre_step.weight(m, A, r) * opening(m, t, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         for r in range(count):
             for i in range(n):

@@ -71,7 +71,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
             out[5 * c], out[5 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
             out[5 * c + 2], out[5 * c + 3] = w[of + ELASTIC], w[of + LOSING]
             out[5 * c + 4] = w[of + BEGUN_AT]
-        dry_friction.told(m, shifted(out, 5 * touching))
+        dry_friction.results_at(m, shifted(out, 5 * touching))
         for j in range(4):
             sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):

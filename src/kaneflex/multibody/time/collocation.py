@@ -133,7 +133,7 @@ def _stage(m, table, t, h, i, here):
     for k in range(count):
         w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
     event_location.note(m, t + c * h, i + 1)
-    dry_friction.kept_of_stage(m, i)
+    dry_friction.store_stage(m, i)
     return True
 
 
@@ -156,7 +156,7 @@ def _improve(m, table, h, A, B):
     n, count = plan[COORDINATES], plan[KEPT]
     answer = plan[COLUMNS] + count * n
     stage_residuals.ask(m, table, h, A, B)
-    dry_friction.ask(m, table.into, A, B)
+    dry_friction.prescribe_in_stages(m, table.into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     if m.pivots[SLOPED]:
@@ -182,7 +182,7 @@ def _improve(m, table, h, A, B):
         if m.pivots[YIELDING]:
             gaps = contact_linearisation.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B)
             change = larger(change, gaps)
-            dry_friction.answered(m, i, one, two, A, B)
+            dry_friction.add_in_stages(m, i, one, two, A, B)
         for cut in range(plan[CUTS], plan[DRIVES]):
             if m.acts[cut, COURSE_AT] >= 0:
                 force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
@@ -250,7 +250,7 @@ def _error(m, table, h, here, A):
         contact_linearisation.resist_defect(m, step, A, answer)
     if m.pivots[SLOPED]:
         load_derivatives.resist_defect(m, step, shifted(w, at), A, answer)
-    dry_friction.want_nothing(m, A)
+    dry_friction.prescribe_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, step, A, plan[SLOPE_PIVOTS])
@@ -288,7 +288,7 @@ def _finish(m, table, h, end, here, A):
     if change_points.strays(m, table, h, here):
         return STRAYED
     change_points.end(m, end, h)
-    if not stick_slip.keep(m, end, h, A):
+    if not stick_slip.restore_stuck(m, end, h, A):
         return SINGULAR
     if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
         return SINGULAR

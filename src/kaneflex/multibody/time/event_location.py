@@ -70,7 +70,7 @@ def note(m, t, i):
             if w[k + BEGUN_AT] < 0.0 or w[k + GAP] > least:
                 law, own, gap = m.acts[act, LAW], m.acts[act, NUMBERS_AT], smaller(w[k + GAP], least)
                 w[j + 3] = touching.normal_force(law, w, own, abs(w[k + BEGUN_AT]), gap, w[k + GAP_RATE])
-    stick_slip.note(m, t, i)
+    stick_slip.store_node(m, t, i)
 
 
 @of_changes(True)
@@ -201,7 +201,7 @@ def look(m, table, t, h, here, searched):
     if not between(m, table, t, h, here, 1.0):
         return ASTRAY
     note(m, t + h, last)
-    stick_slip.end(m, table, last)
+    stick_slip.extrapolate_to_end(m, table, last)
     if plan[RIGID] and not _note_rests(m, t, h, last):
         return ASTRAY
     if not searched:

@@ -53,7 +53,7 @@ def _take_modes(m, row):
     held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
     for k in range(held + touching):
         w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
-    dry_friction.taken(m, row, held + touching)
+    dry_friction.read_row(m, row, held + touching)
 
 
 @njit(**OPTIONS)
@@ -76,7 +76,7 @@ def _store_modes(m, row):
     held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
     for k in range(held + touching):
         row[k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
-    dry_friction.given(m, row, held + touching)
+    dry_friction.write_row(m, row, held + touching)
 
 
 @njit(**OPTIONS)

@@ -77,7 +77,7 @@ def let_yield(m, h, state):
         )
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
         along(m, c)
-    more = dry_friction.known_rows(m, count, h, state)
+    more = dry_friction.rows_of_step(m, count, h, state)
     m.pivots[YIELDING] = count + more
     for r in range(count, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])

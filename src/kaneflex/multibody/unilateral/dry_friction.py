@@ -10,9 +10,9 @@ unknown, whose row of the factors is their force law (``lugre``). The factors al
 by the reactions.
 
 To add a kind of hold: a number after ALONG in ``model.layout`` with its kernel in :func:`row_of`, and its interaction
-in ``model.interactions``. Setting MODE to STUCK fixes it: in the stages (:func:`ask`), at an instant
-(``loop_closure.mend``), and in position and speed at the end of every step (``stick_slip.keep``). Its force is at
-HOLDING.
+in ``model.interactions``. Setting MODE to STUCK fixes it: in the stages (:func:`prescribe_in_stages`), at an instant
+(``loop_closure.mend``), and in position and speed at the end of every step (``stick_slip.restore_stuck``). Its force is
+at HOLDING.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def row_at(m, n):
 
 
 @njit(**OPTIONS)
-def pressed(m, n):
+def normal_force(m, n):
     """Normal force of a hold [N or N m]: its contact's force, or its joint's reactions in NOW."""
     plan, w, j = m.plan, m.w, m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     of, arm = int(w[j + OF_AT]), w[j + ARM]
@@ -119,7 +119,7 @@ def exert(m):
         if virtual_inertia(m, n) > 0.0:
             w[place] = virtual_inertia(m, n) * w[k + SLIP_RATE]
             continue
-        N = pressed(m, n)
+        N = normal_force(m, n)
         w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
         if mode == IDLE:
             w[place] = 0.0
@@ -132,7 +132,7 @@ def exert(m):
 
 @of_holds(0)
 @njit(**OPTIONS)
-def stuck_rows(m, first):
+def rows_now(m, first):
     """Add stuck holds to the rows of factors at an instant, after ``first`` others; returns their number."""
     apart()
     found = 0
@@ -144,13 +144,13 @@ def stuck_rows(m, first):
             w[k + SLOPE] = 0.0
         if w[k + MODE] == BENDS:
             j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
-            lugre.know(w, k, j, pressed(m, n), w[k + SLIP], w[k + STUCK_AT], 0.0)
+            lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], w[k + STUCK_AT], 0.0)
     return found
 
 
 @of_holds(0)
 @njit(**OPTIONS)
-def known_rows(m, first, h, state):
+def rows_of_step(m, first, h, state):
     """Add holds to the rows of a step's factors, with the state halfway from ``here``, after ``first`` contacts;
     returns their number."""
     apart()
@@ -161,11 +161,11 @@ def known_rows(m, first, h, state):
         k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
         mode, w[k + SLOPE] = w[k + MODE], 0.0
         if mode == BENDS:
-            lugre.know(w, k, j, pressed(m, n), w[k + SLIP], state[row_place(m, n)], 0.5 * h)
+            lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], state[row_place(m, n)], 0.5 * h)
         elif mode != IDLE and mode != STUCK and virtual_inertia(m, n) == 0.0:
             w[k + SLOPE] = w[j + VISCOUS_AT]
             if mode != FLOWS:
-                w[k + SLOPE] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, pressed(m, n), w[k + SLIP]), 0.0)
+                w[k + SLOPE] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), w[k + SLIP]), 0.0)
         if mode == STUCK or mode == BENDS or w[k + SLOPE] > 0.0 or virtual_inertia(m, n) > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
@@ -174,7 +174,7 @@ def known_rows(m, first, h, state):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def most(m, rows, A):
+def largest_limit(m, rows, A):
     """Largest force limit of stuck rows of the factors, as its square times the row's response to a unit force."""
     largest = 0.0
     for r in range(m.plan[KEPT], rows):
@@ -187,7 +187,7 @@ def most(m, rows, A):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def compliance(m, n, h, own, largest):
-    """Additional compliance of a hold's row in the factors; ``largest``: see :func:`most`.
+    """Additional compliance of a hold's row in the factors; ``largest``: see :func:`largest_limit`.
 
     Almost zero for a stuck hold, and without effect after iterative refinement. For redundant holds it determines the
     distribution of force: in proportion to their limits.
@@ -203,7 +203,7 @@ def compliance(m, n, h, own, largest):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def wanted(m, A, r):
+def prescribed(m, A, r):
     """Acceleration prescribed to a stuck row of the factors; for bristles the missing force."""
     if r < m.plan[KEPT]:
         return 0.0 * A[0]
@@ -213,7 +213,7 @@ def wanted(m, A, r):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def want_nothing(m, A):
+def prescribe_nothing(m, A):
     """Set prescribed accelerations of all rows to zero."""
     for n in range(count(m)):
         A[m.plan[WANTED] + n] = 0.0 * A[0]
@@ -221,7 +221,7 @@ def want_nothing(m, A):
 
 @of_holds(0)
 @njit(**OPTIONS)
-def brought(m, r):
+def slips_by(m, r):
     """Slipping hold whose friction depends on the reaction of a factors' row; 0: none."""
     apart()
     for n in range(-count(m), 0):
@@ -243,15 +243,15 @@ def presses(m, n, r):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def share(m, n, r):
+def force_by_reaction(m, n, r):
     """Derivative of a slipping hold's force with respect to the reaction of a factors' row."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     v = w[k + SLIP]
-    return -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)) * pressed_by(m, n, r)
+    return -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)) * normal_force_by_reaction(m, n, r)
 
 
 @njit(**OPTIONS)
-def pressed_by(m, n, r):
+def normal_force_by_reaction(m, n, r):
     """Derivative of a hold's normal force with respect to the reaction of a factors' row."""
     apart()
     plan, w = m.plan, m.w
@@ -269,7 +269,7 @@ def pressed_by(m, n, r):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def kept_of_stage(m, i):
+def store_stage(m, i):
     """Store results of holds in a stage: accelerations of all, and forces of slipping ones."""
     apart()
     plan, w = m.plan, m.w
@@ -288,7 +288,7 @@ def row_place(m, n):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def ask(m, into, A, B):
+def prescribe_in_stages(m, into, A, B):
     """Prescribe zero accelerations of stuck holds to an iteration of the stages; for bristles the missing force."""
     apart()
     plan, w, own = m.plan, m.w, m.plan[STAGE_H] + count(m)
@@ -303,7 +303,7 @@ def ask(m, into, A, B):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def answered(m, i, one, two, A, B):
+def add_in_stages(m, i, one, two, A, B):
     """Add an iteration's solution to the forces of holds in a stage."""
     apart()
     plan, w = m.plan, m.w
@@ -315,7 +315,7 @@ def answered(m, i, one, two, A, B):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def hold_still(m, A):
+def prescribe_now(m, A):
     """Prescribe zero acceleration to stuck holds at the current state, and to bristles their force law."""
     w = m.w
     for n in range(-count(m), 0):
@@ -328,7 +328,7 @@ def hold_still(m, A):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def take_up(m, A):
+def add_now(m, A):
     """Add the solution at an instant to the forces of holds."""
     plan = m.plan
     for r in range(m.pivots[YIELDING]):
@@ -339,7 +339,7 @@ def take_up(m, A):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def taken(m, row, first):
+def read_row(m, row, first):
     """Read the sticking positions of holds from a row of the integration, from ``first`` on."""
     for n in range(count(m)):
         m.w[number_at(m, n - count(m)) + STUCK_AT] = row[first + n]
@@ -347,7 +347,7 @@ def taken(m, row, first):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def given(m, row, first):
+def write_row(m, row, first):
     """Write the sticking positions of holds to a row."""
     for n in range(count(m)):
         row[first + n] = m.w[number_at(m, n - count(m)) + STUCK_AT]
@@ -355,7 +355,7 @@ def given(m, row, first):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def told(m, out):
+def results_at(m, out):
     """Results of every hold at the current state: force, speed, normal force, mode, bristle deflection."""
     for n in range(count(m)):
         k = number_at(m, n - count(m))

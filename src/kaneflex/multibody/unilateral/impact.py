@@ -27,7 +27,7 @@ from kaneflex.multibody.unilateral.complementarity import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, no_force, rigid, tolerance
 from kaneflex.multibody.unilateral.contacts import LETS_GO, part
-from kaneflex.multibody.unilateral.impulse_response import answer, share, weigh
+from kaneflex.multibody.unilateral.impulse_response import reactions_of, apply_impulses, response_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_impacts
@@ -128,7 +128,7 @@ def _collided(m, state, A, count, slips):
             return done
         if not follow(m, t):
             return -1.0
-        rigid_friction.wait(m, t, count, slips)
+        rigid_friction.modes_after_impact(m, t, count, slips)
         again = _forces(m, t, A, count, slips)
         if again <= 0:
             return 1.0 if again == 0 else -2.0 if slips and again == -1 else -1.0
@@ -145,14 +145,14 @@ def _forces(m, t, A, count, slips):
         copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
         if not mend(m, t, A, 0.0, 1):
             return -2
-        rigid_friction.exchange(m)
-        if plan[HOLDS] < plan[DRIVES] and not weigh(m, A, count + slips):
+        rigid_friction.exchange_reactions(m)
+        if plan[HOLDS] < plan[DRIVES] and not response_matrix(m, A, count + slips):
             return -2
         again = _press(m, t, count, slips)
-        rigid_friction.exchange(m)
+        rigid_friction.exchange_reactions(m)
         if again != 0:
             return again
-        missed = rigid_friction.joints_know(m, A, count, slips)
+        missed = rigid_friction.update_joint_reactions(m, A, count, slips)
         turn += 1
     return again
 
@@ -165,7 +165,7 @@ def _jump(m, state, A, count, slips):
     old, new, p = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES)
     assemble(m)
     rigid_friction.begin(m, count, slips)
-    if not weigh(m, A, rows):
+    if not response_matrix(m, A, rows):
         return -1.0
     for i in range(count):
         e = w[m.acts[plan[CONTACTS] + m.pivots[listed(m) + i], NUMBERS_AT] + 6]
@@ -180,8 +180,8 @@ def _jump(m, state, A, count, slips):
                 w[vector(m, WANTED) + i] = w[old + i]
             if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
                 return -2.0 if slips else -1.0
-        answer(m, A, rows, p)
-        missed = rigid_friction.joints_ask(m, A, count, slips, 0.5 ** (turn // _TURNS))
+        reactions_of(m, A, rows, p)
+        missed = rigid_friction.update_joint_limits(m, A, count, slips, 0.5 ** (turn // _TURNS))
         turn += 1
     copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
     for i in range(rows):
@@ -190,7 +190,7 @@ def _jump(m, state, A, count, slips):
             w[new + i] += w[W + rows * i + j] * w[p + j]
     for k in range(n):
         w[plan[RATE] + k] = state[1 + n + k]
-    share(m, A)
+    apply_impulses(m, A)
     return 1.0
 
 
@@ -203,7 +203,7 @@ def _press(m, t, count, slips):
     new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
     for i in range(count):
         w[vector(m, WANTED) + i] = acceleration(m, plan[CONTACTS] + m.pivots[listed(m) + i])
-    rigid_friction.put(m, count, slips)
+    rigid_friction.problem_of_forces(m, count, slips)
     slowed = 0
     for turn in range(2):  # by all of them, then by those alone that don't bounce
         for i in range(count):

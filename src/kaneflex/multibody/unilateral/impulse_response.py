@@ -20,7 +20,7 @@ from kaneflex.multibody.model.layout import (
 
 
 @njit(**OPTIONS)
-def weigh(m, A, rows):
+def response_matrix(m, A, rows):
     """Fill W of the problem, at COMPLEMENT, for ``rows`` rows; False at a singular state.
 
     Rows of cut joints and of virtual inertia are eliminated from the responses to unit forces, at SCHUR.
@@ -29,7 +29,7 @@ def weigh(m, A, rows):
     plan, w = m.plan, m.w
     for i in range(rows):
         m.pivots[plan[TOUCHING] + i] = m.pivots[listed(m) + i]
-    m.pivots[YIELDING] = rows + dry_friction.stuck_rows(m, rows)
+    m.pivots[YIELDING] = rows + dry_friction.rows_now(m, rows)
     if not reach(m, 0.0, A):
         return False
     cuts, total, S = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], plan[SCHUR]
@@ -63,7 +63,7 @@ def _turn(m, s, rows):
 
 
 @njit(**OPTIONS)
-def answer(m, A, rows, x):
+def reactions_of(m, A, rows, x):
     """Forces of all rows, at REACTION, for forces x of the problem's rows."""
     apart()
     cuts, total, S, R = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], m.plan[SCHUR], m.plan[REACTION]
@@ -78,7 +78,7 @@ def answer(m, A, rows, x):
 
 
 @njit(**OPTIONS)
-def share(m, A):
+def apply_impulses(m, A):
     """Add the effect of the impulses at REACTION to all rates; works of prescribed drives at POWER."""
     apart()
     plan, w, x = m.plan, m.w, m.plan[REACTION]

@@ -9,7 +9,9 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.dry_friction import BENDS, count, number_at, pressed_by, presses, row_at, row_place
+from kaneflex.multibody.unilateral.dry_friction import (
+    BENDS, count, number_at, normal_force_by_reaction, presses, row_at, row_place,
+)  # fmt: skip
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
     ALONG, BY_PRESS, BY_SPEED, DRIVES, FIRMEST, KEPT, MODE, NODES, NUMBERS_AT, OPTIONS, PRECISION, REACTIONS, SCHUR,
@@ -43,7 +45,7 @@ def by_force(m, n, r, size, h, A):
     for q in range(size):
         A[row + q] = d * A[row + q]
         if presses(m, n, q):
-            A[row + q] += firm * w[k + BY_PRESS] * pressed_by(m, n, q)
+            A[row + q] += firm * w[k + BY_PRESS] * normal_force_by_reaction(m, n, q)
     A[row + r] += 1.0
     return True
 

@@ -20,12 +20,12 @@ from kaneflex.multibody.unilateral.complementarity import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral.contact_numbers import at, rigid
 from kaneflex.multibody.unilateral.dry_friction import (
-    ARM, BENDS, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
+    ARM, BENDS, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, normal_force, row_of,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.impulse_response import answer
+from kaneflex.multibody.unilateral.impulse_response import reactions_of
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.compile.stand_ins import of_holds
-from kaneflex.multibody.unilateral.stick_slip import LET_GO, lets_go, no_rate, no_speed
+from kaneflex.multibody.unilateral.stick_slip import LET_GO, opens, no_rate, no_speed
 from kaneflex.multibody.model.layout import (
     ACTS, ALONG, BEFORE, BEGUN_AT, BORE, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
     NUMBERS_AT, OPTIONS, PLACE, REACTION, REACTIONS, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart,
@@ -102,7 +102,7 @@ def begin(m, touching, slips):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def joints_ask(m, A, touching, slips, part):
+def update_joint_limits(m, A, touching, slips, part):
     """Update joints' friction by a part of the change of their reactions' impulses, at REACTION and NOW; returns the
     change in tolerances."""
     apart()
@@ -115,7 +115,7 @@ def joints_ask(m, A, touching, slips, part):
         act = plan[DRIVES] + n
         if w[vector(m, MAY) + r] != 0.0 and m.acts[act, WHAT] != ALONG:
             mu, arm = w[m.acts[act, NUMBERS_AT] + MU_AT], w[m.acts[act, NUMBERS_AT] + ARM]
-            limit, size = mu * pressed(m, n), mu * largest * (arm if m.acts[act, WHAT] == TURN else 1.0)
+            limit, size = mu * normal_force(m, n), mu * largest * (arm if m.acts[act, WHAT] == TURN else 1.0)
             missed = larger(missed, abs(limit - w[beside]) / (_AGREE * (limit + 0.01 * size) + 1e-300))
             w[beside] += part * (limit - w[beside])
     return missed
@@ -123,7 +123,7 @@ def joints_ask(m, A, touching, slips, part):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def exchange(m):
+def exchange_reactions(m):
     """Exchange the reactions at NOW with those at LAST_R, about which friction is linear in the problem of forces."""
     plan, w = m.plan, m.w
     for r in range(plan[REACTIONS]):
@@ -133,7 +133,7 @@ def exchange(m):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def joints_know(m, A, touching, slips):
+def update_joint_reactions(m, A, touching, slips):
     """Add the effect of resting contacts to the reactions at NOW, if joints have friction; returns their change from
     the linearisation point in tolerances."""
     apart()
@@ -143,7 +143,7 @@ def joints_know(m, A, touching, slips):
         rubs = rubs or (m.acts[plan[DRIVES] + n, WHAT] != ALONG and 0.0 <= law < VISCOUS)
     if not rubs:
         return 0.0
-    answer(m, A, touching + slips, vector(m, FORCES))
+    reactions_of(m, A, touching + slips, vector(m, FORCES))
     for q in range(m.pivots[KEPT]):
         row = plan[plan[ROW_OF] + q]
         w[plan[NOW] + row] += A[plan[REACTION] + q]
@@ -154,7 +154,7 @@ def joints_know(m, A, touching, slips):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def wait(m, t, touching, slips):
+def modes_after_impact(m, t, touching, slips):
     """Modes after an impact, or none: holds with a speed slip that way, the others wait for the problem of forces.
 
     Bristles of touching sides exert their force as without rigid contacts.
@@ -181,7 +181,7 @@ def wait(m, t, touching, slips):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def put(m, touching, slips):
+def problem_of_forces(m, touching, slips):
     """Set up the problem of forces, with accelerations without them."""
     apart()
     w = m.w
@@ -203,7 +203,7 @@ def settle(m, state, touching, slips):
     plan, w, f, p = m.plan, m.w, vector(m, FORCES), vector(m, IMPULSES)
     work = works_at(m) + plan[WORKS] - plan[ACTS] + plan[CONTACTS]
     for n in range(-count(m), 0):
-        lets_go(m, n)
+        opens(m, n)
     for r in range(touching, touching + slips):
         n = m.pivots[listed(m) + r]
         k, i = number_at(m, n), int(w[vector(m, PRESSES) + r])

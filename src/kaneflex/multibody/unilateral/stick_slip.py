@@ -15,7 +15,7 @@ from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.dynamics.dimensions import assemble
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.unilateral.dry_friction import (
-    BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows,
+    BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, rows_now,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.loop_closure import follow, hold_now, mend
 from kaneflex.multibody.compile.stand_ins import of_holds
@@ -52,7 +52,7 @@ def begin(m):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def note(m, t, i):
+def store_node(m, t, i):
     """Store the monitored quantity of all holds, with its rate and tolerance, at node i of the step."""
     apart()
     w = m.w
@@ -73,7 +73,7 @@ def note(m, t, i):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def end(m, table, last):
+def extrapolate_to_end(m, table, last):
     """Extrapolate the forces of stuck holds from the stages to the end of a step that isn't a stage."""
     apart()
     w, c = m.w, table.nodes
@@ -133,7 +133,7 @@ def no_rate(m, n):
 
 @of_holds(True)
 @njit(**OPTIONS)
-def keep(m, t, h, A):
+def restore_stuck(m, t, h, A):
     """Return stuck holds to their positions and to zero speed, after a step of h; False: singular."""
     apart()
     w, extent, off, faster = m.w, m.w[m.plan[TOUCH] + EXTENT], False, False
@@ -145,11 +145,11 @@ def keep(m, t, h, A):
             near = 4.0 * _EPS * (abs(w[k + PLACE]) + size)
             off = off or abs(w[k + PLACE] - w[k + STUCK_AT]) > near
             faster = faster or abs(w[k + SLIP]) * h > near
-    return (not off or put_back(m, t, A, 0)) and (not (off or faster) or put_back(m, t, A, 1))
+    return (not off or correct_drift(m, t, A, 0)) and (not (off or faster) or correct_drift(m, t, A, 1))
 
 
 @njit(**OPTIONS)
-def put_back(m, t, A, level):
+def correct_drift(m, t, A, level):
     """Change positions, or with level 1 speeds, by the least correction that removes the drift of stuck holds.
 
     The correction is the least in the norm of the mass matrix, as by an impulse.
@@ -158,7 +158,7 @@ def put_back(m, t, A, level):
     plan, w, of = m.plan, m.w, m.plan[RATE] if level else m.plan[Y]
     hold_now(m)
     assemble(m)
-    m.pivots[YIELDING] = stuck_rows(m, 0)
+    m.pivots[YIELDING] = rows_now(m, 0)
     if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
@@ -190,8 +190,8 @@ def decide(m, t, A):
         hold_now(m)
         free = 0
         for n in range(-count(m), 0):
-            free += _stand(m, n, t)
-        if free and not put_back(m, t, A, 1):
+            free += _first_mode(m, n, t)
+        if free and not correct_drift(m, t, A, 1):
             return 1
     if free and _share(m, t, A) == 1:
         return 1
@@ -199,10 +199,10 @@ def decide(m, t, A):
         settled = _settle(m, t, A)
         if settled == 1:
             return 1
-        n = _wrong(m)
+        n = _least_consistent(m)
         if n == 0:
             if settled == 0:
-                return _take(m)
+                return _end_decision(m)
             break
         k = number_at(m, n)
         w[k + MODE] = (-1.0 if w[k + HOLDING] > 0.0 else 1.0) if w[k + MODE] == STUCK else STUCK
@@ -217,13 +217,13 @@ def decide(m, t, A):
         settled = _settle(m, t, A)
         if settled == 1:
             return 1
-        if settled == 0 and _wrong(m) == 0:
-            return _take(m)
+        if settled == 0 and _least_consistent(m) == 0:
+            return _end_decision(m)
     return 2
 
 
 @njit(**OPTIONS)
-def lets_go(m, n):
+def opens(m, n):
     """True if a hold belongs to an open contact, which exerts no force; its bristles relax."""
     plan, w, k, j = m.plan, m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
@@ -236,7 +236,7 @@ def lets_go(m, n):
 
 
 @njit(**OPTIONS)
-def _stand(m, n, t):
+def _first_mode(m, n, t):
     """First choice for a hold; True if it has no speed and other choices are possible: DUE is below zero then."""
     w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
@@ -244,7 +244,7 @@ def _stand(m, n, t):
         return 1
     if w[j + LAW_AT] < 0.0:
         return 0
-    if lets_go(m, n):
+    if opens(m, n):
         return 0
     if w[j + LAW_AT] >= 2.0:
         w[k + MODE] = BENDS if w[j + LAW_AT] == lugre.LUGRE else FLOWS
@@ -285,12 +285,12 @@ def _share(m, t, A):
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
-                w[k + MODE] = _way(m, n)
+                w[k + MODE] = _slip_direction(m, n)
     return settled
 
 
 @njit(**OPTIONS)
-def _way(m, n):
+def _slip_direction(m, n):
     """Direction of slip of a stuck hold: opposite to its force, or if that is zero, to its force at the first node of
     the step that exceeds the limit."""
     w, k = m.w, number_at(m, n)
@@ -321,7 +321,7 @@ def _settle(m, t, A):
 
 
 @njit(**OPTIONS)
-def _wrong(m):
+def _least_consistent(m):
     """Hold with the largest inconsistency of its mode among those without speed; 0 if all are consistent."""
     apart()
     w, worst, found = m.w, 0.0, 0
@@ -340,7 +340,7 @@ def _wrong(m):
 
 
 @njit(**OPTIONS)
-def _take(m):
+def _end_decision(m):
     """End the decision about slip and stick."""
     for n in range(-count(m), 0):
         m.w[number_at(m, n) + DUE] = 0.0
