@@ -12,7 +12,7 @@ Modules that all structures share are printed once. Each has one function that r
 
     elements.plane, elements.space       kernels of one beam element, for each theory
     bodies.plane, bodies.space           kernels of a body that moves freely and deforms by shapes, and their proof
-    laws.joints, laws.space              joints and springs in the plane; rigid bodies, joints and springs in space
+    laws.joints                          joints and springs in the plane; rigid bodies, joints and springs in space
     laws.contact, laws.friction          contacts and dry friction
     printers.functions_text, rows, packs functions that kernels call; rows of modules' tables; packed reads and stores
 

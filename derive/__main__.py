@@ -15,8 +15,7 @@ from kaneflex.derive.generate import generate
 from kaneflex.derive.laws.contact import contact_text
 from kaneflex.derive.laws.drives_and_loads import generate_laws
 from kaneflex.derive.laws.friction import friction_text
-from kaneflex.derive.laws.joints import joints_text
-from kaneflex.derive.laws.space import spatial_text
+from kaneflex.derive.laws.joints import joints_text, spatial_text
 from kaneflex.derive.printers import packs
 from kaneflex.derive.printers.functions_text import laws_text, tables_text
 from kaneflex.derive.printers.module_text import COMPILING

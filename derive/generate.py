@@ -158,44 +158,31 @@ p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration
 def print_module(
     equations: Equations, kernels: list[emit.Printed], structure: str, without: Sequence[str] = ()
 ) -> str:
-    counts, names = emit.operations(kernels), equations.mechanism.names
-    imports = [import_element(equations.beam, kernels_of(equations.terms, tuple(counts)))] if equations.beam else []
+    """Text of a module of these kernels; those of its element are imported, for users alone."""
+    counts, names, beam = emit.operations(kernels), equations.mechanism.names, equations.beam
+    used = {row[2] for row in equations.terms} - counts.keys()
+    imported = tuple(kernel for kernel in ELEMENT_KERNELS if kernel in used)
+    imports = [
+        f"from kaneflex.generated import {beam} as beam",
+        module_text.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS"]),
+        module_text.import_names(beam, [*imported, "element_matrices"]),
+    ] if beam else []  # fmt: skip
+    of_element = f"{{name: beam.OPERATIONS[name] for name in {imported!r}}}"
+    of_element = "beam.OPERATIONS" if imported == ELEMENT_KERNELS else of_element
+    operations = module_text.operations_table(counts, f" | {of_element}" if beam and imported else "")
+    tabulate = module_text.function(
+        "tabulate(times, p, out)", "The scalars of the motion at many times: row i of out is s at times[i] [s].",
+        ["for i in range(times.shape[0]):", "    motion(times[i], p, out[i])"],
+    )  # fmt: skip
     return module_text.module(
         "Equations of motion of a mechanism",
-        [*_in_letters(equations.beam, without), module_text.CHECKED],
-        _tables(equations, counts),
-        [*emit.print_kernels((kernel for kernel, _ in kernels), names), TABULATE],
+        [*_in_letters(beam, without), module_text.CHECKED],
+        [*_tables(equations), operations],
+        [*emit.print_kernels((kernel for kernel, _ in kernels), names), tabulate],
         [*imports, *functions_text.import_lookups([raw for _, raw in kernels])],
         structure=structure,
         made=f"kaneflex derive SCENE {'--tolerance SHARE ' if without else ''}-o FILE.py",
     )
-
-
-def import_element(beam: str, names: Sequence[str]) -> str:
-    """Imports of a module's element beside its own kernels: only users need them, its own call does not."""
-    tables = [name for name in names if name not in ELEMENT_KERNELS]
-    kernels = [name for name in names if name in ELEMENT_KERNELS]
-    return "\n".join([
-        f"from kaneflex.generated import {beam} as beam",
-        module_text.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS", *tables]),
-        module_text.import_names(beam, [*kernels, "element_matrices"]),
-    ])
-
-
-def kernels_of(terms: Sequence[TermRow], own: Sequence[str] = ()) -> list[str]:
-    """Kernels of an element that have a part in these terms, less a module's own ones."""
-    used = {kernel for _, _, kernel, _ in terms}
-    return [kernel for kernel in ELEMENT_KERNELS if kernel in used and kernel not in own]
-
-
-def operations_table(
-    counts: Mapping[str, tuple[int, int]], beam: str = "", imported: Sequence[str] = ELEMENT_KERNELS
-) -> str:
-    """OPERATIONS of a module, those of the kernels that it has from its element by reference."""
-    of_element = f"{{name: beam.OPERATIONS[name] for name in {tuple(imported)!r}}}"
-    if tuple(imported) == ELEMENT_KERNELS:
-        of_element = "beam.OPERATIONS"
-    return module_text.operations_table(counts, f" | {of_element}" if beam and imported else "")
 
 
 def _in_letters(beam: str, without: Sequence[str]) -> list[str]:
@@ -208,7 +195,7 @@ def _in_letters(beam: str, without: Sequence[str]) -> list[str]:
     return [*gone, f"In link axes, as {beam} has them: {in_letters(without)}", ""]
 
 
-def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[str]:
+def _tables(equations: Equations) -> list[str]:
     mechanism, motion = equations.mechanism, equations.motion
     told, tables = mechanism.names.told, mechanism.names.told(mechanism.tables)
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
@@ -230,7 +217,6 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         module_text.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
         module_text.literal("FREE", told(free), "joints left to the forces, in the order of y in the kernel inverse"),
         *([module_text.literal("LOOPS", loops, closed)] * bool(loops)),
-        operations_table(counts, equations.beam, kernels_of(equations.terms, tuple(counts))),
     ]  # fmt: skip
 
 
@@ -243,11 +229,3 @@ def element_tables(beam: str, terms: Sequence[TermRow] = ()) -> list[str]:
         return [f"# {comment}\n{text}"]
     none = "nothing is elastic"
     return [module_text.literal(name, (), none) for name in ("LINK_SCALARS", "ELEMENT_PARAMETERS", "TERMS")]
-
-
-TABULATE = '''@njit(**OPTIONS)
-def tabulate(times, p, out):
-    """The scalars of the motion at many times: row i of out is s at times[i] [s]."""
-    for i in range(times.shape[0]):
-        motion(times[i], p, out[i])
-'''

@@ -15,7 +15,7 @@ has an integral.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, reduce
+from functools import cache
 from itertools import combinations_with_replacement
 
 import sympy as sm
@@ -67,7 +67,7 @@ def body_equations() -> sm.Matrix:
     sums = {(MASS,): mass} | {(MASS, r): mass * at for r, at in zip(PLACE, centre, strict=True)}
     for a, b in combinations_with_replacement(range(3), 2):
         sums[MASS, PLACE[a], PLACE[b]] = second[a][b] + mass * centre[a] * centre[b]
-    return sm.Matrix([summed(row, sums) for row in particle_equations(0)]).expand()
+    return sm.Matrix([summed(row, sums) for row in particle_equations(PLACE, 0)]).expand()
 
 
 @cache
@@ -79,32 +79,24 @@ def shaped_equations(count: int, planar: bool = False) -> sm.Matrix:
     """
     still = [PLACE[2], *OMEGA[:2], *EPSILON[:2], ACCEL[2]]
     still += [_N("z", j) for j in range(count)] + [_G("z", j, k) for j in range(count) for k in range(j, count)]
-    particle = particle_equations(count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
-    rows = [_orders(row) for row in particle]
-    products = dict(_products(count))
-    return sm.Matrix([summed(first + second, products) for _, first, second in rows])
+    place = [_place(a, at, count) for a, at in zip(XYZ, PLACE, strict=True)]
+    particle = particle_equations(place, count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
+    products, first = dict(_products(count)), particle.diff(_ORDER)
+    kept = (first + first.diff(_ORDER) / 2).xreplace({_ORDER: sm.S.Zero})
+    return sm.Matrix([summed(row, products) for row in kept])
 
 
-def _orders(expression: sm.Expr) -> tuple[sm.Expr, ...]:
-    """Coefficients of the powers 0, 1 and 2 of _ORDER in a polynomial, without the slow expansion of all of it."""
-    none = (sm.S.Zero,) * 2
-    if expression == _ORDER:
-        return sm.S.Zero, sm.S.One, sm.S.Zero
-    if not expression.has(_ORDER):
-        return expression, *none
-    if expression.is_Pow:
-        return reduce(_times, [_orders(expression.base)] * int(expression.exp))
-    parts = [_orders(part) for part in expression.args]
-    return reduce(_times, parts) if expression.is_Mul else tuple(sm.Add(*of) for of in zip(*parts, strict=True))
+def _place(a: str, at: sm.Symbol, count: int) -> sm.Expr:
+    """Component of a particle's place; every field is multiplied by _ORDER to the power that it counts for."""
+    q = [coordinates(j)[0] for j in range(count)]
+    first = sum((_N(a, j) * q[j] for j in range(count)), sm.S.Zero)
+    return at + _ORDER * first + _ORDER**2 / 2 * sum(
+        (_G(a, j, k) * q[j] * q[k] for j in range(count) for k in range(count)), sm.S.Zero
+    )
 
 
-def _times(left: tuple[sm.Expr, ...], right: tuple[sm.Expr, ...]) -> tuple[sm.Expr, ...]:
-    (a, b, c), (d, e, f) = left, right
-    return a * d, a * e + b * d, a * f + b * e + c * d
-
-
-def particle_equations(count: int) -> sm.Matrix:
-    """-fr* of one particle; every shape stands with the symbol _ORDER to the power that it counts for.
+def particle_equations(place: Sequence[sm.Expr], count: int) -> sm.Matrix:
+    """-fr* of one particle of mass MASS whose ``place`` in the body's axes depends on so many coordinates.
 
     SymPy's KanesMethod with the components of the origin's velocity and of the angular velocity in the body's axes for
     speeds (Kane & Levinson 1985, sec. 4.11); they are no rates of coordinates, which the equations don't have either.
@@ -114,35 +106,28 @@ def particle_equations(count: int) -> sm.Matrix:
     v, w = dynamicsymbols("v_x v_y v_z"), dynamicsymbols("w_x w_y w_z")
     inertial, body = ReferenceFrame("inertial"), ReferenceFrame("body")
     origin, point, time = Point("origin"), Point("point"), dynamicsymbols._t
+    moving = {coordinates(j)[0]: q[j] for j in range(count)}
+    place = [component.xreplace(moving) for component in place]
     rate = {c.diff(time): r for c, r in zip(q, rates, strict=True)}
 
     def in_body(components: Sequence[sm.Expr]):
         return sum((c * axis for c, axis in zip(components, body, strict=True)), 0 * body.x)
 
-    place = [
-        at + _ORDER * sum((_N(a, j) * q[j] for j in range(count)), sm.S.Zero)
-        + _ORDER**2 / 2 * sum((_G(a, j, k) * q[j] * q[k] for j in range(count) for k in range(count)), sm.S.Zero)
-        for a, at in zip(XYZ, PLACE, strict=True)
-    ]  # fmt: skip
     body.set_ang_vel(inertial, in_body(w))
     origin.set_vel(inertial, in_body(v))
     point.set_pos(origin, in_body(place))
     point.set_vel(body, in_body([component.diff(time).xreplace(rate) for component in place]))
     point.v1pt_theory(origin, inertial, body)
-    kinematics = [c.diff(time) - r for c, r in zip(q, rates, strict=True)]
     places = dynamicsymbols("p_:6")  # coordinates of the body, which the equations don't have
-    kinematics += [p.diff(time) - u for p, u in zip(places, (*v, *w), strict=True)]
+    kinematics = [c.diff(time) - r for c, r in zip((*q, *places), (*rates, *v, *w), strict=True)]
     kane = KanesMethod(inertial, q_ind=[*q, *places], u_ind=[*v, *w, *rates], kd_eqs=kinematics)
     _, inertial_forces = kane.kanes_equations([Particle("particle", point, MASS)], [])
-    plain = {c.diff(time): value for c, value in zip(w, EPSILON, strict=True)}
-    turned = sm.Matrix(OMEGA).cross(sm.Matrix(v))
-    plain |= {c.diff(time): a - t for c, a, t in zip(v, ACCEL, turned, strict=True)}
-    for j in range(count):
-        plain |= dict(zip((q[j].diff(time), rates[j].diff(time)), coordinates(j)[1:], strict=True))
-    found = (-inertial_forces).xreplace(plain).xreplace(dict(zip(w, OMEGA, strict=True)))
-    for j in range(count):
-        found = found.xreplace(dict(zip((q[j], rates[j]), coordinates(j), strict=False)))
-    return found
+    carried = sm.Matrix(ACCEL) - sm.Matrix(OMEGA).cross(sm.Matrix(v))
+    own = [coordinates(j) for j in range(count)]
+    plain = dict(zip((each.diff(time) for each in (*w, *v, *rates)),
+                     (*EPSILON, *carried, *(b for *_, b in own)), strict=True))  # fmt: skip
+    symbols = dict(zip((*w, *q, *rates), (*OMEGA, *(c for c, *_ in own), *(r for _, r, _ in own)), strict=True))
+    return (-inertial_forces).xreplace(plain | rate).xreplace(symbols)
 
 
 def _N(a: str, j: int) -> sm.Symbol:

@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from textwrap import indent
 
 import sympy as sm
 
@@ -129,11 +128,6 @@ def batched(items: Iterable, size: int) -> Iterator[tuple]:
 def grow(values: Mapping[str, sm.Expr]) -> list[str]:
     """A statement for each sum that adds to it."""
     return [line for name, value in values.items() if value != 0 for line in added(name, value)]
-
-
-def lines_of(lines: Iterable[str]) -> str:
-    """Statements of a kernel's body as its text, without the first indent."""
-    return indent("\n".join(lines), INDENT).lstrip()
 
 
 def code(expression: sm.Expr) -> str:

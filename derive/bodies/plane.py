@@ -16,7 +16,7 @@ import sympy as sm
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA
 from kaneflex.derive.bodies.kinds import PLANE, POINT, Kinds, numbers
-from kaneflex.derive.bodies.loops import Shape, added, code, grow, lines_of, loops, zeroed
+from kaneflex.derive.bodies.loops import Shape, added, code, grow, loops, zeroed
 from kaneflex.derive.bodies.plane_equations import AT, RIGID, by_name
 from kaneflex.derive.bodies.proof import prove
 from kaneflex.derive.bodies.space import (
@@ -104,7 +104,13 @@ def _moving(shape: Shape) -> dict[str, sm.Expr]:
 def _deform() -> str:
     zeros = ["turn", *(f"{place}{order}" for order in (1, 2) for place in _PLACE.values())]
     body = loops(lambda shape: grow(_moved(shape) | _moving(shape)), kinds=POINT)
-    return _DEFORM.format(begun=_BEGUN_POINT, zeros=lines_of(zeroed(zeros)), loops=lines_of(body))
+    doc = "Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."
+    return _kernel("deform(p, o, q, v, a, i, out, k)", doc, [
+        *_BEGUN_POINT, *zeroed(zeros), *body,
+        "out[k], out[k + 1], out[k + 2] = xi, eta, turn",
+        "out[k + 3], out[k + 4], out[k + 5] = xi1, eta1, turn1",
+        "out[k + 6], out[k + 7], out[k + 8] = xi2, eta2, turn2",
+    ])  # fmt: skip
 
 
 def _push() -> str:
@@ -114,14 +120,20 @@ def _push() -> str:
         row = sum(shape.grown(name) * x for name, x in zip(_PLACE, force, strict=True))
         return grow({_ROW: row} | _place(shape))
 
-    return _PUSH.format(begun=_BEGUN_POINT, loops=lines_of(loops(of_shape, kinds=POINT)))
+    doc = "Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."
+    return _kernel("push(p, o, q, i, c, s, x, y, turn, out, k)", doc, [
+        "along, across = c * x + s * y, c * y - s * x",
+        *_BEGUN_POINT, *loops(of_shape, kinds=POINT),
+        "out[k] += share * x", "out[k + 1] += share * y", "out[k + 2] += across * xi - along * eta + turn",
+    ])  # fmt: skip
 
 
 def _twists() -> str:
     def of_shape(shape: Shape) -> list[str]:
         return _stored("k", {name: shape.grown(name) for name in _PLACE}, _PLACE)
 
-    return _TWISTS.format(counts=_COUNTS, loops=lines_of(loops(of_shape, kinds=POINT)))
+    doc = "Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."
+    return _kernel("twists(p, o, q, i, c, s, out, k)", doc, [*_COUNTS, *loops(of_shape, kinds=POINT)])
 
 
 def _stored(first: str, of: Mapping[str, sm.Expr], names: Iterable[str]) -> list[str]:
@@ -140,13 +152,15 @@ def _inverse() -> str:
         lines, total = demanded(shape, _ROW)
         return [*lines, *grow({name: value for name, value in total.items() if name in needed})]
 
-    body = lines_of(loops(of_shape, kinds=PLANE))
-    factors = [line for line in spin() if line.startswith("s_zz")]
+    body = loops(of_shape, kinds=PLANE)
     zeros = [name for name in ("V_x", "V_y", "D_zz", "f_x", "f_y", "m_z") if name in needed]
-    return _INVERSE.format(
-        factors=lines_of(factors), begun=_BEGUN, zeros=lines_of(zeroed(zeros)), loops=body, f_x=f_x, f_y=f_y,
-        moment=moment,
-    )  # fmt: skip
+    doc = "Add M u' - f, the generalised forces that a motion takes; x, y: acceleration of the start less gravity."
+    return _kernel("inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k)", doc, [
+        "a_x, a_y = c * x + s * y, c * y - s * x",
+        *(line for line in spin() if line.startswith("s_zz")), *_BEGUN, *zeroed(zeros), *body,
+        f"along = {f_x}", f"across = {f_y}",
+        "out[k] += c * along - s * across", "out[k + 1] += s * along + c * across", f"out[k + 2] += {moment}",
+    ])  # fmt: skip
 
 
 def _inertia() -> str:
@@ -159,7 +173,16 @@ def _inertia() -> str:
         mass = mass.xreplace({symbol: sm.Symbol(f"{symbol}_l") for symbol in mass.free_symbols})
         return [f"out[modal + to_v * j + l] = {code(mass)}"]
 
-    return _INERTIA.format(begun=_BEGUN, loops=lines_of(loops(of_shape, of_pair, PLANE)))
+    doc = (
+        "Store the inertia (3, 3) for the twist of the frame, what couples it to the shapes, (shapes, 3), and the "
+        "mass\nmatrix of these, all row by row."
+    )
+    return _kernel("inertia(p, o, q, i, c, s, out, k, coupling, modal)", doc, [
+        *_BEGUN, *loops(of_shape, of_pair, PLANE),
+        "out[k] = out[k + 4] = mass", "out[k + 1] = out[k + 3] = 0.0",
+        "out[k + 2] = out[k + 6] = -s * S_x - c * S_y", "out[k + 5] = out[k + 7] = c * S_x - s * S_y",
+        "out[k + 8] = I_zz",
+    ])  # fmt: skip
 
 
 def _energy() -> str:
@@ -168,8 +191,20 @@ def _energy() -> str:
         return [*lines, *grow(total)]
 
     kinetic = rigid_energy() + MASS * sum(x**2 for x in VELOCITY) / 2
-    body = lines_of(loops(of_shape, kinds=PLANE))
-    return _ENERGY.format(begun=_BEGUN, loops=body, kinetic=lines_of(added("out[0]", kinetic.xreplace(_STILL))))
+    doc = (
+        "Add kinetic energy, strain energy [J], dissipated power [W]; return mass times its centre's place from r; "
+        "x, y:\nvelocity of the start."
+    )
+    return _kernel("energy(p, o, q, v, i, c, s, x, y, omega_z, out)", doc, [
+        "v_x, v_y = c * x + s * y, c * y - s * x", *_BEGUN, "kinetic = strain = lost = 0.0",
+        *loops(of_shape, kinds=PLANE), *added("out[0]", kinetic.xreplace(_STILL)),
+        "out[0] += kinetic", "out[1] += strain", "out[2] += lost",
+        "return c * S_x - s * S_y, s * S_x + c * S_y",
+    ])  # fmt: skip
+
+
+def _kernel(head: str, doc: str, lines: Iterable[str]) -> str:
+    return module_text.function(head, doc, lines, "**WITHIN")
 
 
 _ABOUT = """
@@ -182,76 +217,8 @@ of every shape in turn its numbers, then those of all pairs with it. BODY and PO
 names of kaneflex.scene.modal_data. P, H, J, X, M, K and C are those of kaneflex.generated.spatial_shapes, a sum like
 P_x_vq is that of P_x q over shapes of kind v.
 """
-_BEGUN = """mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
-    to_u, to_v = int(p[o + 4]), int(p[o + 5])
-    o += 6"""
-_COUNTS = """to_u, to_v = int(p[o + 3]), int(p[o + 4])
-    o += 5"""
-_BEGUN_POINT = f"""share, xi, eta = p[o], p[o + 1], p[o + 2]
-    {_COUNTS}"""
-_DEFORM = '''@njit(**WITHIN)
-def deform(p, o, q, v, a, i, out, k):
-    """Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."""
-    {begun}
-    {zeros}
-    {loops}
-    out[k], out[k + 1], out[k + 2] = xi, eta, turn
-    out[k + 3], out[k + 4], out[k + 5] = xi1, eta1, turn1
-    out[k + 6], out[k + 7], out[k + 8] = xi2, eta2, turn2
-'''
-_PUSH = '''@njit(**WITHIN)
-def push(p, o, q, i, c, s, x, y, turn, out, k):
-    """Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."""
-    along, across = c * x + s * y, c * y - s * x
-    {begun}
-    {loops}
-    out[k] += share * x
-    out[k + 1] += share * y
-    out[k + 2] += across * xi - along * eta + turn
-'''
-_TWISTS = '''@njit(**WITHIN)
-def twists(p, o, q, i, c, s, out, k):
-    """Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."""
-    {counts}
-    {loops}
-'''
-_INVERSE = '''@njit(**WITHIN)
-def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
-    """Add M u' - f, the generalised forces that a motion takes; x, y: acceleration of the start less gravity."""
-    a_x, a_y = c * x + s * y, c * y - s * x
-    {factors}
-    {begun}
-    {zeros}
-    {loops}
-    along = {f_x}
-    across = {f_y}
-    out[k] += c * along - s * across
-    out[k + 1] += s * along + c * across
-    out[k + 2] += {moment}
-'''
-_INERTIA = '''@njit(**WITHIN)
-def inertia(p, o, q, i, c, s, out, k, coupling, modal):
-    """Store the inertia (3, 3) for the twist of the frame, what couples it to the shapes, (shapes, 3), and the mass
-    matrix of these, all row by row."""
-    {begun}
-    {loops}
-    out[k] = out[k + 4] = mass
-    out[k + 1] = out[k + 3] = 0.0
-    out[k + 2] = out[k + 6] = -s * S_x - c * S_y
-    out[k + 5] = out[k + 7] = c * S_x - s * S_y
-    out[k + 8] = I_zz
-'''
-_ENERGY = '''@njit(**WITHIN)
-def energy(p, o, q, v, i, c, s, x, y, omega_z, out):
-    """Add kinetic energy, strain energy [J], dissipated power [W]; return mass times its centre's place from r; x, y:
-    velocity of the start."""
-    v_x, v_y = c * x + s * y, c * y - s * x
-    {begun}
-    kinetic = strain = lost = 0.0
-    {loops}
-    {kinetic}
-    out[0] += kinetic
-    out[1] += strain
-    out[2] += lost
-    return c * S_x - s * S_y, s * S_x + c * S_y
-'''
+_BEGUN = (
+    "mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]", "to_u, to_v = int(p[o + 4]), int(p[o + 5])", "o += 6",
+)  # fmt: skip
+_COUNTS = ("to_u, to_v = int(p[o + 3]), int(p[o + 4])", "o += 5")
+_BEGUN_POINT = ("share, xi, eta = p[o], p[o + 1], p[o + 2]", *_COUNTS)

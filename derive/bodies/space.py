@@ -23,7 +23,7 @@ import sympy as sm
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, MOTION, OMEGA
 from kaneflex.derive.bodies.kinds import CUBIC, KINDS, MOMENTS, XYZ, numbers, section_motion, tables
-from kaneflex.derive.bodies.loops import INDENT, Shape, bounds, code, grow, lines_of, loops, named, zeroed
+from kaneflex.derive.bodies.loops import INDENT, Shape, batched, bounds, code, grow, loops, named, zeroed
 from kaneflex.derive.bodies.shortening import increments, kept, of_demand, of_energy, of_inertia
 from kaneflex.derive.bodies.space_proof import prove
 from kaneflex.derive.ir.names import Names
@@ -145,10 +145,8 @@ def _demand() -> str:
         return _vector(letter)
 
     adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(wrench(assigned))})
-    return _DEMAND.format(
-        reads=_reads("k", MOTION), factors=lines_of(spin()), zeros=lines_of(zeroed(sums)), ends=_ENDS,
-        loops=lines_of(body), cubic=lines_of(_cubic("h[r + {}]")), whole=lines_of(whole + adds),
-    )  # fmt: skip
+    lines = [*_reads("k", MOTION), *spin(), *_ENDS, *zeroed(sums), *body, *_cubic("h[r + {}]"), *whole, *adds]
+    return _kernel("shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z)", _DEMAND, lines)
 
 
 def wrench(assigned: Callable[[str, sm.Matrix], sm.Matrix] = lambda letter, values: values) -> sm.Matrix:
@@ -180,10 +178,12 @@ def _inertia() -> str:
     arm = sm.Matrix([[0, -S[2], S[1]], [S[2], 0, -S[0]], [-S[1], S[0], 0]])
     whole = sm.BlockMatrix([[sm.zeros(3, 3), -arm], [arm, _matrix("I")]]).as_explicit()
     adds = grow({f"out[{emit.offset('n', k)}]": value for k, value in enumerate(whole)})
-    return _INERTIA.format(
-        zeros=lines_of(zeroed([*_components("S"), *_components("I", MOMENTS), "T_y", "T_z", "scale"])), ends=_ENDS,
-        loops=lines_of(loops(of_shape, of_pair) + of_inertia()), whole=lines_of(adds),
-    )  # fmt: skip
+    return _kernel("shaped_inertia(p, o, count, q, i, out, n, room, z)", _INERTIA, [
+        "coupling, modal = n + 36, n + 36 + 6 * count", *_ENDS,
+        "for j in range(count * count):", f"{INDENT}out[modal + j] = 0.0",
+        *zeroed([*_components("S"), *_components("I", MOMENTS), "T_y", "T_z", "scale"]),
+        *loops(of_shape, of_pair), *of_inertia(), *adds,
+    ])  # fmt: skip
 
 
 def energies(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
@@ -213,10 +213,14 @@ def _energy() -> str:
     whole += [f"out[{emit.offset('n', k)}] += {name}" for name, k in stores.items()]
     zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS), "scale", "scale_1"]
     zeros += ["T_y", "T_z", "W_y", "W_z"]
-    return _ENERGY.format(
-        reads=_reads("k", (*VELOCITY, *OMEGA)), zeros=lines_of(zeroed(zeros)), ends=_ENDS,
-        loops=lines_of(loops(of_shape) + of_energy()), cubic=lines_of(_cubic("")), whole=lines_of(whole),
-    )  # fmt: skip
+    body = [*loops(of_shape), *of_energy(), *_cubic(""), *whole]
+    return _kernel("shaped_energy(p, o, count, w, k, q, i, u, s, out, n)", _ENERGY, [
+        *_reads("k", (*VELOCITY, *OMEGA)), *_ENDS, *zeroed(zeros), *body,
+    ])  # fmt: skip
+
+
+def _kernel(head: str, doc: str, lines: Iterable[str]) -> str:
+    return module_text.function(head, doc, lines, "**IN_ORDER")
 
 
 def _cubic(row: str) -> list[str]:
@@ -238,13 +242,10 @@ def _cubic(row: str) -> list[str]:
     return lines + [INDENT + line for line in [*product("j", "k", "l"), "o += 4"]]
 
 
-def _reads(k: str, symbols: Iterable[sm.Symbol]) -> str:
+def _reads(k: str, symbols: Iterable[sm.Symbol]) -> list[str]:
     """Statements that read symbols from w, three at a time."""
-    symbols = list(symbols)
-    return lines_of([
-        ", ".join(map(str, symbols[n : n + 3])) + " = " + ", ".join(f"w[{emit.offset(k, n + i)}]" for i in range(3))
-        for n in range(0, len(symbols), 3)
-    ])  # fmt: skip
+    threes = (zip(*part, strict=True) for part in batched(emit.places(symbols, "w", k), 3))
+    return [f"{', '.join(map(str, names))} = {', '.join(at)}" for names, at in threes]
 
 
 def _section() -> emit.Printed:
@@ -260,11 +261,11 @@ def _section() -> emit.Printed:
     return emit.kernel("section", ("w", "k", "out", "n"), reads, values, doc, out="n")
 
 
-_ENDS = lines_of([
+_ENDS = (
     *(f"to_{kind} = {f'to_{KINDS[k - 1]} + ' if k else ''}int(p[o{f' + {k}' if k else ''}])"
       for k, kind in enumerate(KINDS[:-1])),
     f"to_{KINDS[-1]} = count", f"o += {len(KINDS) - 1}",
-])  # fmt: skip
+)  # fmt: skip
 """Ends of the kinds among the shapes."""
 _ABOUT = """
 A particle at r of the body is at p = r + N_j q_j + G_jk q_j q_k / 2 in its axes. Sums over the mass, of a shape: P of N
@@ -279,42 +280,16 @@ products there are, and of each its three shapes and its factor. A sum like P_x_
 v. A section turns by angles that are linear in q. Equations are Kane's, by SymPy's KanesMethod, less those of the rigid
 body (kaneflex.generated.spatial).
 """
-_DEMAND = '''@njit(**IN_ORDER)
-def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
-    """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
+_DEMAND = """\
+Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 
-    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates begin at q[i], their
-    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r]. Room at room[z]: two numbers for each shape.
-    """
-    {reads}
-    {factors}
-    {ends}
-    {zeros}
-    {loops}
-    {cubic}
-    {whole}
-'''
-_INERTIA = '''@njit(**IN_ORDER)
-def shaped_inertia(p, o, count, q, i, out, n, room, z):
-    """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
-    them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
-    """
-    coupling, modal = n + 36, n + 36 + 6 * count
-    {ends}
-    for j in range(count * count):
-        out[modal + j] = 0.0
-    {zeros}
-    {loops}
-    {whole}
-'''
-_ENERGY = '''@njit(**IN_ORDER)
-def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
-    """Add kinetic energy beyond that of the rigid body, strain energy [J], dissipated power [W] and the first moment of
-    mass beyond that of the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
-    {reads}
-    {ends}
-    {zeros}
-    {loops}
-    {cubic}
-    {whole}
-'''
+w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates begin at q[i], their
+rates at u[s], accelerations at du[s]; the rows of the shapes at h[r]. Room at room[z]: two numbers for each shape.
+"""
+_INERTIA = """\
+Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
+them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
+"""
+_ENERGY = """\
+Add kinetic energy beyond that of the rigid body, strain energy [J], dissipated power [W] and the first moment of
+mass beyond that of the rigid body; w[k]: velocity of the origin and omega in the body's axes."""

@@ -136,21 +136,17 @@ def _independent(program: Program, matrix: sm.Matrix) -> Program:
 
 def every_matrix(terms: Iterable[TermRow], size: int) -> str:
     """The loop over elements of this size that calls every kernel."""
-    lines = [
-        "@njit(**OPTIONS)",
-        "def element_matrices(p, s, out):",
-        '    """Every kernel of many elements, each at several scalars.',
-        "",
-        "    p: a row of ELEMENT_PARAMETERS an element. s: rows of LINK_SCALARS. out: zeros, elements x rows of s x",
-        f'    KERNELS x {size} x {size}; of F the first row is stored."""',
-        "    for e in range(p.shape[0]):",
-        "        for k in range(s.shape[0]):",
-    ]
-    moving = {kernel for _, _, kernel, factors in terms if factors}
+    doc = (
+        "Every kernel of many elements, each at several scalars.\n\n"
+        "p: a row of ELEMENT_PARAMETERS an element. s: rows of LINK_SCALARS. out: zeros, elements x rows of s x\n"
+        f"KERNELS x {size} x {size}; of F the first row is stored."
+    )
+    lines, moving = list[str](), {kernel for _, _, kernel, factors in terms if factors}
     for k, kernel in enumerate(ELEMENT_KERNELS):
         arguments = "p[e], s[k]" if kernel in moving else "p[e]"
-        lines.append(f"            {kernel}({arguments}, out[e, k, {k}{', 0' * (kernel == 'F')}])")
-    return "\n".join(lines) + "\n"
+        lines.append(f"        {kernel}({arguments}, out[e, k, {k}{', 0' * (kernel == 'F')}])")
+    loops = ["for e in range(p.shape[0]):", "    for k in range(s.shape[0]):"]
+    return module_text.function("element_matrices(p, s, out)", doc, [*loops, *lines])
 
 
 def in_letters(without: Collection[str] = ()) -> str:

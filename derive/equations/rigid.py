@@ -7,6 +7,7 @@ multipliers of the constraints are the joint reactions, and the multiplier of a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import sympy as sm
@@ -167,54 +168,51 @@ class Drive:
     acceleration: sm.Expr
 
 
+_SPEEDS, _ACCELERATIONS = ("v_x", "v_y", "omega"), ("a_x", "a_y", "epsilon")
+
+
 class Rates:
     """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols."""
 
     def __init__(self, mechanism, equations: RigidEquations, drives, poses: dict[str, Pose], steps: Steps):
         self.poses = poses
         self.to_symbols: dict[sm.Expr, sm.Expr] = {}
-        unknown_v, unknown_a = [], []
-        rate: dict[sm.Expr, sm.Symbol] = {}
+        rate: dict[sm.Expr, sm.Expr] = {}
         for name in mechanism.bodies:
             at, pose = equations.coordinates[name], poses[name]
             self.to_symbols |= {at.c: pose.c, at.s: pose.s, at.x: pose.x, at.y: pose.y}
-            for coordinate, letter in ((at.x, "x"), (at.y, "y"), (at.phi, "phi")):
-                v, a = sm.Symbol(f"v_{letter}_{name}"), sm.Symbol(f"a_{letter}_{name}")
-                if letter == "phi":
-                    v, a = sm.Symbol(f"omega_{name}"), sm.Symbol(f"epsilon_{name}")
-                rate |= {coordinate.diff(TIME): v, coordinate.diff(TIME, 2): a}
-                unknown_v.append(v)
-                unknown_a.append(a)
+            for order, letters in enumerate((_SPEEDS, _ACCELERATIONS), start=1):
+                rates = (coordinate.diff(TIME, order) for coordinate in (at.x, at.y, at.phi))
+                rate |= zip(rates, _of_body(name, letters), strict=True)
         for name, coordinate in equations.drive_coordinate.items():
             rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): drives[name].acceleration}
-        # Velocity level, J v = -dg/dt; acceleration level, J a = -dJ/dt v; both by the constraint's total derivative.
-        first = [
-            (c.name, c.residual.diff(TIME).xreplace(rate).xreplace(self.to_symbols)) for c in equations.constraints
-        ]
-        self.velocity = solve_blocks(first, unknown_v, steps)
-        second = [
-            (
-                c.name,
-                c.residual.diff(TIME, 2).xreplace(rate).xreplace(self.to_symbols).xreplace(self.velocity),
-            )
-            for c in equations.constraints
-        ]
-        self.acceleration = solve_blocks(second, unknown_a, steps)
+
+        def solved(order: int, letters: Sequence[str], known: dict[sm.Symbol, sm.Expr]) -> dict[sm.Symbol, sm.Expr]:
+            """Velocities by J v = -dg/dt, accelerations by J a = -dJ/dt v, of total derivatives of constraints g."""
+            rows = [
+                (c.name, c.residual.diff(TIME, order).xreplace(rate).xreplace(self.to_symbols).xreplace(known))
+                for c in equations.constraints
+            ]
+            return solve_blocks(rows, [u for name in mechanism.bodies for u in _of_body(name, letters)], steps)
+
+        velocity = solved(1, _SPEEDS, {})
+        found = velocity | solved(2, _ACCELERATIONS, velocity)
         self.value: dict[str, dict[str, sm.Expr]] = {}
         for name in mechanism.bodies:
-            v_x, v_y, omega = (self.velocity[sm.Symbol(f"{u}_{name}")] for u in ("v_x", "v_y", "omega"))
-            a_x, a_y, epsilon = (self.acceleration[sm.Symbol(f"{u}_{name}")] for u in ("a_x", "a_y", "epsilon"))
-            for speed, velocity, acceleration in zip(
-                equations.speeds[name], (v_x, v_y, omega), (a_x, a_y, epsilon), strict=True
-            ):
-                self.to_symbols |= {speed.diff(TIME): acceleration, speed: velocity}
-            self.value[name] = dict(v_x=v_x, v_y=v_y, omega=omega, a_x=a_x, a_y=a_y, epsilon=epsilon)
+            letters = (*_SPEEDS, *_ACCELERATIONS)
+            self.value[name] = value = {u: found[of] for u, of in zip(letters, _of_body(name, letters), strict=True)}
+            for speed, v, a in zip(equations.speeds[name], _SPEEDS, _ACCELERATIONS, strict=True):
+                self.to_symbols |= {speed.diff(TIME): value[a], speed: value[v]}
 
     def specific_force(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
         """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
         value = self.value[body]
         x, y = carried_acceleration(self.poses[body].turn(point.at), value["omega"], value["epsilon"])
         return minus((value["a_x"] + x, value["a_y"] + y), gravity)
+
+
+def _of_body(name: str, letters: Sequence[str]) -> list[sm.Symbol]:
+    return [sm.Symbol(f"{letter}_{name}") for letter in letters]
 
 
 @dataclass(frozen=True)

@@ -60,60 +60,27 @@ _SLIDING = """Sliding of the second side past the first, along the normal turned
 Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
 first of them by the twists of both sections."""
 
-_DISPATCH = '''@njit(**OPTIONS)
-def gap(kind, w, a, b, p, c, out, k):
-    """Gap of a contact of this kind, by its number in KINDS: see its kernels."""
-    if kind == 0:
-        point_line(w, a, b, p, c, out, k)
-    elif kind == 1:
-        circles(w, a, b, p, c, out, k)
-    else:
-        angle(w, a, b, p, c, out, k)
+_NORMAL_FORCE = """\
+Force [N] on the second side along the normal by a law's number in LAWS but newton's: see its kernels.
 
-
-@njit(**OPTIONS)
-def gap_acceleration(kind, w, a, b, p, c):
-    """g'' of a contact of this kind [m/s^2]."""
-    if kind == 0:
-        return point_line_acceleration(w, a, b, p, c)
-    if kind == 1:
-        return circles_acceleration(w, a, b, p, c)
-    return angle_acceleration(w, a, b, p, c)
-
-
-@njit(**OPTIONS)
-def along(kind, w, a, b, p, c, out, k):
-    """Sliding row of a contact of this kind, by its number in KINDS: see its kernels."""
-    if kind == 0:
-        point_line_along(w, a, b, p, c, out, k)
-    else:
-        circles_along(w, a, b, p, c, out, k)
-
-
-@njit(**OPTIONS)
-def normal_force(law, p, c, v_0, g, rate):
-    """Force [N] on the second side along the normal by a law's number in LAWS but newton's: see its kernels.
-
-    v_0 [m/s] is the speed of approach with which the contact began, g and ``rate`` what ``gap`` stores first. The
-    contact ends where the depth is zero, or its force, whichever comes first: damped ones end with no force, and
-    hysteretic ones that are torn apart faster than their surfaces come back, too.
-    """
-    if law == 0:
-        return elastic(p, c, g)
-    if law == 1:
-        return damped(p, c, g, rate)
-    return hysteretic(p, c, v_0, g, rate)
-
-
-@njit(**OPTIONS)
-def normal_slopes(law, p, c, v_0, g, rate):
-    """Derivatives of ``normal_force`` by g [N/m] and by its rate [N s/m]."""
-    if law == 0:
-        return elastic_slopes(p, c, g)
-    if law == 1:
-        return damped_slopes(p, c, g)
-    return hysteretic_slopes(p, c, v_0, g, rate)
-'''
+v_0 [m/s] is the speed of approach with which the contact began, g and ``rate`` what ``gap`` stores first. The
+contact ends where the depth is zero, or its force, whichever comes first: damped ones end with no force, and
+hysteretic ones that are torn apart faster than their surfaces come back, too.
+"""
+_CHOICES = (
+    ("gap(kind, w, a, b, p, c, out, k)", "Gap of a contact of this kind, by its number in KINDS: see its kernels.",
+     ("point_line(w, a, b, p, c, out, k)", "circles(w, a, b, p, c, out, k)", "angle(w, a, b, p, c, out, k)")),
+    ("gap_acceleration(kind, w, a, b, p, c)", "g'' of a contact of this kind [m/s^2].",
+     [f"{kind}_acceleration(w, a, b, p, c)" for kind in ("point_line", "circles", "angle")]),
+    ("along(kind, w, a, b, p, c, out, k)",
+     "Sliding row of a contact of this kind, by its number in KINDS: see its kernels.",
+     ("point_line_along(w, a, b, p, c, out, k)", "circles_along(w, a, b, p, c, out, k)")),
+    ("normal_force(law, p, c, v_0, g, rate)", _NORMAL_FORCE,
+     ("elastic(p, c, g)", "damped(p, c, g, rate)", "hysteretic(p, c, v_0, g, rate)")),
+    ("normal_slopes(law, p, c, v_0, g, rate)", "Derivatives of ``normal_force`` by g [N/m] and by its rate [N s/m].",
+     ("elastic_slopes(p, c, g)", "damped_slopes(p, c, g)", "hysteretic_slopes(p, c, v_0, g, rate)")),
+)  # fmt: skip
+"""Functions that choose a kernel by the number of a kind, or of a law."""
 
 
 def contact_text() -> str:
@@ -130,7 +97,7 @@ def contact_text() -> str:
         module_text.literal("LAWS", contacts.LAWS, "of the force"),
     ]
     title = "Contacts between two bodies"
-    return emit.kernels_module(title, _ABOUT, tables, kernels, _DISPATCH)
+    return emit.kernels_module(title, _ABOUT, tables, kernels, (module_text.choice(*each) for each in _CHOICES))
 
 
 _OWN = emit.places(_number.values(), "p", "c")

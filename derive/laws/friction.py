@@ -28,17 +28,12 @@ of its joint; the number of its law, and of the act that it belongs to; stiffnes
 bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is what
 presses the sides together [N or N m], v the speed of the second past the first.
 """
-_DISPATCH = '''@njit(**OPTIONS)
-def dry(p, c, N, v):
-    """Friction force at the speed v of either sign [N or N m], by Coulomb's or by Stribeck's law."""
-    return stribeck(p, c, N, v) if p[c + 5] > 0.0 else coulomb(p, c, N)
-
-
-@njit(**OPTIONS)
-def dry_slope(p, c, N, v):
-    """Derivative of ``dry`` by |v|."""
-    return stribeck_slope(p, c, N, v) if p[c + 5] > 0.0 else 0.0
-'''
+_CHOICES = (
+    ("dry(p, c, N, v)", "Friction force at the speed v of either sign [N or N m], by Coulomb's or by Stribeck's law.",
+     ["return stribeck(p, c, N, v) if p[c + 5] > 0.0 else coulomb(p, c, N)"]),
+    ("dry_slope(p, c, N, v)", "Derivative of ``dry`` by |v|.",
+     ["return stribeck_slope(p, c, N, v) if p[c + 5] > 0.0 else 0.0"]),
+)  # fmt: skip
 
 
 def friction_text() -> str:
@@ -48,7 +43,7 @@ def friction_text() -> str:
         module_text.literal("LAWS", friction.LAWS, "of friction"),
     ]
     title = "Friction between two sliding sides"
-    return emit.kernels_module(title, _ABOUT, tables, _kernels(), _DISPATCH)
+    return emit.kernels_module(title, _ABOUT, tables, _kernels(), (module_text.function(*each) for each in _CHOICES))
 
 
 def _kernels() -> list[emit.Printed]:

@@ -1,16 +1,22 @@
-"""The module of joints and springs between two sections of bodies, printed once for every scene.
+"""Modules of joints and springs between two sections of bodies, in the plane and in space, printed once for all scenes.
 
-A section is nine numbers of ``sec`` at 9 i: x, y [m], theta [rad], their rates v_x, v_y, omega and the rates of these,
-all global. What a joint demands (:mod:`kaneflex.mechanism.joints`) and what a spring pulls with
-(:mod:`kaneflex.mechanism.springs`) is said there; here it is differentiated.
+Residuals of joints are those of :mod:`kaneflex.mechanism.joints`, in space those of elementary constraints; forces of
+springs are those of :mod:`kaneflex.mechanism.springs`. Here they are differentiated.
+
+A section in the plane is nine numbers of ``sec`` at 9 i: x, y [m], theta [rad], their rates v_x, v_y, omega and the
+rates of these, all global. In space it is fifteen numbers at 15 i: place, velocity, acceleration of its point, angular
+velocity and acceleration of its body, each x, y, z and global. Axes in space are three numbers of ``axes`` at 3 k, unit
+vectors that turn with their body, global, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import sympy as sm
 
+from kaneflex.derive.bodies.kane import ACCEL, BODY, EPSILON, MOTION, XYZ, body_equations
 from kaneflex.derive.ir.program import Assignment
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
@@ -20,12 +26,14 @@ from kaneflex.mechanism.parts import ROWS, Joint, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
+_SPATIAL_SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "a", "omega", "epsilon") for axis in XYZ)
 _RELATIVE = tuple(f"{name}{rate}" for rate in ("", "_rate", "_second_rate") for name in ("gap_x", "gap_y", "phi"))
 """The second section's numbers less those of the first."""
 _D, _ANGLE = sm.symbols("d_x d_y"), sm.Symbol("angle")
 _GUIDE = sm.symbols("t_x t_y")
 """Global direction of a guide, R(theta_1) d: a vector that turns with the first section."""
 _k, _c, _L_0, _phi_0 = sm.symbols("k c L_0 phi_0")
+_ENDS = tuple(BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
 
 _DOCS = {
     "revolute": "Two points are one.",
@@ -40,9 +48,15 @@ then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v_x, v_y, omega) are the 
 multiplier lambda acts with the forces J_1^T lambda and J_2^T lambda. d is a guide's direction in the axes of the first
 section, angle [rad] by what a weld or a guide holds the second turned against the first.
 """
-_ROW = """{}
-
-Stores {} row{} at out[k], as is said above."""
+_ABOUT_SPACE = """
+A body: mass [kg], its centre [m] and its moments and products of inertia about it [kg m^2], J_xy = -int x y dm, in
+the body's own axes, which begin at its origin; ten numbers of p from p[o]. Its equations are Kane's, of its origin's
+velocity and its angular velocity in its own axes, by SymPy's KanesMethod. A row of a joint is fifteen numbers: the
+residual g that is to vanish, g', g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v, omega) are the twists
+of the two sections, on which a multiplier lambda acts with the forces and moments J_1^T lambda and J_2^T lambda. Every
+joint in space is some of three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical Systems,
+sec. 7.3).
+"""
 _SPRING = """{}
 
 Stores at out[n]: {}, energy [J], dissipated power [W]."""
@@ -52,7 +66,7 @@ _PULLS = {
 }
 """Docstrings of the kernels of springs between points, by True if the force needs a direction."""
 
-EITHER = '''@njit(**OPTIONS)
+_EITHER = '''@njit(**OPTIONS)
 def pull(sec, i, j, k, c, L_0, out, n):
     """A spring between two points that may meet where it has neither free length nor damper: see its two cases."""
     if c == 0.0 and L_0 == 0.0:
@@ -63,20 +77,38 @@ def pull(sec, i, j, k, c, L_0, out, n):
 
 
 def joints_text() -> str:
-    """Text of the module."""
+    """Text of ``generated/joints.py``."""
     gap_x, gap_y, _, *rates = list(_DIFFERENCES)[:5]
-    pulls = [pull(way, _READS, (gap_x, gap_y), rates, _DIFFERENCES.items()) for way in _PULLS]
+    pulls = [_pull(directed, _READS, (gap_x, gap_y), rates, _DIFFERENCES.items()) for directed in _PULLS]
     kernels = [*(_joint_kernel(kind) for kind in _DOCS), *pulls, _twist()]
     tables = [
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
         module_text.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
     ]
     title = "Joints and springs between two sections of bodies"
-    return emit.kernels_module(title, _ABOUT, tables, kernels, EITHER)
+    return emit.kernels_module(title, _ABOUT, tables, kernels, [_EITHER])
 
 
-def _count(kind: str) -> int:
-    return len(ROWS.get(kind, (kind,)))
+def spatial_text() -> str:
+    """Text of ``generated/spatial.py``: rigid bodies, joints and springs in space."""
+    own, equations = emit.places(sm.symbols(BODY), "p", "o"), body_equations()
+    demand = (
+        "Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.\n\n"
+        "w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."
+    )
+    inertia = "Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."
+    kernels = [
+        emit.kernel("demand", ("p", "o", "w", "k", "out", "n"), (*own, *emit.places(MOTION, "w", "k")), equations,
+                    demand, out="n"),
+        emit.kernel("inertia", ("p", "o", "out", "n"), own, equations.jacobian([*ACCEL, *EPSILON]), inertia, out="n"),
+        *_elementary_constraints(),
+        *(_pull(directed, _SPATIAL_READS, _gap("r"), _gap("v"), ()) for directed in _PULLS),
+    ]  # fmt: skip
+    tables = [
+        module_text.literal("SECTION", _SPATIAL_SECTION, "sec: the numbers of section i begin at 15 i"),
+        module_text.literal("BODY", BODY, "p: the numbers of a body begin at o"),
+    ]
+    return emit.kernels_module("Bodies, joints and springs in space", _ABOUT_SPACE, tables, kernels, [_EITHER])
 
 
 def of_side(letter: str, side: int) -> sm.Symbol:
@@ -96,69 +128,80 @@ def change(value: sm.Expr, rates: Mapping[sm.Expr, sm.Expr]) -> sm.Expr:
     return sum((sm.sympify(value).diff(symbol) * rate for symbol, rate in rates.items()), sm.S.Zero)
 
 
+def _rows(
+    demands: Iterable[sm.Expr], rates: Mapping[sm.Symbol, sm.Expr], twists: Iterable[str],
+    relative: Mapping[sm.Symbol, sm.Expr] = MappingProxyType({}),
+) -> list[sm.Expr]:  # fmt: skip
+    """Rows of residuals: each with its first and second rate, and the first one's derivatives by both twists.
+
+    ``relative`` symbols are named differences of the sections' numbers.
+    """
+    own = {difference: symbol for symbol, difference in relative.items()}
+    speeds = [of_side(letter, side) for side in (1, 2) for letter in twists]
+    entries: list[sm.Expr] = []
+    for residual in demands:
+        rate = change(residual, rates)
+        jacobian = [rate.xreplace(relative).diff(speed).xreplace(own) for speed in speeds]
+        entries += [residual, rate, change(rate, rates), *jacobian]
+    return entries
+
+
+# ---- the plane ------------------------------------------------------------------------------------------------------
+
 _READS = sections_at("sec", "9 * i", "9 * j")
 _DIFFERENCES = {
     sm.Symbol(name): of_side(letter, 2) - of_side(letter, 1) for name, letter in zip(_RELATIVE, SECTION, strict=True)
 }
 
 
-def _rates() -> dict[sm.Symbol, sm.Expr]:
-    """Symbol -> its rate: of what the second section is less the first, and t' = omega_1 S t."""
-    relative = list(_DIFFERENCES)
-    found = dict(zip(relative[:-3], relative[3:], strict=True))
-    omega, epsilon = of_side("omega", 1), of_side("epsilon", 1)
-    return found | {omega: epsilon} | dict(zip(_GUIDE, (omega * part for part in quarter_turn(_GUIDE)), strict=True))
-
-
-_RATE = _rates()
-
-
-def _sections() -> tuple[Pose, Pose]:
-    """The two sections, as seen from the first in axes along and across the guide, whose direction there is (1, 0)."""
-    gap_x, gap_y, phi, *_ = _DIFFERENCES
-    return Pose(sm.S.Zero, sm.S.Zero, *_GUIDE, sm.S.Zero), Pose(gap_x, gap_y, None, None, phi)
-
-
-def _steps() -> list[Assignment]:
-    """Common assignments of the rows: the differences, and t = R(theta_1) d."""
-    theta = of_side("theta", 1)
-    guide = Pose(0, 0, sm.cos(theta), sm.sin(theta)).turn(_D)
-    return [*_DIFFERENCES.items(), *zip(_GUIDE, guide, strict=True)]
+def _count(kind: str) -> int:
+    return len(ROWS.get(kind, (kind,)))
 
 
 def _joint_kernel(kind: str) -> emit.Printed:
-    """Rows of a kind of joint; of "turn" and "slide" the coordinate of one that turns, or slides."""
-    first, second = (BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
+    """Rows of a kind of joint; of "turn" and "slide" the coordinate of one that turns, or slides.
+
+    They are written in differences of the sections' numbers and in the guide's direction t, t' = omega_1 S t: the first
+    section is seen in axes along and across the guide, whose direction there is (1, 0).
+    """
+    gap_x, gap_y, phi, *_ = relative = list(_DIFFERENCES)
+    sections = Pose(sm.S.Zero, sm.S.Zero, *_GUIDE, sm.S.Zero), Pose(gap_x, gap_y, None, None, phi)
     if kind in ROWS:
-        demands = residuals(Joint("", kind, first, second, (1, 0), angle=_ANGLE), *_sections())
+        demands = residuals(Joint("", kind, *_ENDS, (1, 0), angle=_ANGLE), *sections)
     else:
-        joint = Joint("", "prismatic" if kind == "slide" else "revolute", first, second, (1, 0))
-        demands = (coordinate(joint, *_sections()),)
-    twists = [of_side(letter, side) for side in (1, 2) for letter in SECTION[3:6]]
-    own = {difference: symbol for symbol, difference in _DIFFERENCES.items()}
-    entries: list[sm.Expr] = []
-    for residual in demands:
-        rate = change(residual, _RATE)
-        jacobian = [rate.xreplace(_DIFFERENCES).diff(twist) for twist in twists]
-        entries += [residual, rate, change(rate, _RATE), *(entry.xreplace(own) for entry in jacobian)]
-    doc = _ROW.format(_DOCS[kind], _count(kind), "s" * (_count(kind) > 1))
-    arguments = ("sec", "i", "j", "d_x", "d_y", "angle", "out", "k")
-    return emit.kernel(kind, arguments, _READS, entries, doc, _steps(), out="k")
+        demands = (coordinate(Joint("", "prismatic" if kind == "slide" else "revolute", *_ENDS, (1, 0)), *sections),)
+    theta, omega, epsilon = (of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
+    rates = dict(zip(relative[:-3], relative[3:], strict=True)) | {omega: epsilon}
+    rates |= dict(zip(_GUIDE, (omega * part for part in quarter_turn(_GUIDE)), strict=True))
+    entries = _rows(demands, rates, SECTION[3:6], _DIFFERENCES)
+    guide = Pose(0, 0, sm.cos(theta), sm.sin(theta)).turn(_D)
+    steps = [*_DIFFERENCES.items(), *zip(_GUIDE, guide, strict=True)]
+    doc = f"{_DOCS[kind]}\n\nStores {_count(kind)} row{'s' * (_count(kind) > 1)} at out[k], as is said above."
+    return emit.kernel(kind, ("sec", "i", "j", "d_x", "d_y", "angle", "out", "k"), _READS, entries, doc, steps, out="k")
 
 
-def _spring(stiffness: sm.Expr, damping: sm.Expr, free: sm.Expr) -> Spring:
-    first, second = (BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
-    return Spring("", first, second, None, stiffness, damping, free)
+def _twist() -> emit.Printed:
+    """Angle, torque on the first section, no force, energy and dissipated power of a spring between two sections."""
+    spring, (phi, rate) = Spring("", *_ENDS, None, _k, _c, _phi_0), sm.symbols("phi phi_rate")
+    torque, drag = springs.tension(spring, phi, rate), springs.drag(spring, rate)
+    values = phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), drag * rate
+    said = "Spring and damper k (phi - phi_0) + c phi' that turn two sections back."
+    doc = _SPRING.format(said, "angle phi [rad], torque on the first section [N m], no force: 0, 0")
+    arguments = ("sec", "i", "j", "k", "c", "phi_0", "out", "n")
+    return emit.kernel("twist", arguments, _READS, values, doc, _DIFFERENCES.items(), out="n")
 
 
-def pull(
+# ---- both -----------------------------------------------------------------------------------------------------------
+
+
+def _pull(
     directed: bool, reads: emit.Reads, gap: Sequence[sm.Expr], gap_rate: Sequence[sm.Expr], steps: Iterable[Assignment]
 ) -> emit.Printed:
     """Length, tension, force on the second point, energy and dissipated power of a spring between two points.
 
     They are apart, or its force needs no direction: it has neither free length nor damper.
     """
-    spring = _spring(_k, _c, _L_0) if directed else _spring(_k, sm.S.Zero, sm.S.Zero)
+    spring = Spring("", *_ENDS, None, _k, *((_c, _L_0) if directed else (sm.S.Zero, sm.S.Zero)))
     length, tension, rate = sm.symbols("length tension rate")
     steps = [*steps, (length, sm.sqrt(sum(part**2 for part in gap)))]
     steps += [(rate, springs.rate_of_length(gap, gap_rate, length) if directed else sm.S.Zero)]
@@ -171,13 +214,43 @@ def pull(
     return emit.kernel(name, ("sec", "i", "j", *numbers, "out", "n"), reads, values, doc, steps, out="n")
 
 
-def _twist() -> emit.Printed:
-    """Angle, torque on the first section, no force, energy and dissipated power of a spring between two sections."""
-    spring, phi = _spring(_k, _c, _phi_0), sm.Symbol("phi")
-    rate = _RATE[phi]
-    torque, drag = springs.tension(spring, phi, rate), springs.drag(spring, rate)
-    values = phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), drag * rate
-    said = "Spring and damper k (phi - phi_0) + c phi' that turn two sections back."
-    doc = _SPRING.format(said, "angle phi [rad], torque on the first section [N m], no force: 0, 0")
-    arguments = ("sec", "i", "j", "k", "c", "phi_0", "out", "n")
-    return emit.kernel("twist", arguments, _READS, values, doc, _DIFFERENCES.items(), out="n")
+# ---- space ----------------------------------------------------------------------------------------------------------
+
+
+def _symbols(letter: str, side: int) -> sm.Matrix:
+    return sm.Matrix([of_side(f"{letter}_{axis}", side) for axis in XYZ])
+
+
+def _gap(letter: str) -> list[sm.Expr]:
+    """A vector of the second section less that of the first."""
+    return list(_symbols(letter, 2) - _symbols(letter, 1))
+
+
+_SPATIAL_READS = sections_at("sec", "15 * i", "15 * j", _SPATIAL_SECTION)
+
+
+def _elementary_constraints() -> list[emit.Printed]:
+    """Rows of the constraints that every joint in space consists of (Nikravesh 1988, sec. 7.3).
+
+    Axes n turn with their sections, n' = omega x n.
+    """
+    rates: dict[sm.Symbol, sm.Expr] = {}
+    for side in (1, 2):
+        place, velocity, accel, omega, epsilon, axis = (
+            _symbols(letter, side) for letter in ("r", "v", "a", "omega", "epsilon", "n")
+        )
+        rates |= zip([*place, *velocity, *omega, *axis], [*velocity, *accel, *epsilon, *omega.cross(axis)], strict=True)
+    first, second, gap = _symbols("n", 1), _symbols("n", 2), sm.Matrix(_gap("r"))
+    reads = (*_SPATIAL_READS, *emit.places(first, "axes", "3 * k"), *emit.places(second, "axes", "3 * l"))
+    twists = [f"{letter}_{axis}" for letter in ("v", "omega") for axis in XYZ]
+    kinds = (
+        ("coincide", (), gap, "The points of two sections are one: three rows at out[n], out[n + 15] and out[n + 30]."),
+        ("perpendicular", ("axes", "k", "l"), [first.dot(second)],
+         "Axis k of the first section and axis l of the second are at right angles: a row at out[n]."),
+        ("on_plane", ("axes", "k"), [first.dot(gap)],
+         "The second point is in the plane across the axis k through the first: a row at out[n]."),
+    )  # fmt: skip
+    return [
+        emit.kernel(kind, ("sec", "i", "j", *axes, "out", "n"), reads, _rows(demands, rates, twists), doc, out="n")
+        for kind, axes, demands, doc in kinds
+    ]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from sympy.core.function import AppliedUndef
 
 from kaneflex.derive.ir.program import Program
-from kaneflex.derive.printers.module_text import import_called, module
+from kaneflex.derive.printers.module_text import function, import_called, module
 
 
 def calls(program: Program, function: str) -> bool:
@@ -26,12 +26,6 @@ def import_lookups(programs: Sequence[Program]) -> list[str]:
     return found
 
 
-TABLES = {
-    "table": ("Piecewise cubic table", "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))"),
-    "table_rate": ("First derivative of a cubic table", "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])"),
-    "table_curvature": ("Second derivative of a cubic table", "2.0 * p[k + 2] + d * 6.0 * p[k + 3]"),
-}
-"""Name of a lookup -> what it is, and its value at the distance d from the breakpoint where the cubic at k begins."""
 _PLACE = '''@njit(forceinline=True, **OPTIONS)
 def place_in_table(x, p, start):
     """Distance from the breakpoint before x, and where the cubic there begins.
@@ -52,16 +46,16 @@ def place_in_table(x, p, start):
             high = middle
     return x - p[knots + low], knots + n + 1 + 4 * low
 '''
-_TABLE = '''@njit(**OPTIONS)
-def {name}(x, p, start):
-    """{doc}, whose block begins at p[start]."""
-    d, k = place_in_table(x, p, start)
-    return {value}
-'''
 TABLE_LOOKUPS = {
-    name: _TABLE.format(name=name, doc=doc, value=value) for name, (doc, value) in TABLES.items()
-}
-"""Name of a lookup -> its text."""
+    name: function(f"{name}(x, p, start)", f"{doc}, whose block begins at p[start].",
+                   ["d, k = place_in_table(x, p, start)", f"return {value}"])
+    for name, doc, value in (
+        ("table", "Piecewise cubic table", "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))"),
+        ("table_rate", "First derivative of a cubic table", "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])"),
+        ("table_curvature", "Second derivative of a cubic table", "2.0 * p[k + 2] + d * 6.0 * p[k + 3]"),
+    )
+}  # fmt: skip
+"""Name of a lookup -> its text; d is the distance from the breakpoint where the cubic at k begins."""
 
 
 def tables_text() -> str:
@@ -70,15 +64,8 @@ def tables_text() -> str:
     return module("Piecewise cubic tables", [said], [], [_PLACE, *TABLE_LOOKUPS.values()])
 
 
-_LAW = '''@njit(**OPTIONS)
-def {name}({arguments}):
-    """{doc}"""
-{code}
-'''
 LAW_FUNCTIONS = {
-    name: _LAW.format(
-        name=name, arguments=arguments, doc=doc, code=textwrap.indent(textwrap.dedent(code).strip(), "    ")
-    )
+    name: function(f"{name}({arguments})", doc, textwrap.dedent(code).strip().split("\n"))
     for name, arguments, doc, code in (
         ("sign", "x", "-1 below zero, 1 above, 0 at it.", "return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else x)"),
         ("smaller", "a, b", "The smaller of two numbers.", "return a if a <= b or a != a else b"),
@@ -97,18 +84,14 @@ LAW_FUNCTIONS = {
 """Name of a function of laws -> its text."""
 
 
-_IDLE = '''@njit(**OPTIONS)
-def no_courses(t, p, out, k):
-    """Courses of a structure without a prescribed drive: nothing is stored."""
-
-
-@njit(**OPTIONS)
-def no_magnitudes(t, x, i, p, out, k):
-    """Sizes of the loads of a structure that has none."""
-'''
-
-
 def laws_text() -> str:
     """Text of the module of what laws call beside math, which every module imports what it calls from."""
     said = "What is no number comes through as none."
-    return module("Functions of laws", [said], [], [*LAW_FUNCTIONS.values(), _IDLE])
+    idle = [
+        function(head, doc, [])
+        for head, doc in (
+            ("no_courses(t, p, out, k)", "Courses of a structure without a prescribed drive: nothing is stored."),
+            ("no_magnitudes(t, x, i, p, out, k)", "Sizes of the loads of a structure that has none."),
+        )
+    ]
+    return module("Functions of laws", [said], [], [*LAW_FUNCTIONS.values(), *idle])

@@ -15,7 +15,7 @@ from kaneflex.derive.ir.names import Names
 from kaneflex.derive.ir.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
 from kaneflex.derive.printers import packs
 from kaneflex.derive.printers.functions_text import LAW_FUNCTIONS, TABLE_LOOKUPS
-from kaneflex.derive.printers.module_text import UNCHECKED, module, operations_table
+from kaneflex.derive.printers.module_text import UNCHECKED, function, module, operations_table
 
 
 class NumbaPrinter(PythonCodePrinter):
@@ -144,9 +144,8 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
         values = (_bare(printer.doprint(expression)) for _, expression in kernel.program.outputs)
         body.append(f"return {', '.join(values)}")
     body += kernel.calls
-    text = textwrap.indent("\n".join([f'"""{kernel.doc}"""', *body]), "    ")
     options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
-    return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{text}\n"
+    return function(f"{kernel.program.name}({', '.join(kernel.arguments)})", kernel.doc, body, options)
 
 
 def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, list[str], str]]:
@@ -182,10 +181,10 @@ def offset(begin: str, k: int) -> str:
 
 
 def kernels_module(
-    title: str, about: str, tables: Iterable[str], kernels: Sequence[Printed], more: str
+    title: str, about: str, tables: Iterable[str], kernels: Sequence[Printed], more: Iterable[str]
 ) -> str:
     """Text of a module that is printed once for every scene, of kernels with their operations; ``more``: those that
     call the others."""
     printed = print_kernels((kernel for kernel, _ in kernels), Names({}))
     tables = [*tables, operations_table(operations(kernels))]
-    return module(title, [*textwrap.wrap(about.strip(), 118), "", UNCHECKED], tables, [*printed, more])
+    return module(title, [*textwrap.wrap(about.strip(), 118), "", UNCHECKED], tables, [*printed, *more])
