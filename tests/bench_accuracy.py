@@ -18,9 +18,8 @@ import csv_tables
 import numpy as np
 
 import kaneflex
-from kaneflex import load, simulate
+from kaneflex import load, shipped_scenes, simulate, with_settings
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import shipped_scenes, with_settings
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral, repeated_cycle

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import csv_tables
 
-from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex import Scene, SceneError, read_scene, with_settings
 from kaneflex.solve.summary_tables import Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
@@ -26,7 +26,6 @@ from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_sett
 from kaneflex.study.trade.choice import choose
 from kaneflex.study.trade.reference import find_reference
 from kaneflex.support.atomic_output import write_text
-from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parent.parent / "docs" / "choice-table.md"
 TOLERANCES = (0.1, 0.01, 0.001)
@@ -158,9 +157,7 @@ def main() -> None:
         print(f"{time.perf_counter() - started:6.0f} s  {case}", file=sys.stderr)
         rows[case] = rows_in_a_process(case)
         print("\n".join(map(" | ".join, rows[case])), file=sys.stderr)
-    foot = FOOT.format(
-        date=datetime.date.today(), machine=platform.machine(), python=platform.python_version()
-    )
+    foot = FOOT.format(date=datetime.date.today(), machine=platform.machine(), python=platform.python_version())
     write_text(PAGE, HEAD + csv_tables.write(TABLE, COLUMNS, [row for case in CASES for row in rows[case]]) + foot)
 
 

@@ -17,9 +17,7 @@ PHRASES = [phrase.strip() for row in re.findall(r"^\| ([^|]+) \| [^|]+ \|$", STY
            for phrase in row.split(",") if phrase.strip("- ")]  # fmt: skip
 OPENERS = ("What", "Where", "Whose", "Of", "How", "Whether", "Which", "Those")
 """First words that hide the noun or verb of a docstring."""
-BASELINE = {
-    "export": 1,
-}
+BASELINE = {"export": 1}
 """Findings left in each package; a package that is not named has none."""
 
 

@@ -36,28 +36,24 @@ def on_bending(block):
 def mass(rhoA, L):
     """Consistent mass matrix, paper (101), (102) with one length; Przemieniecki (1968)."""
     return (rhoA * L / 420) * np.array(
-        [
-            [140, 0, 0, 70, 0, 0],
-            [0, 156, 22 * L, 0, 54, -13 * L],
-            [0, 22 * L, 4 * L**2, 0, 13 * L, -3 * L**2],
-            [70, 0, 0, 140, 0, 0],
-            [0, 54, 13 * L, 0, 156, -22 * L],
-            [0, -13 * L, -3 * L**2, 0, -22 * L, 4 * L**2],
-        ]
+        [[140, 0, 0, 70, 0, 0],
+         [0, 156, 22 * L, 0, 54, -13 * L],
+         [0, 22 * L, 4 * L**2, 0, 13 * L, -3 * L**2],
+         [70, 0, 0, 140, 0, 0],
+         [0, 54, 13 * L, 0, 156, -22 * L],
+         [0, -13 * L, -3 * L**2, 0, -22 * L, 4 * L**2]]
     )
 
 
 def gyration(rhoA, L):
     """G = int rhoA N^T S N dx of paper (44) with the single tilde of (41), and of (98)."""
     return (rhoA * L / 60) * np.array(
-        [
-            [0, -21, -3 * L, 0, -9, 2 * L],
-            [21, 0, 0, 9, 0, 0],
-            [3 * L, 0, 0, 2 * L, 0, 0],
-            [0, -9, -2 * L, 0, -21, 3 * L],
-            [9, 0, 0, 21, 0, 0],
-            [-2 * L, 0, 0, -3 * L, 0, 0],
-        ]
+        [[0, -21, -3 * L, 0, -9, 2 * L],
+         [21, 0, 0, 9, 0, 0],
+         [3 * L, 0, 0, 2 * L, 0, 0],
+         [0, -9, -2 * L, 0, -21, 3 * L],
+         [9, 0, 0, 21, 0, 0],
+         [-2 * L, 0, 0, -3 * L, 0, 0]]
     )
 
 
@@ -82,12 +78,10 @@ def bending_stiffness(EI, L):
     """Paper (89), and (95) with its own length."""
     return (EI / L**3) * on_bending(
         np.array(
-            [
-                [12, 6 * L, -12, 6 * L],
-                [6 * L, 4 * L**2, -6 * L, 2 * L**2],
-                [-12, -6 * L, 12, -6 * L],
-                [6 * L, 2 * L**2, -6 * L, 4 * L**2],
-            ]
+            [[12, 6 * L, -12, 6 * L],
+             [6 * L, 4 * L**2, -6 * L, 2 * L**2],
+             [-12, -6 * L, 12, -6 * L],
+             [6 * L, 2 * L**2, -6 * L, 4 * L**2]]
         )
     )
 
@@ -124,12 +118,10 @@ def geometric_0(L):
     """int H'^T H' ds: K_g of a constant unit tension; Przemieniecki (1968)."""
     return on_bending(
         np.array(
-            [
-                [36, 3 * L, -36, 3 * L],
-                [3 * L, 4 * L**2, -3 * L, -(L**2)],
-                [-36, -3 * L, 36, -3 * L],
-                [3 * L, -(L**2), -3 * L, 4 * L**2],
-            ]
+            [[36, 3 * L, -36, 3 * L],
+             [3 * L, 4 * L**2, -3 * L, -(L**2)],
+             [-36, -3 * L, 36, -3 * L],
+             [3 * L, -(L**2), -3 * L, 4 * L**2]]
         )
     ) / (30 * L)
 
@@ -137,14 +129,7 @@ def geometric_0(L):
 def geometric_1(L):
     """int s H'^T H' ds: K_g of a tension growing as s from the element's first node."""
     return (L / 60) * on_bending(
-        np.array(
-            [
-                [36 / L, 6, -36 / L, 0],
-                [6, 2 * L, -6, -L],
-                [-36 / L, -6, 36 / L, 0],
-                [0, -L, 0, 6 * L],
-            ]
-        )
+        np.array([[36 / L, 6, -36 / L, 0], [6, 2 * L, -6, -L], [-36 / L, -6, 36 / L, 0], [0, -L, 0, 6 * L]])
     )
 
 
@@ -152,12 +137,10 @@ def geometric_2(L):
     """int s^2 H'^T H' ds: K_g of a tension growing as s^2 from the element's first node."""
     return (L / 210) * on_bending(
         np.array(
-            [
-                [72, 15 * L, -72, -6 * L],
-                [15 * L, 4 * L**2, -15 * L, -3 * L**2],
-                [-72, -15 * L, 72, 6 * L],
-                [-6 * L, -3 * L**2, 6 * L, 18 * L**2],
-            ]
+            [[72, 15 * L, -72, -6 * L],
+             [15 * L, 4 * L**2, -15 * L, -3 * L**2],
+             [-72, -15 * L, 72, 6 * L],
+             [-6 * L, -3 * L**2, 6 * L, 18 * L**2]]
         )
     )
 
@@ -166,12 +149,10 @@ def geometric_3(L):
     """int s^3 H'^T H' ds: K_g of a tension growing as s^3, as in an element whose mass per length is linear."""
     return (L**2 / 840) * on_bending(
         np.array(
-            [
-                [180, 42 * L, -180, -30 * L],
-                [42 * L, 11 * L**2, -42 * L, -11 * L**2],
-                [-180, -42 * L, 180, 30 * L],
-                [-30 * L, -11 * L**2, 30 * L, 65 * L**2],
-            ]
+            [[180, 42 * L, -180, -30 * L],
+             [42 * L, 11 * L**2, -42 * L, -11 * L**2],
+             [-180, -42 * L, 180, 30 * L],
+             [-30 * L, -11 * L**2, 30 * L, 65 * L**2]]
         )
     )
 
@@ -191,12 +172,10 @@ def geometric_centrifugal(rhoA, L, w):
     """K_g of a beam that only rotates: x0 = 0, free far end."""
     return (rhoA * w**2 * L / 420) * on_bending(
         np.array(
-            [
-                [180, 6 * L, -180, 27 * L],
-                [6 * L, 24 * L**2, -6 * L, -4 * L**2],
-                [-180, -6 * L, 180, -27 * L],
-                [27 * L, -4 * L**2, -27 * L, 10 * L**2],
-            ]
+            [[180, 6 * L, -180, 27 * L],
+             [6 * L, 24 * L**2, -6 * L, -4 * L**2],
+             [-180, -6 * L, 180, -27 * L],
+             [27 * L, -4 * L**2, -27 * L, 10 * L**2]]
         )
     )
 
@@ -242,28 +221,24 @@ def rotation_to_local(c, s):
 def spin_bracket(rhoA, L):
     """-M + M S^ S^ - 2 G S^: all that w^2 does in global components, paper (57), (93) corrected."""
     return (rhoA * L / 420) * np.array(
-        [
-            [14, 0, 0, -14, 0, 0],
-            [0, -18, -22 * L, 0, 18, 13 * L],
-            [0, -2 * L, -4 * L**2, 0, 2 * L, 3 * L**2],
-            [-14, 0, 0, 14, 0, 0],
-            [0, 18, -13 * L, 0, -18, 22 * L],
-            [0, -2 * L, 3 * L**2, 0, 2 * L, -4 * L**2],
-        ]
+        [[14, 0, 0, -14, 0, 0],
+         [0, -18, -22 * L, 0, 18, 13 * L],
+         [0, -2 * L, -4 * L**2, 0, 2 * L, 3 * L**2],
+         [-14, 0, 0, 14, 0, 0],
+         [0, 18, -13 * L, 0, -18, 22 * L],
+         [0, -2 * L, 3 * L**2, 0, 2 * L, -4 * L**2]]
     )
 
 
 def euler_bracket(rhoA, L):
     """G - M S^: the whole e effect, and half of the 2 w effect, in global components."""
     return (rhoA * L / 420) * np.array(
-        [
-            [0, -7, -21 * L, 0, 7, 14 * L],
-            [-9, 0, 0, 9, 0, 0],
-            [-L, 0, 0, L, 0, 0],
-            [0, 7, -14 * L, 0, -7, 21 * L],
-            [9, 0, 0, -9, 0, 0],
-            [-L, 0, 0, L, 0, 0],
-        ]
+        [[0, -7, -21 * L, 0, 7, 14 * L],
+         [-9, 0, 0, 9, 0, 0],
+         [-L, 0, 0, L, 0, 0],
+         [0, 7, -14 * L, 0, -7, 21 * L],
+         [9, 0, 0, -9, 0, 0],
+         [-L, 0, 0, L, 0, 0]]
     )
 
 

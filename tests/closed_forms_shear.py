@@ -24,11 +24,8 @@ def mass_across(rhoA, L, phi):
     """Translation across the beam."""
     factor = rhoA * L / (420 * (1 + phi) ** 2)
     block = _symmetric(
-        156 + 294 * phi + 140 * phi**2,
-        (44 + 77 * phi + 35 * phi**2) * L / 2,
-        54 + 126 * phi + 70 * phi**2,
-        (26 + 63 * phi + 35 * phi**2) * L / 2,
-        (8 + 14 * phi + 7 * phi**2) * L**2 / 2,
+        156 + 294 * phi + 140 * phi**2, (44 + 77 * phi + 35 * phi**2) * L / 2, 54 + 126 * phi + 70 * phi**2,
+        (26 + 63 * phi + 35 * phi**2) * L / 2, (8 + 14 * phi + 7 * phi**2) * L**2 / 2,
         -(6 + 14 * phi + 7 * phi**2) * L**2 / 2,
     )
     return factor * on_bending(block)
@@ -38,11 +35,7 @@ def mass_rotary(rhoI, L, phi):
     """Rotary inertia rhoI int theta^T theta dx."""
     factor = rhoI / (30 * (1 + phi) ** 2 * L)
     block = _symmetric(
-        36,
-        (3 - 15 * phi) * L,
-        -36,
-        -(3 - 15 * phi) * L,
-        (4 + 5 * phi + 10 * phi**2) * L**2,
+        36, (3 - 15 * phi) * L, -36, -(3 - 15 * phi) * L, (4 + 5 * phi + 10 * phi**2) * L**2,
         -(1 + 5 * phi - 5 * phi**2) * L**2,
     )
     return factor * on_bending(block)
@@ -52,12 +45,8 @@ def geometric(L, phi):
     """int v'^T v' dx: K_g of a constant unit tension."""
     factor = 1 / (60 * (1 + phi) ** 2 * L)
     block = _symmetric(
-        72 + 120 * phi + 60 * phi**2,
-        6 * L,
-        -(72 + 120 * phi + 60 * phi**2),
-        -6 * L,
-        (8 + 10 * phi + 5 * phi**2) * L**2,
-        -(2 + 10 * phi + 5 * phi**2) * L**2,
+        72 + 120 * phi + 60 * phi**2, 6 * L, -(72 + 120 * phi + 60 * phi**2), -6 * L,
+        (8 + 10 * phi + 5 * phi**2) * L**2, -(2 + 10 * phi + 5 * phi**2) * L**2,
     )
     return factor * on_bending(block)
 

@@ -143,8 +143,7 @@ def _masses() -> list[Case]:
     weightless = ("piston.mass=1e-12 kg", *common)
     light = Case(
         "mass ratio", "1e-9 kg piston, 0.15 kg rod: compared with a massless piston",
-        "engine", ("piston.mass=1e-9 kg", *common),
-        against(weightless, "tip_axial", "mid_transverse"), 1e-5,
+        "engine", ("piston.mass=1e-9 kg", *common), against(weightless, "tip_axial", "mid_transverse"), 1e-5,
         accurate=("quasistatic", "paper", "linear", "radau", "newmark", "generalised-alpha", "coupled"),
         slow=("coupled",),
     )  # fmt: skip
@@ -211,8 +210,7 @@ def _links() -> list[Case]:
     found = [
         Case(
             "links", f"a crank {factor:g} times as stiff as the rod: compared with a rigid crank",
-            "engine-elastic-crank",
-            (f"crank.beam={{E={STEEL * factor!r}, rho=7850, I=7.66008e-7, elements=2}}",),
+            "engine-elastic-crank", (f"crank.beam={{E={STEEL * factor!r}, rho=7850, I=7.66008e-7, elements=2}}",),
             against((), "tip_axial", "mid_transverse", scene="engine"), 1e-6,
             accurate=("quasistatic", "linear", "radau", "generalised-alpha"), named=rounding,
             slow=ELASTIC if factor == 1e6 else (),

@@ -49,9 +49,7 @@ def reaches_the_piston(solution: Solution) -> float:
     """r cos(phi) + sqrt((l - r)(l + r) + r^2 cos^2(phi)), which loses no digits at the dead centre."""
     length = solution.model.scene.bodies["rod"].length
     c = CRANK * np.cos(solution.drive_angles["main"])
-    return relative(
-        solution.series["piston_position"].values, c + np.sqrt((length - CRANK) * (length + CRANK) + c * c)
-    )
+    return relative(solution.series["piston_position"].values, c + np.sqrt((length - CRANK) * (length + CRANK) + c * c))
 
 
 def blade(stiffness: float, force: float) -> Callable[[Solution], float]:

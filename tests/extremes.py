@@ -12,10 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import kaneflex
-from kaneflex.scene import with_settings
+from kaneflex import Solution, UserError, with_settings
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
-from kaneflex.support.errors import UserError
 
 METHODS = {
     "rigid": ("solve.preset=rigid",),

@@ -1,7 +1,8 @@
 """Mechanisms that many tests move, as TOML texts of scenes, in the plane or in space.
 
 Each builder takes the insides of the entries for its bodies and its drive, and all other tables by their names: a text
-with an entry a line, or a single value as for gravity. ``solve`` holds values, and comes last: more tables may follow.
+with an entry a line, a mapping of plain values as for ``solve``, or a single value as for gravity. Entries are written
+with their full names, ``bodies.bar = {...}``: a test adds others at the end.
 ``more`` continues entries of joints; ``title`` names the scene. In space (``deep``) joints turn about z, the normal of
 the plane.
 """
@@ -25,16 +26,27 @@ def _value(value: Any) -> str:
 
 def text(bodies: Mapping[str, str], joints: Mapping[str, str], drives: Mapping[str, str], **tables: Any) -> str:
     """Text of a scene; see the module for ``tables``."""
-    solve, more, title = tables.pop("solve", {}), tables.pop("more", {}), tables.pop("title", None)
+    more, title = tables.pop("more", {}), tables.pop("title", None)
     joined = {name: f"{of}, {more[name]}" if name in more else of for name, of in joints.items()}
     lines = ["schema = 1", *([] if title is None else [f'name = "{title}"'])]
-    lines += [f"{name} = {_value(value)}" for name, value in tables.items() if not isinstance(value, str)]
-    for name, entries in (("bodies", bodies), ("joints", joined), ("drives", drives)):
-        lines += [f"[{name}]", *(f"{key} = {{{inside}}}" for key, inside in entries.items())] if entries else []
-    for name, entries in tables.items():
-        lines += [f"[{name}]", entries.strip("\n")] if isinstance(entries, str) else []
-    lines += ["[solve]", *(f"{key} = {_value(value)}" for key, value in solve.items())] if solve else []
+    for table, entries in (("bodies", bodies), ("joints", joined), ("drives", drives)):
+        lines += [f"{table}.{name} = {{{inside}}}" for name, inside in entries.items()]
+    for table, entries in tables.items():
+        if isinstance(entries, str):
+            lines += [f"{table}.{line}" for line in entries.splitlines() if line]
+        elif isinstance(entries, Mapping):
+            lines += [f"{table}.{key} = {_value(value)}" for key, value in entries.items()]
+        else:
+            lines.append(f"{table} = {_value(entries)}")
     return "\n".join(lines) + "\n"
+
+
+def changed(of: str, *changes: tuple[str, str]) -> str:
+    """A text whose old parts, each of which must be there, are new ones; an empty old part adds a line at the end."""
+    for old, new in changes:
+        assert old in of, old
+        of = of.replace(old, new) if old else f"{of}{new}\n"
+    return of
 
 
 def _pin(first: str, second: str, deep: bool, kind: str = "revolute") -> str:

@@ -12,12 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from lifting import global_components, in_plane, lifted
 
-from kaneflex import load
-from kaneflex.scene import Scene, read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.bodies import about
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
-from kaneflex.support.errors import SceneError
 
 ONE_WAY = ("rigid", "quasistatic", "linear", "stiffened")
 PRESETS = (*ONE_WAY, "coupled")

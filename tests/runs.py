@@ -1,6 +1,7 @@
 """Runs of scenes that several tests look at, those of shipped scenes made once a process; and prescribed ones."""
 
 import ast
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -8,19 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kaneflex import Model, Scene, Solution, load, read_scene, with_settings
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
-from kaneflex.scene import Scene, read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
 
 STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 """First derivative from nine equidistant values, error of the eighth order (Fornberg 1988)."""
@@ -151,6 +149,16 @@ def run(scene: str, *settings: str) -> Solution:
     solution = solve(model(scene, *settings))
     assert solution.outcome.name == "COMPLETED", solution.trajectory.message
     return solution
+
+
+def alike(found: Any, wanted: Any, within: float | Mapping[str, float], sensors: Iterable[str] | None = None) -> None:
+    """Assert that sensors of two solutions, or of their series, differ by less than a share of the wanted one's largest
+    value: those named, or all."""
+    if not isinstance(within, Mapping):
+        within = dict.fromkeys(getattr(wanted, "series", wanted) if sensors is None else sensors, within)
+    for name, share in within.items():
+        expected = wanted[name].values
+        assert abs(found[name].values - expected).max() < share * abs(expected).max(), name
 
 
 def degrees(solution: Solution) -> np.ndarray:

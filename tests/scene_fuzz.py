@@ -24,21 +24,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from kaneflex import Scene, Solution, UserError, load, read_scene, shipped_scenes, simulate, with_settings
 from kaneflex.fem.spatial_joined import held_nodes
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.mechanism.floating_frames import most_modes
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.options import acting, resolve_options
-from kaneflex.scene.scene import Scene
 from kaneflex.scene.start import Start
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
-from kaneflex.solve.solution import Solution
-from kaneflex.support.errors import UserError
 
 WORDS = (
     "", " ", "none", "true", "x", "t", "start", "end", "ground", "ground.origin", "rod.end", "crank", "a.b.c", "..",

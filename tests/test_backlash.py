@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from kaneflex import SceneError, load
+from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.report.presentation import contact_line
 from kaneflex.report.summary import summarise
-from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.quantities import CONTACT_RESULTS
 from kaneflex.solve.simulation import solve
 
@@ -16,23 +15,16 @@ PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
 SCENE = """
 schema = 1
 description = "A flywheel between the flanks of a coupling"
-[bodies]
-shaft = {mass = "1 kg", inertia = "0.01 kg m^2"}
-wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
-[joints]
-hub = {revolute = ["ground", "shaft"]}
-coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
-[drives]
-hub = {speed = 0}
-coupling = {free = true, initial_speed = "10 rad/s"}
-[sensors]
-angle = {position = "coupling", component = "angle"}
-on = {contact_torque = "coupling_1"}
-room = {contact_angle = "coupling_2"}
-[solve]
-preset = "coupled"
-duration = "0.1 s"
-steps = 500
+bodies.shaft = {mass = "1 kg", inertia = "0.01 kg m^2"}
+bodies.wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
+joints.hub = {revolute = ["ground", "shaft"]}
+joints.coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
+drives.hub = {speed = 0}
+drives.coupling = {free = true, initial_speed = "10 rad/s"}
+sensors.angle = {position = "coupling", component = "angle"}
+sensors.on = {contact_torque = "coupling_1"}
+sensors.room = {contact_angle = "coupling_2"}
+solve = {preset = "coupled", duration = "0.1 s", steps = 500}
 """
 ELASTIC = '{law = "hertz", stiffness = "2e5 N m/rad", exponent = 1}'
 EXACT = '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'
@@ -108,15 +100,14 @@ def test_flanks_of_an_elastic_arm_are_those_of_a_hub_that_is_welded_to_it():
     beam = 'beam = {material = "steel", section = {rectangle = ["10 mm", "8 mm"]}, elements = 6}'
     arm = f'arm = {{length = "0.4 m", {beam}}}'
     wheel = 'wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}'
-    read_there = """[sensors]
-moment = {bending_moment = "arm.mid"}
-root = {bending_moment = "arm.start"}
-tip = {displacement = "arm.end", component = "y"}"""
-    text = SCENE.replace("CONTACT", '{stiffness = "1e5 N m/rad^1.5", restitution = 0.8}')
-    text = text.replace("[sensors]", read_there)
+    text = SCENE.replace("CONTACT", '{stiffness = "1e5 N m/rad^1.5", restitution = 0.8}') + """
+sensors.moment = {bending_moment = "arm.mid"}
+sensors.root = {bending_moment = "arm.start"}
+sensors.tip = {displacement = "arm.end", component = "y"}
+"""
     own = text.replace(wheel, arm).replace('"wheel"', '"arm"')
-    hub = text.replace(wheel, f'wheel = {{mass = "1e-6 kg", inertia = "1e-9 kg m^2"}}\n{arm}')
-    hub = hub.replace("[drives]", '[joints.fast]\nweld = ["wheel", "arm"]\n[drives]')
+    hub = text.replace(wheel, f'wheel = {{mass = "1e-6 kg", inertia = "1e-9 kg m^2"}}\nbodies.{arm}')
+    hub += 'joints.fast.weld = ["wheel", "arm"]'
     found = []
     for scene in (own, hub):
         settings = "solve.duration=14 ms", "solve.steps=280", "solve.modes=1"
@@ -196,8 +187,7 @@ def test_play_may_lie_about_any_angle():
 def test_bodies_whole_turns_apart_are_named():
     """Both have bearings of their own, the coupling no drive: only their angles say by how much they are turned."""
     text = SCENE.replace("CONTACT", EXACT).replace("coupling = {free", "bearing = {free")
-    text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
-    good = scene_of(text)
+    good = scene_of(text + 'joints.bearing.revolute = ["ground", "wheel"]')
     assert solve(load(good)).impacts
     with pytest.raises(SceneError, match="at the start its angle is 1 full turns from the middle of the backlash"):
         solve(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

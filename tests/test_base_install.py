@@ -105,10 +105,8 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
 """)
     tables = 'is not installed. Run: pip install "kaneflex[tables]"'
     expected = [
-        f"dataset: xarray {tables}.",
-        f"to_dataframe: pandas {tables}.",
-        '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or use netcdf.',
-        "2 {}",
+        f"dataset: xarray {tables}.", f"to_dataframe: pandas {tables}.",
+        '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or use netcdf.', "2 {}",
         f"dataset: xarray {tables}.",
         '--vtk: meshio is not installed. Run: pip install "kaneflex[vtk]", or leave it out.',
         "--with = 'exudyn': the package exudyn is not installed. Run: pip install \"kaneflex[peer]\".",

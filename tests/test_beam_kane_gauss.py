@@ -54,9 +54,7 @@ def lumped_rows():
     for number, (x, weight) in enumerate(gauss_points()):
         N_u, N_v, *_ = shape_rows(x, DATA["length"])
         mass = DATA["rho_A"] * weight
-        point = origin.locatenew(
-            f"point_{number}", (DATA["x_0"] + x + N_u.dot(q)) * link.x + N_v.dot(q) * link.y
-        )
+        point = origin.locatenew(f"point_{number}", (DATA["x_0"] + x + N_u.dot(q)) * link.x + N_v.dot(q) * link.y)
         point.set_vel(link, N_u.dot(u) * link.x + N_v.dot(u) * link.y)
         point.v1pt_theory(origin, inertial, link)
         bodies.append(Particle(f"particle_{number}", point, mass))

@@ -8,10 +8,9 @@ from machines import cantilever
 from runs import derived_on_the_fly
 from scipy.optimize import brentq
 
+from kaneflex import SceneError, read_scene, scene_of
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.scene import read_scene
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 
 def loaded(beam, more=""):
@@ -34,9 +33,7 @@ SHAFT = (
 
 
 def arm(folder, beam):
-    file = folder / "scene.toml"
-    file.write_text(loaded(beam))
-    return read_scene(str(file)).bodies["arm"]
+    return scene_of(loaded(beam)).bodies["arm"]
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,10 @@ from machines import cantilever, pendulum
 from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
+from kaneflex import Model, with_settings
 from kaneflex.fem.links import craig_bampton
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_modes
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.scene import with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve
 

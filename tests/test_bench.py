@@ -20,8 +20,7 @@ from bench.kernels import AGREEMENT, candidates_of, check_agreement, disagreemen
 from bench.rows import Row, Target
 from bench.tasks import element_task, motion_task
 
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
+from kaneflex import load, read_scene, with_settings
 
 TASKS = {"element": element_task, "motion": motion_task}
 

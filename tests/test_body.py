@@ -31,17 +31,14 @@ def test_every_kernel_is_compared():
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [
-        ("2.0 * H_z_uv * omega_z", "H_z_uv * omega_z"),
-        ("b_j * x_vq + v_j * x_vv", "b_j * x_vq - v_j * x_vv"),
-        ("H_z_uq += H_z_l * q[i + l]", "H_z_uq -= H_z_l * q[i + l]"),
-        ("c * x_vq - s * y_0", "c * x_vq + s * y_0"),
-        ("range(to_u, to_v)", "range(to_u)"),
-        ("m_z += H_z_vq * b_j + H_z_vv * v_j", "pass"),
-    ],
-)
+@pytest.mark.parametrize(("right", "wrong"), [
+    ("2.0 * H_z_uv * omega_z", "H_z_uv * omega_z"),
+    ("b_j * x_vq + v_j * x_vv", "b_j * x_vq - v_j * x_vv"),
+    ("H_z_uq += H_z_l * q[i + l]", "H_z_uq -= H_z_l * q[i + l]"),
+    ("c * x_vq - s * y_0", "c * x_vq + s * y_0"),
+    ("range(to_u, to_v)", "range(to_u)"),
+    ("m_z += H_z_vq * b_j + H_z_vv * v_j", "pass"),
+])  # fmt: skip
 def test_a_wrong_kernel_is_not_proved(right, wrong):
     assert right in PRINTED
     with pytest.raises((NotKane, IndexError)):

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from machines import changed
 from runs import solved
 
-from kaneflex import SceneError, load, read_scene
+import kaneflex
+from kaneflex import SceneError, compare, load
 from kaneflex.solve.curves import Resolution
-from kaneflex.study.comparison import compare
 from kaneflex.study.sensitivity.parameters import find_parameters
 
 STIFF, DAMPED = (1e5, 2e5, 3e5, 500.0, 700.0, 900.0), (80.0, 60.0, 40.0, 0.3, 0.4, 0.5)
@@ -16,36 +17,20 @@ MASS, INERTIA = 20.0, (0.5, 0.8, 1.1)
 
 ENGINE = f"""
 gravity = [0, 0, 0]
-[ground]
-seat = [0.3, -0.2, 0.1]
-[bodies.engine]
-mass = {MASS}
-inertia = {list(INERTIA)}
-rotation = {{axis = [1, 2, 0.5], angle = 0.7}}
-[springs.mount]
-bushing = ["ground.seat", "engine.start"]
-stiffness = {list(STIFF)}
-damping = {list(DAMPED)}
-[sensors]
-x = {{position = "engine.start", component = "x"}}
-y = {{position = "engine.start", component = "y"}}
-z = {{position = "engine.start", component = "z"}}
-force_x = {{spring_force = "mount", component = "x"}}
-turning_z = {{spring_torque = "mount", component = "z"}}
-[solve]
-preset = "rigid"
-duration = "0.3 s"
-steps = 600
+ground.seat = [0.3, -0.2, 0.1]
+bodies.engine = {{mass = {MASS}, inertia = {list(INERTIA)}, rotation = {{axis = [1, 2, 0.5], angle = 0.7}}}}
+springs.mount = {{bushing = ["ground.seat", "engine.start"], stiffness = {list(STIFF)}, damping = {list(DAMPED)}}}
+sensors.x = {{position = "engine.start", component = "x"}}
+sensors.y = {{position = "engine.start", component = "y"}}
+sensors.z = {{position = "engine.start", component = "z"}}
+sensors.force_x = {{spring_force = "mount", component = "x"}}
+sensors.turning_z = {{spring_torque = "mount", component = "z"}}
+solve = {{preset = "rigid", duration = "0.3 s", steps = 600}}
 """
 
 
-def scene_of(tmp_path, text, *changes):
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path = tmp_path / "scene.toml"
-    path.write_text("schema = 1\n" + text)
-    return read_scene(path)
+def scene_of(text, *changes):
+    return kaneflex.scene_of("schema = 1\n" + changed(text, *changes))
 
 
 def swing(t, speed, inertia, stiffness, damping):
@@ -56,15 +41,13 @@ def swing(t, speed, inertia, stiffness, damping):
     return x, speed * np.exp(-decay * t) * np.cos(omega * t) - decay * x
 
 
-def test_a_body_on_a_bushing_swings_in_six_ways(tmp_path):
+def test_a_body_on_a_bushing_swings_in_six_ways():
     """Small oscillations: (k/m - (c/2m)^2)^(1/2) along and about every axis, those of the ground as the body stands
     turned, and its principal axes among them."""
     speeds, turning = (1e-3, 2e-3, -3e-3), (3e-5, -2e-5, 4e-5)
-    sensors = "".join(f'turn_{axis} = {{velocity = "engine", component = "angle_{axis}"}}\n' for axis in "xyz")
+    sensors = "".join(f'sensors.turn_{axis} = {{velocity = "engine", component = "angle_{axis}"}}\n' for axis in "xyz")
     free = f"free = {{at = [0.3, -0.2, 0.1], velocity = {list(speeds)}, angular_velocity = {list(turning)}}}"
-    solution = solved(scene_of(
-        tmp_path, ENGINE, ("rotation = {axis = [1, 2, 0.5], angle = 0.7}", free), ("[solve]", sensors + "[solve]"),
-    ))  # fmt: skip
+    solution = solved(scene_of(ENGINE, ("rotation = {axis = [1, 2, 0.5], angle = 0.7}", free), ("", sensors)))
     t, places = solution.times, (0.3, -0.2, 0.1)
     for k, axis in enumerate("xyz"):
         x, rate = swing(t, speeds[k], MASS, STIFF[k], DAMPED[k])
@@ -82,32 +65,24 @@ def test_a_body_on_a_bushing_swings_in_six_ways(tmp_path):
 
 PAIR = """
 gravity = [0, 0, 0]
-[bodies.one]
-mass = 2
-inertia = [0.02, 0.05, 0.04]
-free = {at = [0, 0, 0], velocity = [0.1, 0, 0.2], angular_velocity = [3, -1, 2]}
-rotation = {axis = [1, 0, 1], angle = 0.4}
-points = {side = [0.2, 0.1, 0]}
-[bodies.two]
-mass = 1
-inertia = [0.02, 0.01, 0.025]
-centre = [0.1, 0, 0.05]
-free = {at = [0.2, 0.15, -0.1], angular_velocity = [-4, 5, 1]}
-[springs.mount]
-bushing = ["one.side", "two.start"]
-stiffness = [300, 200, 400, 2, 3, 4]
-[sensors]
-x = {position = "one.start", component = "x"}
-[solve]
-preset = "rigid"
-duration = "2 s"
-steps = 200
+bodies.one.mass = 2
+bodies.one.inertia = [0.02, 0.05, 0.04]
+bodies.one.free = {at = [0, 0, 0], velocity = [0.1, 0, 0.2], angular_velocity = [3, -1, 2]}
+bodies.one.rotation = {axis = [1, 0, 1], angle = 0.4}
+bodies.one.points = {side = [0.2, 0.1, 0]}
+bodies.two.mass = 1
+bodies.two.inertia = [0.02, 0.01, 0.025]
+bodies.two.centre = [0.1, 0, 0.05]
+bodies.two.free = {at = [0.2, 0.15, -0.1], angular_velocity = [-4, 5, 1]}
+springs.mount = {bushing = ["one.side", "two.start"], stiffness = [300, 200, 400, 2, 3, 4]}
+sensors.x = {position = "one.start", component = "x"}
+solve = {preset = "rigid", duration = "2 s", steps = 200}
 """
 
 
-def test_two_bodies_in_flight_keep_energy_and_momentum(tmp_path):
+def test_two_bodies_in_flight_keep_energy_and_momentum():
     """Far turned, far apart and turning on: the moments belong to an energy, and what acts on both is opposite."""
-    solution = solved(scene_of(tmp_path, PAIR))
+    solution = solved(scene_of(PAIR))
     motion, mechanism = solution.motion.rigid, solution.model.motion.module.system.mechanism
     momentum, turning = np.zeros((2, 3, len(solution.times)))
     for name, body in mechanism.bodies.items():
@@ -127,38 +102,34 @@ def test_two_bodies_in_flight_keep_energy_and_momentum(tmp_path):
 
 ARM = """
 gravity = [0, 0, 0]
-[bodies.arm]
-length = "0.5 m"
-beam = {section = {rectangle = ["10 mm", "10 mm"]}, E = "210 GPa", nu = 0.3, rho = "7800 kg/m^3", elements = 4}
-free = {at = [0, 0, 0]}
-rotation = {x = [0, 1, 0]}
-[springs.seat]
-bushing = ["ground", "arm.start"]
-stiffness = [2e3, 3e3, 2e3, 100, 50, 80]
-damping = [56, 70, 56, 3.6, 0.2, 3.6]
-[loads]
-push = {force_on = "arm.end", direction = [0, 0, 1], law = "0.1 * (1 - exp(-400 * t**2))"}
-[damping]
-modal = {ratio = 0.3}
-[sensors]
-tip = {position = "arm.end", component = "z"}
-root = {position = "arm.start", component = "z"}
-force = {spring_force = "seat", component = "z"}
-moment = {spring_torque = "seat", component = "x"}
-bending = {bending_moment = "arm.start", component = "z"}
-shear = {shear_force = "arm.start", component = "y"}
-[solve]
-preset = "PRESET"
-duration = "0.6 s"
-steps = 60
+bodies.arm.length = "0.5 m"
+bodies.arm.beam.section = {rectangle = ["10 mm", "10 mm"]}
+bodies.arm.beam.E = "210 GPa"
+bodies.arm.beam.nu = 0.3
+bodies.arm.beam.rho = "7800 kg/m^3"
+bodies.arm.beam.elements = 4
+bodies.arm.free = {at = [0, 0, 0]}
+bodies.arm.rotation = {x = [0, 1, 0]}
+springs.seat.bushing = ["ground", "arm.start"]
+springs.seat.stiffness = [2e3, 3e3, 2e3, 100, 50, 80]
+springs.seat.damping = [56, 70, 56, 3.6, 0.2, 3.6]
+loads.push = {force_on = "arm.end", direction = [0, 0, 1], law = "0.1 * (1 - exp(-400 * t**2))"}
+damping.modal = {ratio = 0.3}
+sensors.tip = {position = "arm.end", component = "z"}
+sensors.root = {position = "arm.start", component = "z"}
+sensors.force = {spring_force = "seat", component = "z"}
+sensors.moment = {spring_torque = "seat", component = "x"}
+sensors.bending = {bending_moment = "arm.start", component = "z"}
+sensors.shear = {shear_force = "arm.start", component = "y"}
+solve = {preset = "PRESET", duration = "0.6 s", steps = 60}
 """
 
 
 @pytest.mark.parametrize("preset", ["rigid", "coupled"])
-def test_an_arm_on_a_bushing_comes_to_rest(tmp_path, preset):
+def test_an_arm_on_a_bushing_comes_to_rest(preset):
     """F/k along, F a^2/k_r by the turn about global x, and F a^3/(3 E I) of an elastic arm."""
     F, a, EI = 0.1, 0.5, 210e9 * 0.01**4 / 12
-    solution = solved(scene_of(tmp_path, ARM, ("PRESET", preset)))
+    solution = solved(scene_of(ARM, ("PRESET", preset)))
     last = {name: series.values[-1] for name, series in solution.series.items()}
     sunk, turned, bent = F / 2e3, F * a**2 / 100, F * a**3 / (3 * EI)
     assert last["root"] == pytest.approx(sunk, rel=1e-4)
@@ -168,16 +139,16 @@ def test_an_arm_on_a_bushing_comes_to_rest(tmp_path, preset):
     assert solution.model.energy.drift < 1e-5
 
 
-def test_a_bushing_beside_exudyn(peer, tmp_path):
+def test_a_bushing_beside_exudyn(peer):
     """Exudyn turns bushings by Tait-Bryan angles: moments differ by 2.5 % where these reach 0.5 deg, by a tenth of that
     at a tenth."""
     peer("exudyn")
     free = "free = {at = [0.3, -0.2, 0.1], velocity = [0.3, 0.2, -0.3], angular_velocity = [0.03, -0.02, 0.04]}"
-    sensors = "".join(f'{what}_{axis} = {{spring_{what} = "mount", component = "{axis}"}}\n'
+    sensors = "".join(f'sensors.{what}_{axis} = {{spring_{what} = "mount", component = "{axis}"}}\n'
                       for what in ("force", "torque") for axis in "xyz")  # fmt: skip
     scene = scene_of(
-        tmp_path, ENGINE.replace("force_x", "pull").replace("turning_z", "twist"),
-        ("rotation =", free + "\nrotation ="), ("[solve]", sensors + "[solve]"), ("0.3 s", "0.1 s"),
+        ENGINE.replace("force_x", "pull").replace("turning_z", "twist"),
+        ("rotation =", free + ", rotation ="), ("", sensors), ("0.3 s", "0.1 s"),
     )  # fmt: skip
     found = compare(scene, peer="exudyn", resolution=Resolution(None, 4000)).curves
     ours, theirs = found["rigid"], found["exudyn"]
@@ -188,90 +159,71 @@ def test_a_bushing_beside_exudyn(peer, tmp_path):
         assert apart[40:].max() < bound * abs(values).max(), name
 
 
-def test_a_stiffness_is_a_parameter_of_a_sensitivity(tmp_path):
-    free = "free = {at = [0.3, -0.2, 0.1]}\nrotation ="
-    scene = scene_of(tmp_path, ENGINE, ("rotation =", free))
+FREE = "free = {at = [0.3, -0.2, 0.1]}, rotation ="
+
+
+def test_a_stiffness_is_a_parameter_of_a_sensitivity():
+    scene = scene_of(ENGINE, ("rotation =", FREE))
     names = ["springs.mount.stiffness.2", "springs.mount.stiffness.3", "springs.mount.damping.5"]
     assert [each.unit for each in find_parameters(scene, names)] == ["N/m", "N m/rad", "N m s/rad"]
 
 
-SPUN = "free = {at = [0.3, -0.2, 0.1], angular_velocity = [0, 0, 400]}\nrotation ="
+SPUN = FREE.replace("]}", "], angular_velocity = [0, 0, 400]}")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("rotation =", SPUN, r"springs.mount.bushing: .*bushing mount is rotated by 17\d deg"),
-        (f"stiffness = {list(STIFF)}", "stiffness = 5", r"stiffness = 5: a bushing has six"),
-        ("stiffness = [100000.0,", "stiffness = [-3,", r"must not be negative"),
-        ("stiffness = [1", "length = 1\nstiffness = [1", r"springs.mount.length.*does not apply to bushing"),
-        ("stiffness = [100000.0,", 'torsional_at = "a"\nstiffness = [100000.0,', r"bushing exclude each other"),
-        ('"engine.start"]', '"engine.top"]', r"springs.mount.bushing = 'engine.top'.*no point"),
-        ('component = "x"}\nturning', 'component = "angle_x"}\nturning', r"Give x, y or z"),
-        ("bushing =", "stiff = 1\nbushing =", r"stiff"),
-    ],
-)
-def test_broken_bushings_are_named(tmp_path, old, new, words):
-    free = "free = {at = [0.3, -0.2, 0.1]}\nrotation ="
-    changes = [(old, new)] if old == "rotation =" else [("rotation =", free), (old, new)]
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("rotation =", SPUN, r"springs.mount.bushing: .*bushing mount is rotated by 17\d deg"),
+    (f"stiffness = {list(STIFF)}", "stiffness = 5", r"stiffness = 5: a bushing has six"),
+    ("stiffness = [100000.0,", "stiffness = [-3,", r"must not be negative"),
+    ("stiffness = [1", "length = 1, stiffness = [1", r"springs.mount.length.*does not apply to bushing"),
+    ("stiffness = [100000.0,", 'torsional_at = "a", stiffness = [100000.0,', r"bushing exclude each other"),
+    ('"engine.start"]', '"engine.top"]', r"springs.mount.bushing = 'engine.top'.*no point"),
+    ('component = "x"}\nsensors.turning', 'component = "angle_x"}\nsensors.turning', r"Give x, y or z"),
+    ("bushing =", "stiff = 1, bushing =", r"stiff"),
+])  # fmt: skip
+def test_broken_bushings_are_named(old, new, words):
+    changes = [(old, new)] if old == "rotation =" else [("rotation =", FREE), (old, new)]
     with pytest.raises(SceneError, match=words):
-        solved(scene_of(tmp_path, ENGINE, *changes))
+        solved(scene_of(ENGINE, *changes))
 
 
-def test_one_way_presets_and_planar_scenes_have_none(tmp_path):
+def test_one_way_presets_and_planar_scenes_have_none():
     with pytest.raises(SceneError, match=r"springs.seat.bushing.*Use preset coupled, or rigid"):
-        load(scene_of(tmp_path, ARM, ("PRESET", "linear")))
-    planar = "[bodies]\nbar = {length = 1, mass = 1, free = {at = [0, 0]}}\n[springs]\n" \
-             "s = {bushing = ['ground', 'bar.start'], stiffness = [1, 1, 1, 1, 1, 1]}\n[solve]\nduration = 1\n"
+        load(scene_of(ARM, ("PRESET", "linear")))
+    planar = "bodies.bar = {length = 1, mass = 1, free = {at = [0, 0]}}\nsolve.duration = 1\n" \
+             "springs.s = {bushing = ['ground', 'bar.start'], stiffness = [1, 1, 1, 1, 1, 1]}"
     with pytest.raises(SceneError, match=r"springs.s.bushing: only scenes in space have bushings"):
-        load(scene_of(tmp_path, planar))
+        load(scene_of(planar))
 
 
-def test_a_drive_that_turns_a_bushing_too_far_is_refused(tmp_path):
+def test_a_drive_that_turns_a_bushing_too_far_is_refused():
     text = """
-[bodies.disc]
-mass = 1
-inertia = [1, 1, 1]
-[joints]
-pin = {revolute = ["ground", "disc.start"], axis = [0, 0, 1]}
-[drives]
-pin = {speed = "1 rad/s"}
-[springs]
-mount = {bushing = ["ground", "disc.start"], stiffness = [0, 0, 0, 1, 1, 1]}
-[sensors]
-twist = {spring_torque = "mount", component = "z"}
-motor = {drive_torque = "pin"}
-[solve]
-preset = "rigid"
-duration = "2 s"
-steps = 20
+bodies.disc = {mass = 1, inertia = [1, 1, 1]}
+joints.pin = {revolute = ["ground", "disc.start"], axis = [0, 0, 1]}
+drives.pin = {speed = "1 rad/s"}
+springs.mount = {bushing = ["ground", "disc.start"], stiffness = [0, 0, 0, 1, 1, 1]}
+sensors.twist = {spring_torque = "mount", component = "z"}
+sensors.motor = {drive_torque = "pin"}
+solve = {preset = "rigid", duration = "2 s", steps = 20}
 """
-    found = solved(scene_of(tmp_path, text))
+    found = solved(scene_of(text))
     for name in ("twist", "motor"):
         assert found[name].values == pytest.approx(found.times, abs=1e-9)
     with pytest.raises(SceneError, match=r"springs.mount.bushing: bushing mount is rotated by 1\d\d deg"):
-        load(scene_of(tmp_path, text, ("2 s", "4 s")))
+        load(scene_of(text, ("2 s", "4 s")))
 
 
-def test_a_free_elastic_body_that_turns_its_bushing_too_far_stops_by_name(tmp_path):
+def test_a_free_elastic_body_that_turns_its_bushing_too_far_stops_by_name():
     text = """
 gravity = [0, 0, 0]
-[ground]
-seat = [0, 0, 0]
-[bodies.bar]
-length = "300 mm"
-beam = {material = "steel", section = {circle = "20 mm"}, elements = 4}
-free = {at = [0, 0, 0], angular_velocity = [0, 0, 30]}
-[springs.mount]
-bushing = ["ground.seat", "bar.start"]
-stiffness = [1e5, 1e5, 1e5, 1, 1, 1]
-[sensors]
-x = {position = "bar.end", component = "x"}
-[solve]
-preset = "coupled"
-duration = "0.3 s"
-steps = 300
+ground.seat = [0, 0, 0]
+bodies.bar.length = "300 mm"
+bodies.bar.beam = {material = "steel", section = {circle = "20 mm"}, elements = 4}
+bodies.bar.free = {at = [0, 0, 0], angular_velocity = [0, 0, 30]}
+springs.mount = {bushing = ["ground.seat", "bar.start"], stiffness = [1e5, 1e5, 1e5, 1, 1, 1]}
+sensors.x = {position = "bar.end", component = "x"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 300}
 """
     expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Limit the"
     with pytest.raises(SceneError, match=expected):
-        solved(scene_of(tmp_path, text))
+        solved(scene_of(text))

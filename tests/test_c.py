@@ -20,6 +20,7 @@ from lifting import lifted
 from numba.types import float64, int64
 from runs import model
 
+from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.printers import numba_printer
 from kaneflex.derive.printers.c_module import prefix_of
@@ -32,12 +33,10 @@ from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.sensors import measure
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.one_way_run import run_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.contract import ELEMENT_KERNELS
-from kaneflex.support.errors import SceneError
 
 STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror")
 SHARED = ("-shared", "-fPIC")
@@ -140,15 +139,12 @@ def test_a_program_without_python_takes_the_steps_of_a_run(name, integrator, com
 # A loop closed about links that bend both ways, from rest over more than a cycle; one that is held once too often,
 # whose smallest sensor is 1e-5 of the others; a blade.
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name, settings",
-    [
-        ("spatial-slider-crank-elastic", ["solve.start=zero", "solve.duration=0.17 s", "solve.integrator=gauss"]),
-        ("spatial-slider-crank-elastic", []),
-        ("four-bar-misaligned", ["solve.integrator=newmark"]),
-        ("rotating-blade", ["solve.start=quasistatic"]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("name, settings", [
+    ("spatial-slider-crank-elastic", ["solve.start=zero", "solve.duration=0.17 s", "solve.integrator=gauss"]),
+    ("spatial-slider-crank-elastic", []),
+    ("four-bar-misaligned", ["solve.integrator=newmark"]),
+    ("rotating-blade", ["solve.start=quasistatic"]),
+])  # fmt: skip
 def test_in_space_too(name, settings, compiler, tmp_path):
     scene = with_settings(read_scene(name), settings)
     made = c_model(scene)
@@ -175,8 +171,7 @@ def test_a_planar_scene_lifted_into_space_reads_the_same(compiler, tmp_path):
     few = [f"{link}.elements=1" for link in ("crank", "coupler", "follower")]
     flat = with_settings(read_scene("four-bar"), ["damping.rayleigh.ratio=0", "solve.steps=720", *few])
     text = tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]})
-    (tmp_path / "lifted.toml").write_text(text, encoding="utf-8")
-    made, planar = c_model(read_scene(tmp_path / "lifted.toml")), c_model(flat)
+    made, planar = c_model(scene_of(text)), c_model(flat)
     space, plane = (ran(each, tmp_path / each.name, compiler) for each in (made, planar))
     assert off_the_run(made, space) < 1e-9
     shared = {*made.readings.sensors} & {*planar.readings.sensors}

@@ -7,35 +7,24 @@ import pytest
 from runs import solved
 from scipy.integrate import solve_ivp
 
+from kaneflex import load, scene_of, with_settings
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.loading import load
 
 SCENE = """
 schema = 1
 like = "four-bar"
-
-[bodies]
-crank = {beam = "none", mass = "31.58 g"}
-follower = FOLLOWER
-
-[damping]
-rayleigh = {ratio = 0.05, at = ["46 Hz", "75 Hz"]}
-
-[drives]
-main = {speed = "200 rpm"}
-
-[sensors]
-crank_tip = "none"
-follower_mid = "none"
-joint_x = {joint_force = "second", component = "x"}
-joint_y = {joint_force = "second", component = "y"}
-pivot_x = {joint_force = "rocker", component = "x"}
-pivot_y = {joint_force = "rocker", component = "y"}
-end_x = {position = "follower.end", component = "x"}
-
-[solve]
-steps = 360
+bodies.crank = {beam = "none", mass = "31.58 g"}
+bodies.follower = FOLLOWER
+damping.rayleigh = {ratio = 0.05, at = ["46 Hz", "75 Hz"]}
+drives.main = {speed = "200 rpm"}
+sensors.crank_tip = "none"
+sensors.follower_mid = "none"
+sensors.joint_x = {joint_force = "second", component = "x"}
+sensors.joint_y = {joint_force = "second", component = "y"}
+sensors.pivot_x = {joint_force = "rocker", component = "x"}
+sensors.pivot_y = {joint_force = "rocker", component = "y"}
+sensors.end_x = {position = "follower.end", component = "x"}
+solve.steps = 360
 """
 RIGID = '{beam = "none", mass = "29.83931 g"}'
 STIFF = '{beam = {E = "71e12 Pa", elements = 2}}'
@@ -58,19 +47,14 @@ def test_frequencies(scenes):
 
 @pytest.mark.parametrize("terms", ["{}", "{geometric = false}", "{spin = false, euler = false}"])
 def test_motion(scenes, terms):
-    series = {
-        name: solved(scene, f"solve.terms={terms}").series for name, scene in scenes.items()
-    }
+    series = {name: solved(scene, f"solve.terms={terms}").series for name, scene in scenes.items()}
     for sensor, tolerance in (("coupler_mid", 1e-5), ("crank_torque", 1e-4), ("coupler_force", 1e-4), ("end_x", 1e-6)):
         rigid, stiff = (series[name][sensor].values for name in ("rigid", "stiff"))
         assert rigid == pytest.approx(stiff, abs=tolerance * np.abs(stiff).max()), sensor
 
 
 def test_forces_without_vibrations(scenes):
-    series = {
-        name: solved(scene, "solve.preset=quasistatic").series
-        for name, scene in scenes.items()
-    }
+    series = {name: solved(scene, "solve.preset=quasistatic").series for name, scene in scenes.items()}
     for sensor in ("coupler_mid", "joint_x", "joint_y", "pivot_x", "pivot_y"):
         rigid, stiff = (series[name][sensor].values for name in ("rigid", "stiff"))
         assert rigid == pytest.approx(stiff, abs=1e-4 * np.abs(stiff).max()), sensor
@@ -78,41 +62,25 @@ def test_forces_without_vibrations(scenes):
 
 ROTATING = """
 schema = 1
-
-[bodies]
-arm = {length = "1 m", beam = {material = "steel", A = "100 mm^2", I = "1000 mm^4", elements = 6}}
-tip = TIP
-
-[joints]
-hub = {revolute = ["ground", "arm.start"]}
-flange = {weld = ["arm.end", "tip.start"]}
-
-[drives]
-hub = {speed = "400 rpm", cycle = "360 deg"}
-
-[loads]
-push = {force_on = "tip.end", axes = "body", direction = [0, 1], value = "5 N"}
-
-[sensors]
-arm_end = {displacement = "arm.end", component = "y"}
-arm_turn = {displacement = "arm.end", component = "angle"}
-tip_end = {displacement = "tip.end", component = "y"}
-root_moment = {bending_moment = "arm.start"}
-end_moment = {bending_moment = "arm.end"}
-hub_torque = {drive_torque = "hub"}
-flange_moment = {joint_force = "flange", component = "angle"}
-
-[damping]
-rayleigh = {ratio = 0.05, at = ["4 Hz", "40 Hz"]}
-
-[solve]
-start = "periodic"
-steps = 360
+bodies.arm = {length = "1 m", beam = {material = "steel", A = "100 mm^2", I = "1000 mm^4", elements = 6}}
+bodies.tip = TIP
+joints.hub = {revolute = ["ground", "arm.start"]}
+joints.flange = {weld = ["arm.end", "tip.start"]}
+drives.hub = {speed = "400 rpm", cycle = "360 deg"}
+loads.push = {force_on = "tip.end", axes = "body", direction = [0, 1], value = "5 N"}
+sensors.arm_end = {displacement = "arm.end", component = "y"}
+sensors.arm_turn = {displacement = "arm.end", component = "angle"}
+sensors.tip_end = {displacement = "tip.end", component = "y"}
+sensors.root_moment = {bending_moment = "arm.start"}
+sensors.end_moment = {bending_moment = "arm.end"}
+sensors.hub_torque = {drive_torque = "hub"}
+sensors.flange_moment = {joint_force = "flange", component = "angle"}
+damping.rayleigh = {ratio = 0.05, at = ["4 Hz", "40 Hz"]}
+solve = {start = "periodic", steps = 360}
 """
 RIGID_TIP = '{length = "0.4 m", mass = "0.314 kg"}'
 STIFF_TIP = (
-    '{length = "0.4 m", '
-    'beam = {E = "2.1e14 Pa", rho = "7850 kg/m^3", A = "100 mm^2", I = "1000 mm^4", elements = 2}}'
+    '{length = "0.4 m", beam = {E = "2.1e14 Pa", rho = "7850 kg/m^3", A = "100 mm^2", I = "1000 mm^4", elements = 2}}'
 )
 
 
@@ -133,14 +101,14 @@ def test_a_body_at_the_tip_of_a_rotating_beam():
     assert series["flange_moment"].values == pytest.approx(-series["end_moment"].values, rel=1e-9)
 
 
-LUMPED = ROTATING.replace("tip = TIP\n", "").replace('flange = {weld = ["arm.end", "tip.start"]}\n', "")
+LUMPED = ROTATING.replace("bodies.tip = TIP\n", "").replace('joints.flange = {weld = ["arm.end", "tip.start"]}\n', "")
 
 
 def test_a_lumped_mass_at_the_tip_of_a_rotating_beam():
     """At rest in the turning axes its centrifugal force meets the axis, too: only the push is left at the hub."""
-    sensors = '[sensors]\nroot_moment = {bending_moment = "arm.start"}\nhub_torque = {drive_torque = "hub"}\n\n'
-    text = LUMPED[: LUMPED.index("[sensors]")] + sensors + LUMPED[LUMPED.index("[damping]") :]
-    text = text.replace("tip.end", "arm.end") + '\n[masses]\nweight = {at = "arm.end", mass = "0.5 kg"}\n'
+    sensors = 'sensors.root_moment = {bending_moment = "arm.start"}\nsensors.hub_torque = {drive_torque = "hub"}\n'
+    text = LUMPED[: LUMPED.index("sensors.")] + sensors + LUMPED[LUMPED.index("damping.") :]
+    text = text.replace("tip.end", "arm.end") + '\nmasses.weight = {at = "arm.end", mass = "0.5 kg"}\n'
     for preset, exact in (("quasistatic", 1e-9), ("stiffened", 1e-3)):
         scene = with_settings(scene_of(text), [f"solve.preset={preset}"])
         series = solved(scene).series
@@ -148,15 +116,16 @@ def test_a_lumped_mass_at_the_tip_of_a_rotating_beam():
         assert series["hub_torque"].values.mean() == pytest.approx(-5.0, rel=exact)
 
 
-def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half(tmp_path):
+def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half():
     """Tip under a push F by integrating (E I v'')' - P v' = S, S' = rho A omega^2 v, at every angle of the hub.
 
     P(x) = rho A omega^2 (L^2 - x^2) / 2, before the mass at a besides m omega^2 a; there S grows by m omega^2 v.
     """
-    text = LUMPED[: LUMPED.index("tip_end")] + LUMPED[LUMPED.index("[damping]") :]
-    text = text.replace("tip.end", "arm.end").replace("elements = 6", "elements = 16") + 'preset = "quasistatic"\n'
-    (tmp_path / "lumped.toml").write_text(text + '[masses]\nweight = {at = "arm.mid", mass = "2 kg"}\n')
-    tip = solved(read_scene(tmp_path / "lumped.toml")).series["arm_end"].values
+    text = LUMPED[: LUMPED.index("sensors.tip_end")] + LUMPED[LUMPED.index("damping.") :]
+    text = text.replace("tip.end", "arm.end").replace("elements = 6", "elements = 16")
+    text = text.replace("solve = {", 'solve = {preset = "quasistatic", ')
+    text += 'masses.weight = {at = "arm.mid", mass = "2 kg"}'
+    tip = solved(scene_of(text)).series["arm_end"].values
     EI, line, omega, m, F = 2.1e11 * 1e-9, 7850.0 * 1e-4, 400 * np.pi / 30, 2.0, 5.0
 
     def half(start, inner):
@@ -180,44 +149,33 @@ def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half(tmp_path):
 BOOM = """
 schema = 1
 gravity = [-4, -9]
-[bodies]
-boom = {length = 1.5, beam = {material = "steel", section = {rectangle = [0.015, 0.02]}, elements = 8}}
-holder = {mass = 0.001, inertia = 1e-6}
-car = {mass = MASS, inertia = 0.02}
-[joints]
-root = {weld = ["ground", "boom.start"]}
-bracket = {weld = ["boom.end", "holder"]}
-HOLD
-[damping]
-modal = {ratio = 0.3}
-[sensors]
-slope = {position = "holder", component = "angle"}
-held_x = {acceleration = "car", component = "x"}
-held_y = {acceleration = "car", component = "y"}
-force_x = {joint_force = "hold", component = "x"}
-force_y = {joint_force = "hold", component = "y"}
-own_x = {joint_force = "hold", component = "x", axes = "body"}
-own_y = {joint_force = "hold", component = "y", axes = "body"}
-MORE
-[solve]
-preset = "PRESET"
-start = "quasistatic"
-duration = 0.1
-steps = 10
+bodies.boom = {length = 1.5, beam = {material = "steel", section = {rectangle = [0.015, 0.02]}, elements = 8}}
+bodies.holder = {mass = 0.001, inertia = 1e-6}
+bodies.car = {mass = MASS, inertia = 0.02}
+joints.root = {weld = ["ground", "boom.start"]}
+joints.bracket = {weld = ["boom.end", "holder"]}
+damping.modal = {ratio = 0.3}
+sensors.slope = {position = "holder", component = "angle"}
+sensors.held_x = {acceleration = "car", component = "x"}
+sensors.held_y = {acceleration = "car", component = "y"}
+sensors.force_x = {joint_force = "hold", component = "x"}
+sensors.force_y = {joint_force = "hold", component = "y"}
+sensors.own_x = {joint_force = "hold", component = "x", axes = "body"}
+sensors.own_y = {joint_force = "hold", component = "y", axes = "body"}
+solve = {preset = "PRESET", start = "quasistatic", duration = 0.1, steps = 10}
 """
-GUIDE = 'hold = {prismatic = ["holder", "car"], direction = [1, 0]}\n[drives]\nhold = {speed = 0, position = 0.4}'
-WELD = 'hold = {weld = ["holder", "car"]}'
+GUIDE = 'joints.hold = {prismatic = ["holder", "car"], direction = [1, 0]}\ndrives.hold = {speed = 0, position = 0.4}'
+WELD = 'joints.hold = {weld = ["holder", "car"]}'
 
 
 def _boom(preset, hold, mass, more=""):
-    text = BOOM.replace("PRESET", preset).replace("HOLD", hold).replace("MASS", str(mass)).replace("MORE", more)
-    found = solved(scene_of(text))
+    found = solved(scene_of(BOOM.replace("PRESET", preset).replace("MASS", str(mass)) + f"{hold}\n{more}"))
     return {name: series.values[-1] for name, series in found.series.items()}
 
 
 def test_sensors_on_a_rigid_body_turn_with_it_where_an_elastic_one_carries_it():
     """A carriage on a guide at the end of a boom that sags by four degrees, at rest."""
-    found = _boom("coupled", GUIDE, 4.0, 'slid = {position = "hold"}')
+    found = _boom("coupled", GUIDE, 4.0, 'sensors.slid = {position = "hold"}')
     c, s = np.cos(found["slope"]), np.sin(found["slope"])
     assert found["slope"] < -0.06 and found["slid"] == pytest.approx(0.4, abs=1e-12)
     assert (found["held_x"], found["held_y"]) == pytest.approx((4 * c + 9 * s, 9 * c - 4 * s), rel=1e-9)

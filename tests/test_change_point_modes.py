@@ -8,12 +8,9 @@ from machines import STRIP, WEIGHT, four_bar
 from scipy.integrate import solve_ivp
 from scipy_motion import scipy_motion
 
-from kaneflex import simulate
+from kaneflex import SceneError, load, scene_of, simulate
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time import lost_branch
-from kaneflex.scene import scene_of
-from kaneflex.solve.loading import load
-from kaneflex.support.errors import SceneError
 
 PARALLELOGRAM = four_bar(
     'length = "0.1 m", mass = "0.2 kg"', STRIP, 'length = "0.1 m", mass = "0.2 kg"',

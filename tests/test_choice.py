@@ -16,20 +16,18 @@ from command_line import cli, refused
 from extreme_cases import press
 from runs import solved, tables
 
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.cli.scene import chosen_lines
 from kaneflex.generated import engine as generated_engine
 from kaneflex.multibody.model.module_loading import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.structure import structure_hash
 from kaneflex.scene.write_back import file_to_write, write_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.study.trade import choice as choice_cache
 from kaneflex.study.trade.candidates import neutral
 from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
 from kaneflex.study.trade.indicators import indicators
-from kaneflex.support.errors import SceneError
 
 DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 """Sensors of the engine that show the rod's deformation alone."""
@@ -246,17 +244,14 @@ def test_run_writes_the_choice_into_the_summary_and_the_scenes_file(engine, cach
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["choice"]["remembered"] is False
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ('like = "engine"\n', '\n[solve]\npreset = "quasistatic"\nsteps = 360\n'),
-        ('like = "engine"\n[bodies.rod.beam]\nelements = 6  # fine\n', "elements = 2  # fine\n"),
-        ('like = "engine"\n[bodies.rod.beam]\n[solve]\nsteps = 5 # few\n', 'steps = 360 # few\npreset = "quasi'),
-        ('like = "engine"\n[bodies]\nrod = {mass = "1 kg"}\n', 'rod = {mass = "1 kg", beam = {elements = 2}}'),
-        ('like = "engine"\n[bodies.rod]\nbeam = {elements = 3} # "so"\n', 'beam = {elements = 2} # "so"'),
-        ('like = "engine"\n[solve]\nintegrator = "newmark"\n\n[damping]\n', "steps = 360\n\n[damping]\n"),
-    ],
-)
+@pytest.mark.parametrize(("text", "expected"), [
+    ('like = "engine"\n', '\n[solve]\npreset = "quasistatic"\nsteps = 360\n'),
+    ('like = "engine"\n[bodies.rod.beam]\nelements = 6  # fine\n', "elements = 2  # fine\n"),
+    ('like = "engine"\n[bodies.rod.beam]\n[solve]\nsteps = 5 # few\n', 'steps = 360 # few\npreset = "quasi'),
+    ('like = "engine"\n[bodies]\nrod = {mass = "1 kg"}\n', 'rod = {mass = "1 kg", beam = {elements = 2}}'),
+    ('like = "engine"\n[bodies.rod]\nbeam = {elements = 3} # "so"\n', 'beam = {elements = 2} # "so"'),
+    ('like = "engine"\n[solve]\nintegrator = "newmark"\n\n[damping]\n', "steps = 360\n\n[damping]\n"),
+])  # fmt: skip
 def test_a_file_is_changed_where_it_says_so_and_gives_the_scene(tmp_path, text, expected):
     path = tmp_path / "mine.toml"
     path.write_text(f'schema = 1\n{text}')
@@ -307,19 +302,16 @@ def test_write_back_keeps_line_ends_mode_and_links(tmp_path):
     assert file.read_bytes() == b'schema = 1\r\nlike = "engine"\r\n[solve]  # mine\r\nsteps = 360\r\n'
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--tolerance", "1%", "--preset", "linear"), ("--preset = 'linear'", "--tolerance chooses the model")),
-        (("--tolerance", "1%", "--integrator", "gauss"), ("--integrator = 'gauss'",)),
-        (("--tolerance", "1%", "--after", "x"), ("--after = 'x'",)),
-        (("--tolerance", "200%"), ("between 0 and 100 %",)),
-        (("--tolerance", "1%", "--sensors", "tip_axia"), ("nearest known one is 'tip_axial'",)),
-        (("--tolerance", "1%", "--write-back"), ("a shipped scene is not changed", "kaneflex new")),
-        (("--sensors", "tip_axial"), ("--sensors: requires --tolerance",)),
-        (("--write-back",), ("--write-back: requires --tolerance",)),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (("--tolerance", "1%", "--preset", "linear"), ("--preset = 'linear'", "--tolerance chooses the model")),
+    (("--tolerance", "1%", "--integrator", "gauss"), ("--integrator = 'gauss'",)),
+    (("--tolerance", "1%", "--after", "x"), ("--after = 'x'",)),
+    (("--tolerance", "200%"), ("between 0 and 100 %",)),
+    (("--tolerance", "1%", "--sensors", "tip_axia"), ("nearest known one is 'tip_axial'",)),
+    (("--tolerance", "1%", "--write-back"), ("a shipped scene is not changed", "kaneflex new")),
+    (("--sensors", "tip_axial"), ("--sensors: requires --tolerance",)),
+    (("--write-back",), ("--write-back: requires --tolerance",)),
+])  # fmt: skip
 def test_what_is_refused_before_anything_runs(tmp_path, cache, arguments, words):
     refused(cli("run", "engine", "-o", tmp_path / "out", *arguments), *words)
     assert list(tmp_path.iterdir()) == []

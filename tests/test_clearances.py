@@ -17,48 +17,38 @@ from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS
 LOOSE = """
 schema = 1
 like = "slider-crank-clearance"
-[sensors]
-own_x = {position = "wrist", axes = "body"}
-own_y = {position = "wrist", component = "y", axes = "body"}
-swing = {position = "wrist", component = "angle"}
-rod_end_x = {position = "rod.end", component = "x"}
-rod_end_y = {position = "rod.end", component = "y"}
-rod_end_angle = {position = "rod.end", component = "angle"}
-[solve]
-duration = "8 ms"
-errors = "none"
+sensors.own_x = {position = "wrist", axes = "body"}
+sensors.own_y = {position = "wrist", component = "y", axes = "body"}
+sensors.swing = {position = "wrist", component = "angle"}
+sensors.rod_end_x = {position = "rod.end", component = "x"}
+sensors.rod_end_y = {position = "rod.end", component = "y"}
+sensors.rod_end_angle = {position = "rod.end", component = "angle"}
+solve = {duration = "8 ms", errors = "none"}
 """
 RUBS = """
 schema = 1
 description = "A slider-crank with room in a pin and in its bore, where both rub"
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-crank = {length = "50 mm", mass = "0.3 kg"}
-rod = {length = "120 mm", mass = "0.1 kg"}
-piston = {mass = "0.14 kg", inertia = "1e-4 kg m^2", free = {at = ["170 mm", 0]}}
-[joints]
-main = {revolute = ["ground", "crank"]}
-wrist = {revolute = ["rod.end", "piston"]}
-[joints.pin]
-revolute = ["crank.end", "rod"]
-[joints.pin.clearance]
-radial = "50 um"
-width = "20 mm"
-contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}
-friction = {mu = 0.05}
-[joints.bore]
-prismatic = ["ground", "piston"]
-direction = [1, 0]
-clearance = {gap = "80 um", length = "60 mm", contact = {stiffness = 1e10, restitution = 0.6}, friction = {mu = 0.1}}
-[drives]
-main = {speed = "600 rpm"}
-wrist = {free = true, initial_speed = "250 rpm"}
-[sensors]
-knock = {contact_force = "pin"}
-[solve]
-preset = "coupled"
-duration = "6 ms"
-steps = 120
+bodies.crank = {length = "50 mm", mass = "0.3 kg"}
+bodies.rod = {length = "120 mm", mass = "0.1 kg"}
+bodies.piston = {mass = "0.14 kg", inertia = "1e-4 kg m^2", free = {at = ["170 mm", 0]}}
+joints.main = {revolute = ["ground", "crank"]}
+joints.wrist.revolute = ["rod.end", "piston"]
+joints.pin.revolute = ["crank.end", "rod"]
+joints.pin.clearance.radial = "50 um"
+joints.pin.clearance.width = "20 mm"
+joints.pin.clearance.contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}
+joints.pin.clearance.friction = {mu = 0.05}
+joints.bore.prismatic = ["ground", "piston"]
+joints.bore.direction = [1, 0]
+joints.bore.clearance.gap = "80 um"
+joints.bore.clearance.length = "60 mm"
+joints.bore.clearance.contact = {stiffness = 1e10, restitution = 0.6}
+joints.bore.clearance.friction = {mu = 0.1}
+drives.main = {speed = "600 rpm"}
+drives.wrist = {free = true, initial_speed = "250 rpm"}
+sensors.knock = {contact_force = "pin"}
+solve = {preset = "coupled", duration = "6 ms", steps = 120}
 """
 RIG = ("engine-rig-clearance", "solve.duration=1.5 s", "solve.steps=15000")
 TURN = 60 / 42.36
@@ -196,8 +186,7 @@ def test_a_block_is_drawn_between_its_faces(rig, drawn):
 def test_records_shade_the_zones_of_impacts(rig, drawn):
     axes = panels(drawn["records"])
     assert set(axes) == {
-        READ, "Accelerations", "Position", "Position in a clearance", "Axial force, tension positive",
-        "Contact forces",
+        READ, "Accelerations", "Position", "Position in a clearance", "Axial force, tension positive", "Contact forces",
     }  # fmt: skip
     for panel in axes.values():
         names = [text.get_text() for text in panel.get_legend().get_texts()]
@@ -263,12 +252,10 @@ def test_what_slips_with_hardly_any_acceleration_keeps_its_speed_and_jams_nothin
 
 def test_rigid_sides_rest_by_the_reactions_of_joints_that_rub(tmp_path):
     """A piston with room knocks from side to side and its pin rubs: what rests bears what that friction leaves."""
-    text = RUBS.replace('wrist = {revolute = ["rod.end", "piston"]}', """[joints.wrist]
-revolute = ["rod.end", "piston"]
-friction = {mu = 0.05, radius = "8 mm"}""")
+    text = RUBS + 'joints.wrist.friction = {mu = 0.05, radius = "8 mm"}\n'
     text = text.replace('contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}', HARD)
-    text = text.replace('width = "20 mm"\n', "").replace('"50 um"', '"1 um"')
-    soft = "contact = {stiffness = 1e10, restitution = 0.6}, friction = {mu = 0.1}"
+    text = text.replace('joints.pin.clearance.width = "20 mm"\n', "").replace('"50 um"', '"1 um"')
+    soft = "contact = {stiffness = 1e10, restitution = 0.6}\njoints.bore.clearance.friction = {mu = 0.1}"
     text = text.replace(soft, HARD.replace("0.7", "0"))
     text = text.replace('"80 um"', '"1 mm"')
     path = tmp_path / "scene.toml"

@@ -11,15 +11,14 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
+from kaneflex import load, read_scene, shipped_scenes, simulate, with_settings
 from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.module_loading import find_module
-from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
+from kaneflex.scene import json_schema
 from kaneflex.scene.parts import PRESETS
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 
 ROOT = Path(__file__).parents[1]
 
@@ -179,8 +178,7 @@ def test_check_says_what_a_scene_is():
         "preset      linear: vibration about", "duration    20 ms, one cycle",
         "steps       1440 in a cycle, 13.8889 us each", "elements    rod 4", "degrees of freedom  12",
         "mid_transverse          displacement of rod.mid, y in body axes, relative to chord",
-        "kaneflex.generated.engine",
-        structure_hash(read_scene("engine")),
+        "kaneflex.generated.engine", structure_hash(read_scene("engine")),
     ):  # fmt: skip
         assert words in shown
     assert list(Path().iterdir()) == []

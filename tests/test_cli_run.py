@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 from command_line import cli, refused, unrendered
 
+from kaneflex import OutputError, read_scene
 from kaneflex.report.summary import Summary
-from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash
 from kaneflex.support.atomic_output import _locked, whole_folder
-from kaneflex.support.errors import OutputError
 
 SMALL = ("--no-plots", "--set", "rod.elements=1", "--steps", "240")
 SENSORS = (

@@ -4,91 +4,73 @@ import numpy as np
 import pytest
 from newton_euler import imbalance, motion_of, place
 
+from kaneflex import Scene, SceneError, read_scene, scene_of
 from kaneflex.mechanism.position_analysis import place as placed
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.scene import Scene, read_scene, scene_of
 from kaneflex.scene.quantities import Address
-from kaneflex.support.errors import SceneError
 
 # Offset, tilted guide, mass centres off their axes, loads by law and by value in body axes, gravity.
 SLIDER = """
 gravity = [3.0, -9.0]
-[ground]
-line = ["20 mm", "12 mm"]
-[bodies]
-crank = {length = "40 mm", mass = "0.952 kg"}
-rod = {length = "137 mm", mass = "0.2 kg", centre = ["50 mm", "6 mm"], inertia = "3e-4 kg m^2"}
-[bodies.piston]
-mass = "0.3 kg"
-centre = ["9 mm", "-4 mm"]
-inertia = "1e-4 kg m^2"
-points = {eye = ["5 mm", "3 mm"], skirt = ["-7 mm", "2 mm"]}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "rod.start"]}
-wrist = {revolute = ["rod.end", "piston.eye"]}
-bore = {prismatic = ["ground.line", "piston.skirt"], direction = [0.8, 0.6], branch = "+"}
-[loads]
-push = {force_on = "rod.mid", direction = [0.6, 0.8], axes = "body", law = "100 * sin(3 * main) + main_speed"}
-brake = {force_on = "crank.end", direction = [0, 1], value = "-250 N"}
+ground.line = ["20 mm", "12 mm"]
+bodies.crank = {length = "40 mm", mass = "0.952 kg"}
+bodies.rod = {length = "137 mm", mass = "0.2 kg", centre = ["50 mm", "6 mm"], inertia = "3e-4 kg m^2"}
+bodies.piston.mass = "0.3 kg"
+bodies.piston.centre = ["9 mm", "-4 mm"]
+bodies.piston.inertia = "1e-4 kg m^2"
+bodies.piston.points = {eye = ["5 mm", "3 mm"], skirt = ["-7 mm", "2 mm"]}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "rod.start"]}
+joints.wrist = {revolute = ["rod.end", "piston.eye"]}
+joints.bore = {prismatic = ["ground.line", "piston.skirt"], direction = [0.8, 0.6], branch = "+"}
+loads.push = {force_on = "rod.mid", direction = [0.6, 0.8], axes = "body", law = "100 * sin(3 * main) + main_speed"}
+loads.brake = {force_on = "crank.end", direction = [0, 1], value = "-250 N"}
 """
 
 # The coupler is joined at points off its axis.
 FOUR_BAR = """
 gravity = [0.0, -9.81]
-[ground]
-pivot = ["200 mm", "30 mm"]
-[bodies]
-crank = {length = "60 mm", mass = "0.5 kg"}
-rocker = {length = "150 mm", mass = "0.8 kg", centre = ["70 mm", "10 mm"]}
-[bodies.coupler]
-mass = "0.7 kg"
-centre = ["90 mm", "20 mm"]
-inertia = "2e-3 kg m^2"
-points = {near = ["-10 mm", "5 mm"], far = ["170 mm", "15 mm"]}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "coupler.near"]}
-knee = {revolute = ["coupler.far", "rocker.end"]}
-foot = {revolute = ["rocker.start", "ground.pivot"], branch = "+"}
-[loads]
-pull = {force_on = "rocker.mid", direction = [0, 1], axes = "body", value = "40 N"}
+ground.pivot = ["200 mm", "30 mm"]
+bodies.crank = {length = "60 mm", mass = "0.5 kg"}
+bodies.rocker = {length = "150 mm", mass = "0.8 kg", centre = ["70 mm", "10 mm"]}
+bodies.coupler.mass = "0.7 kg"
+bodies.coupler.centre = ["90 mm", "20 mm"]
+bodies.coupler.inertia = "2e-3 kg m^2"
+bodies.coupler.points = {near = ["-10 mm", "5 mm"], far = ["170 mm", "15 mm"]}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "coupler.near"]}
+joints.knee = {revolute = ["coupler.far", "rocker.end"]}
+joints.foot = {revolute = ["rocker.start", "ground.pivot"], branch = "+"}
+loads.pull = {force_on = "rocker.mid", direction = [0, 1], axes = "body", value = "40 N"}
 """
 
 # A block on the crank's pin slides along a lever whose slot misses its pivot.
 LEVER = """
 gravity = [0.0, -9.81]
-[ground]
-pivot = ["-30 mm", "-150 mm"]
-[bodies]
-crank = {length = "60 mm", mass = "0.5 kg"}
-block = {mass = "0.2 kg", inertia = "1e-5 kg m^2", centre = ["2 mm", "1 mm"]}
-[bodies.lever]
-mass = "1.1 kg"
-centre = ["120 mm", "5 mm"]
-inertia = "5e-3 kg m^2"
-points = {slot = ["0 mm", "20 mm"]}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "block"]}
-foot = {revolute = ["ground.pivot", "lever.start"]}
-slide = {prismatic = ["lever.slot", "block"], direction = [0.96, 0.28], branch = "+"}
+ground.pivot = ["-30 mm", "-150 mm"]
+bodies.crank = {length = "60 mm", mass = "0.5 kg"}
+bodies.block = {mass = "0.2 kg", inertia = "1e-5 kg m^2", centre = ["2 mm", "1 mm"]}
+bodies.lever.mass = "1.1 kg"
+bodies.lever.centre = ["120 mm", "5 mm"]
+bodies.lever.inertia = "5e-3 kg m^2"
+bodies.lever.points = {slot = ["0 mm", "20 mm"]}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "block"]}
+joints.foot = {revolute = ["ground.pivot", "lever.start"]}
+joints.slide = {prismatic = ["lever.slot", "block"], direction = [0.96, 0.28], branch = "+"}
 """
 
 # The guide turns with the driven arm.
 SWINGING = """
 gravity = [0.0, -9.81]
-[ground]
-pivot = ["100 mm", "40 mm"]
-[bodies]
-arm = {length = "200 mm", mass = "1 kg", points = {slot = ["10 mm", "15 mm"]}}
-block = {mass = "0.3 kg", inertia = "1e-4 kg m^2", points = {edge = ["5 mm", "-3 mm"]}}
-rod = {length = "250 mm", mass = "0.4 kg"}
-[joints]
-main = {revolute = ["ground", "arm.start"]}
-wrist = {revolute = ["rod.end", "block"]}
-foot = {revolute = ["ground.pivot", "rod.start"]}
-slot = {prismatic = ["arm.slot", "block.edge"], direction = [0.8, -0.6], branch = "+"}
+ground.pivot = ["100 mm", "40 mm"]
+bodies.arm = {length = "200 mm", mass = "1 kg", points = {slot = ["10 mm", "15 mm"]}}
+bodies.block = {mass = "0.3 kg", inertia = "1e-4 kg m^2", points = {edge = ["5 mm", "-3 mm"]}}
+bodies.rod = {length = "250 mm", mass = "0.4 kg"}
+joints.main = {revolute = ["ground", "arm.start"]}
+joints.wrist = {revolute = ["rod.end", "block"]}
+joints.foot = {revolute = ["ground.pivot", "rod.start"]}
+joints.slot = {prismatic = ["arm.slot", "block.edge"], direction = [0.8, -0.6], branch = "+"}
 """
 
 MECHANISMS = {
@@ -112,7 +94,7 @@ def folder(tmp_path_factory):
 def mechanism(request, folder) -> tuple[Scene, RigidMotion]:
     text, branch = MECHANISMS[request.param]
     file = folder / "mechanism.toml"
-    drive = '[drives]\nmain = {speed = "60 rad/s", cycle = "360 deg"}\n'
+    drive = 'drives.main = {speed = "60 rad/s", cycle = "360 deg"}\n'
     file.write_text("schema = 1\n" + text.replace('branch = "+"', branch) + drive)
     scene = read_scene(file)
     return scene, motion_of(scene)
@@ -208,19 +190,14 @@ def test_a_cylinder_whose_ends_keep_their_distance_is_named():
     with pytest.raises(SceneError, match=r"barrel, rod, lever can still move together.*cylinder") as refusal:
         placed(scene_of("""
 schema = 1
-[bodies]
-barrel = {length = "0.3 m", mass = "5 kg"}
-rod = {length = "0.4 m", mass = "5 kg"}
-lever = {length = "1 m", mass = "20 kg"}
-[joints]
-foot = {revolute = ["ground", "lever.start"]}
-base = {revolute = ["ground", "barrel.start"]}
-cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
-eye = {revolute = ["rod.end", "lever.mid"], near = {lever = "60 deg"}}
-[drives]
-cylinder = {law = "0.1"}
-[solve]
-preset = "rigid"
-duration = "1 s"
+bodies.barrel = {length = "0.3 m", mass = "5 kg"}
+bodies.rod = {length = "0.4 m", mass = "5 kg"}
+bodies.lever = {length = "1 m", mass = "20 kg"}
+joints.foot = {revolute = ["ground", "lever.start"]}
+joints.base = {revolute = ["ground", "barrel.start"]}
+joints.cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
+joints.eye = {revolute = ["rod.end", "lever.mid"], near = {lever = "60 deg"}}
+drives.cylinder = {law = "0.1"}
+solve = {preset = "rigid", duration = "1 s"}
 """))
     assert refusal.value.key == "joints.eye"

@@ -12,10 +12,9 @@ from command_line import cli, refused, unrendered
 from runs import run
 
 import kaneflex
-from kaneflex.scene import read_scene, with_settings
+from kaneflex import SceneError, compare, read_scene, with_settings
 from kaneflex.solve.curves import Curves
-from kaneflex.study.comparison import compare, side_by_side
-from kaneflex.support.errors import SceneError
+from kaneflex.study.comparison import side_by_side
 
 PRESETS = ("rigid", "quasistatic", "linear", "stiffened")
 
@@ -94,16 +93,13 @@ def test_too_few_that_run_and_a_lost_reference_are_refused():
         compare(scene, ("quasistatic", "stiffened", "coupled"), against="coupled")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--presets", "linear,stifened"), ("--presets = 'stifened'", "nearest known one is 'stiffened'")),
-        (("--presets", "linear"), ("two or more", "Name at least two")),
-        (("--presets", "linear,linear"), ("Name each model once",)),
-        (("--against", "rigid"), ("--against = 'rigid'", "not one of the compared models")),
-        (("--set", "sensors=none"), ("sensors", "no sensors to compare")),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (("--presets", "linear,stifened"), ("--presets = 'stifened'", "nearest known one is 'stiffened'")),
+    (("--presets", "linear"), ("two or more", "Name at least two")),
+    (("--presets", "linear,linear"), ("Name each model once",)),
+    (("--against", "rigid"), ("--against = 'rigid'", "not one of the compared models")),
+    (("--set", "sensors=none"), ("sensors", "no sensors to compare")),
+])  # fmt: skip
 def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
     folder = tmp_path / "out"
     refused(cli("compare", "engine", "-o", folder, *arguments), *words)

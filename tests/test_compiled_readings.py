@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from runs import SHORT
 
+from kaneflex import Solution, load, read_scene, shipped_scenes, with_settings
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.response.sensors import measure
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import has_compiled_readings
 
 SCENES = [

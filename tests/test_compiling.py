@@ -26,6 +26,7 @@ from numba.core.compiler import Flags, run_frontend
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
+from kaneflex import load, read_scene
 from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
@@ -34,14 +35,10 @@ from kaneflex.multibody import engine
 from kaneflex.multibody.model.layout import CONTACT_MECHANISM
 from kaneflex.multibody.model.system import build_system
 from kaneflex.multibody.time.rigid_reference import rigid_reference
-from kaneflex.scene import read_scene
-from kaneflex.solve.loading import load
 from kaneflex.support import inner
 from kaneflex.support.inner import PART
 
-KINDS = (
-    types.boolean, types.int64, types.uint8, types.literal(3), types.literal(-1), types.float32, types.float64,
-)  # fmt: skip
+KINDS = (types.boolean, types.int64, types.uint8, types.literal(3), types.literal(-1), types.float32, types.float64)
 ROW, MATRIX, PAIR = types.float64[::1], types.float64[:, ::1], types.UniTuple(types.int64, 2)
 
 

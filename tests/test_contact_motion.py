@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from runs import folded, solved
 
-from kaneflex import SceneError
+from kaneflex import SceneError, scene_of
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
@@ -23,15 +23,14 @@ from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
-from kaneflex.scene import scene_of
 
 G = 9.81
 GROUND, ZERO = BodyPoint("ground", "base", (0.0, 0.0)), (0.0, 0.0)
 METHOD = Method("radau", 1e-8, 1.0)
 POINTS = "points = {{left = [-10, 0], right = [10, 0]}}"
-BODY = 'body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0], ' + POINTS + "}}\n"
-JOINT = 'hinge_{k} = {{revolute = ["ground.base", "body_{k}.end"]}}\n'
-DRIVE = 'hinge_{k} = {{free = true, angle = "150 deg"}}\n'
+BODY = 'bodies.body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0], ' + POINTS + "}}\n"
+JOINT = 'joints.hinge_{k} = {{revolute = ["ground.base", "body_{k}.end"]}}\n'
+DRIVE = 'drives.hinge_{k} = {{free = true, angle = "150 deg"}}\n'
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +38,9 @@ def scenes():
     """One body, and two, hinged to the ground by their ends; their mass is at their start."""
     found = {}
     for count in (1, 2):
-        parts = [[part.format(k=k) for k in range(count)] for part in (BODY, JOINT, DRIVE)]
-        text = 'schema = 1\ngravity = [0, "-9.81 m/s^2"]\nground = {base = [0, 0]}\n[solve]\npreset = "coupled"\n'
-        text += 'duration = "1 s"\n' + "".join(
-            f"[{table}]\n{''.join(lines)}" for table, lines in zip(("bodies", "joints", "drives"), parts, strict=True)
-        )
-        found[count] = scene_of(text)
+        text = 'schema = 1\ngravity = [0, "-9.81 m/s^2"]\nground.base = [0, 0]\n'
+        text += 'solve = {preset = "coupled", duration = "1 s"}\n'
+        found[count] = scene_of(text + "".join((BODY + JOINT + DRIVE).format(k=k) for k in range(count)))
     return found
 
 
@@ -219,18 +215,11 @@ gravity = [0, "-9.81 m/s^2"]
 bodies = {ball = {mass = "1 kg"}}
 joints = {fall = {prismatic = ["ground", "ball"], direction = [0, 1]}}
 drives = {fall = {free = true, position = "1 m"}}
-[contacts.floor]
-point_on_line = ["ball", "ground"]
-normal = [0, 1]
-contact = {stiffness = 1e9, restitution = 0.7}
-[sensors]
-push = {contact_force = "floor"}
-air = {contact_gap = "floor"}
-height = {position = "fall"}
-[solve]
-preset = "coupled"
-duration = "4 s"
-steps = 200
+contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = {stiffness = 1e9, restitution = 0.7}}
+sensors.push = {contact_force = "floor"}
+sensors.air = {contact_gap = "floor"}
+sensors.height = {position = "fall"}
+solve = {preset = "coupled", duration = "4 s", steps = 200}
 """
 
 
@@ -290,32 +279,23 @@ def test_a_cascade_without_time_between_stops_with_its_name(scenes):
 SLIDING = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-crank = {length = 0.153, mass = 0.038, inertia = 7.4e-5, centre = [0.0765, 0]}
-rod = {length = 0.306, mass = 0.038, inertia = 5.9e-4, centre = [0.153, 0]}
-slider = {mass = 0.076, inertia = 2.7e-6}
-[joints]
-main = {revolute = ["ground", "crank"]}
-pin = {revolute = ["crank.end", "rod"]}
-wrist = {revolute = ["rod.end", "slider"]}
-[joints.bore]
-prismatic = ["ground", "slider"]
-direction = [1, 0]
-[joints.bore.clearance]
-gap = "1 mm"
-length = "100 mm"
-height = "50 mm"
-contact = {stiffness = 1e13, restitution = 0.4}
-[drives]
-main = {free = true, initial_speed = 150}
-pin = {free = true, initial_speed = -225}
-wrist = {free = true, initial_speed = 75}
-[sensors]
-y = {position = "slider", component = "y"}
-[solve]
-preset = "coupled"
-duration = "18 ms"
-steps = 90
+bodies.crank = {length = 0.153, mass = 0.038, inertia = 7.4e-5, centre = [0.0765, 0]}
+bodies.rod = {length = 0.306, mass = 0.038, inertia = 5.9e-4, centre = [0.153, 0]}
+bodies.slider = {mass = 0.076, inertia = 2.7e-6}
+joints.main = {revolute = ["ground", "crank"]}
+joints.pin = {revolute = ["crank.end", "rod"]}
+joints.wrist = {revolute = ["rod.end", "slider"]}
+joints.bore.prismatic = ["ground", "slider"]
+joints.bore.direction = [1, 0]
+joints.bore.clearance.gap = "1 mm"
+joints.bore.clearance.length = "100 mm"
+joints.bore.clearance.height = "50 mm"
+joints.bore.clearance.contact = {stiffness = 1e13, restitution = 0.4}
+drives.main = {free = true, initial_speed = 150}
+drives.pin = {free = true, initial_speed = -225}
+drives.wrist = {free = true, initial_speed = 75}
+sensors.y = {position = "slider", component = "y"}
+solve = {preset = "coupled", duration = "18 ms", steps = 90}
 """
 
 
@@ -336,7 +316,7 @@ def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says():
 
 def test_a_run_stops_where_a_contacts_force_passes_a_value():
     """Between stored instants the contact stands as beside them."""
-    event = '[events]\nlanded = {sensor = "push", value = 5, direction = "up", stop = true}\n'
+    event = 'events.landed = {sensor = "push", value = 5, direction = "up", stop = true}\n'
     solution = solved(scene_of(BOUNCING + event))
     assert "the event landed ended the run" in solution.message
     assert solution.series["push"].values[-1] == pytest.approx(5, rel=1e-6)

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kaneflex import SceneError, linearise, load
+from kaneflex import SceneError, linearise, load, scene_of, with_settings
 from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.scene import scene_of, with_settings
 from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.report import check_differentiable
@@ -22,48 +21,30 @@ BALL = """
 schema = 1
 description = "A ball that bounces on the floor"
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-ball = {mass = "1 kg"}
-[joints]
-fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-[drives]
-fall = {free = true, position = "1 m"}
-[contacts.floor]
-point_on_line = ["ball", "ground"]
-normal = [0, 1]
-contact = {stiffness = 1e9, restitution = 0.7}
-[sensors]
-height = {position = "fall", component = "x"}
-[solve]
-preset = "coupled"
-duration = "2 s"
-steps = 500
+bodies.ball = {mass = "1 kg"}
+joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
+drives.fall = {free = true, position = "1 m"}
+contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = {stiffness = 1e9, restitution = 0.7}}
+sensors.height = {position = "fall", component = "x"}
+solve = {preset = "coupled", duration = "2 s", steps = 500}
 """
 CRANK, ROD, PISTON, INERTIA, MASS, SPEED = 0.05, 0.12, 0.14, 8.2e-5, 0.068, 314.0
 LOOSE = f"""
 schema = 1
 description = "A slider-crank with room in its wrist pin"
-[bodies]
-crank = {{length = {CRANK}, mass = 0.3, inertia = 1e-4}}
-rod = {{length = {ROD}, mass = {MASS}, inertia = {INERTIA}, centre = [{ROD / 2}, 0]}}
-piston = {{mass = {PISTON}}}
-[joints]
-main = {{revolute = ["ground", "crank"]}}
-pin = {{revolute = ["crank.end", "rod"]}}
-bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
-[joints.wrist]
-revolute = ["rod.end", "piston"]
-clearance = {{radial = "0.2 mm", contact = {{stiffness = 1e10, restitution = 0.6}}}}
-[drives]
-main = {{speed = {SPEED}}}
-pin = {{free = true, initial_speed = {-SPEED * (1 + CRANK / ROD)}}}
-bore = {{free = true, position = {CRANK + ROD}}}
-[sensors]
-slide = {{position = "bore", component = "x"}}
-[solve]
-preset = "coupled"
-duration = "5.5 ms"
-steps = 550
+bodies.crank = {{length = {CRANK}, mass = 0.3, inertia = 1e-4}}
+bodies.rod = {{length = {ROD}, mass = {MASS}, inertia = {INERTIA}, centre = [{ROD / 2}, 0]}}
+bodies.piston = {{mass = {PISTON}}}
+joints.main = {{revolute = ["ground", "crank"]}}
+joints.pin = {{revolute = ["crank.end", "rod"]}}
+joints.bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
+joints.wrist.revolute = ["rod.end", "piston"]
+joints.wrist.clearance = {{radial = "0.2 mm", contact = {{stiffness = 1e10, restitution = 0.6}}}}
+drives.main = {{speed = {SPEED}}}
+drives.pin = {{free = true, initial_speed = {-SPEED * (1 + CRANK / ROD)}}}
+drives.bore = {{free = true, position = {CRANK + ROD}}}
+sensors.slide = {{position = "bore", component = "x"}}
+solve = {{preset = "coupled", duration = "5.5 ms", steps = 550}}
 """
 
 
@@ -204,8 +185,8 @@ def test_a_slider_crank_knocks_as_its_own_two_equations_say():
 
 def test_a_clearance_that_vanishes_leaves_the_tight_joints_answer():
     """The slide of a pin that stays in touch is off by the clearance, which a mechanism in line passes on as it is."""
-    tight = LOOSE[: LOOSE.index("clearance")] + LOOSE[LOOSE.index("[drives]") :]
-    tight = "\n".join(line for line in tight.splitlines() if not line.startswith(("pin = {free", "bore = {free")))
+    loose = ("joints.wrist.clearance", "drives.pin", "drives.bore")
+    tight = "\n".join(line for line in LOOSE.splitlines() if not line.startswith(loose))
     right, missed = solved(tight).series["slide"].values, []
     for room in (1e-4, 1e-5, 1e-6):
         found = solved(LOOSE, f"wrist.clearance.radial={room}", "wrist.clearance.contact.stiffness=1e13")
@@ -217,29 +198,19 @@ BAR = """
 schema = 1
 description = "A hinged elastic bar that falls on a stop below its end"
 gravity = [0, "-9.81 m/s^2"]
-[ground]
-stop = ["0.5 m", "-10 mm"]
-[bodies]
-bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
-[joints]
-hinge = {revolute = ["ground", "bar"]}
-[drives]
-hinge = {free = true, angle = "2 deg"}
-[contacts.stop]
-point_on_line = ["bar.end", "ground.stop"]
-normal = [0, 1]
-radius = "10 mm"
-contact = {materials = ["steel", "steel"], restitution = 0.3}
-[damping]
-rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
-[sensors]
-angle = {position = "hinge", component = "angle"}
-moment = {bending_moment = "bar.mid"}
-shear = {shear_force = "bar.end"}
-[solve]
-preset = "coupled"
-duration = "0.5 s"
-steps = 1000
+ground.stop = ["0.5 m", "-10 mm"]
+bodies.bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
+joints.hinge = {revolute = ["ground", "bar"]}
+drives.hinge = {free = true, angle = "2 deg"}
+contacts.stop.point_on_line = ["bar.end", "ground.stop"]
+contacts.stop.normal = [0, 1]
+contacts.stop.radius = "10 mm"
+contacts.stop.contact = {materials = ["steel", "steel"], restitution = 0.3}
+damping.rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
+sensors.angle = {position = "hinge", component = "angle"}
+sensors.moment = {bending_moment = "bar.mid"}
+sensors.shear = {shear_force = "bar.end"}
+solve = {preset = "coupled", duration = "0.5 s", steps = 1000}
 """
 
 
@@ -319,32 +290,22 @@ BRIDGE = """
 schema = 1
 description = "A ball at rest on the far support of an elastic bridge, whose end does not move"
 gravity = [0, -9.81]
-[ground]
-far = [4, 0]
-[bodies]
-bridge = {length = 4, beam = {material = "steel", section = {rectangle = ["50 mm", "50 mm"]}}}
-roller = {mass = "1 g"}
-ball = {mass = "20 kg"}
-[joints]
-left = {revolute = ["ground", "bridge.start"]}
-right = {revolute = ["bridge.end", "roller"]}
-bed = {prismatic = ["ground", "roller"], direction = [1, 0]}
-up = {prismatic = ["ground.far", "ball"], direction = [0, 1]}
-[drives]
-up = {free = true}
-[contacts.wheel]
-point_on_line = ["ball", "bridge"]
-normal = [0, 1]
-contact = {law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = 2e3}
-[damping]
-modal = {ratio = 0.5}
-[sensors]
-ball_y = {position = "ball", component = "y"}
-mid = {displacement = "bridge.mid", component = "y"}
-[solve]
-preset = "coupled"
-duration = "3 s"
-steps = 300
+ground.far = [4, 0]
+bodies.bridge = {length = 4, beam = {material = "steel", section = {rectangle = ["50 mm", "50 mm"]}}}
+bodies.roller = {mass = "1 g"}
+bodies.ball = {mass = "20 kg"}
+joints.left = {revolute = ["ground", "bridge.start"]}
+joints.right = {revolute = ["bridge.end", "roller"]}
+joints.bed = {prismatic = ["ground", "roller"], direction = [1, 0]}
+joints.up = {prismatic = ["ground.far", "ball"], direction = [0, 1]}
+drives.up = {free = true}
+contacts.wheel.point_on_line = ["ball", "bridge"]
+contacts.wheel.normal = [0, 1]
+contacts.wheel.contact = {law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = 2e3}
+damping.modal = {ratio = 0.5}
+sensors.ball_y = {position = "ball", component = "y"}
+sensors.mid = {displacement = "bridge.mid", component = "y"}
+solve = {preset = "coupled", duration = "3 s", steps = 300}
 """
 
 

@@ -5,12 +5,11 @@ import math
 import pytest
 from scipy.optimize import brentq
 
-from kaneflex import SceneError
+from kaneflex import SceneError, scene_of, with_settings
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.report.presentation import parts, printed
-from kaneflex.scene import scene_of, with_settings
 from kaneflex.scene.contact_law import cylinders
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.structure import structure_hash
@@ -20,41 +19,31 @@ STEEL = 2.1e11 / (1 - 0.3**2) / 2
 LOOSE = """
 schema = 1
 description = "A slider-crank with room in its wrist pin"
-[ground]
-floor = [0, "-2 m"]
-[bodies]
-crank = {length = "153 mm", mass = 0.038, inertia = 7.4e-5, centre = ["76.5 mm", 0]}
-rod = {length = "306 mm", mass = 0.038, inertia = 5.9e-4, centre = ["153 mm", 0]}
-piston = {mass = "76 g", inertia = 2.7e-6}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "rod.start"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-[joints.wrist]
-revolute = ["rod.end", "piston"]
-clearance = {radial = "0.5 mm", contact = {stiffness = 1e9, restitution = 0.9}}
-[drives]
-main = {speed = "150 rad/s", cycle = "360 deg"}
-pin = {free = true}
-bore = {free = true, position = "459 mm"}
-[loads]
-push = {force_on = "piston", direction = [1, 0], value = 1}
-[springs]
-coil = {torsional_at = "pin", stiffness = 1}
-[contacts.stop]
-point_on_line = ["piston", "ground.floor"]
-normal = [0, 2]
-contact = {stiffness = "1e9 N/m^1.5", restitution = 0.5}
-[sensors]
-x = {position = "bore"}
-force = {joint_force = "pin"}
-[solve]
-preset = "coupled"
+ground.floor = [0, "-2 m"]
+bodies.crank = {length = "153 mm", mass = 0.038, inertia = 7.4e-5, centre = ["76.5 mm", 0]}
+bodies.rod = {length = "306 mm", mass = 0.038, inertia = 5.9e-4, centre = ["153 mm", 0]}
+bodies.piston = {mass = "76 g", inertia = 2.7e-6}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "rod.start"]}
+joints.bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
+joints.wrist.revolute = ["rod.end", "piston"]
+joints.wrist.clearance = {radial = "0.5 mm", contact = {stiffness = 1e9, restitution = 0.9}}
+drives.main = {speed = "150 rad/s", cycle = "360 deg"}
+drives.pin = {free = true}
+drives.bore = {free = true, position = "459 mm"}
+loads.push = {force_on = "piston", direction = [1, 0], value = 1}
+springs.coil = {torsional_at = "pin", stiffness = 1}
+contacts.stop.point_on_line = ["piston", "ground.floor"]
+contacts.stop.normal = [0, 2]
+contacts.stop.contact = {stiffness = "1e9 N/m^1.5", restitution = 0.5}
+sensors.x = {position = "bore"}
+sensors.force = {joint_force = "pin"}
+solve.preset = "coupled"
 """
 WRIST = "contact = {stiffness = 1e9, restitution = 0.9}"
 STOP = 'contact = {stiffness = "1e9 N/m^1.5", restitution = 0.5}'
-WRIST_JOINT = """revolute = ["rod.end", "piston"]
-clearance = {radial = "0.5 mm", contact = {stiffness = 1e9, restitution = 0.9}}
+WRIST_JOINT = """joints.wrist.revolute = ["rod.end", "piston"]
+joints.wrist.clearance = {radial = "0.5 mm", contact = {stiffness = 1e9, restitution = 0.9}}
 """
 BORE = 'bore = {prismatic = ["ground", "piston"], direction = [1, 0]'
 BLOCK = BORE + ', clearance = {gap = "80 um", length = "60 mm", height = "50 mm", ' + WRIST + "}"
@@ -102,8 +91,8 @@ def test_settings_and_copies_know_the_clearance_as_it_is_written():
 def test_a_block_touches_the_faces_of_its_guide_by_its_corners(direction):
     """Moved and turned so far that a corner touches, by the rectangle's own geometry."""
     scene = written(
-        (BORE, BLOCK.replace("[1, 0]", str(list(direction)))), ('x = {position = "bore"}', ""),
-        ('bore = {free = true, position = "459 mm"}\n', ""),
+        (BORE, BLOCK.replace("[1, 0]", str(list(direction)))), ('sensors.x = {position = "bore"}', ""),
+        ('drives.bore = {free = true, position = "459 mm"}\n', ""),
     )  # fmt: skip
     contacts = [contact for contact in mechanism_of(scene).contacts.values() if contact.joint == "bore"]
     assert [contact.name for contact in contacts] == ["bore_1", "bore_2", "bore_3", "bore_4"]
@@ -128,7 +117,7 @@ def test_hertz_of_spheres():
         depth = (3 * force * R / (4 * STEEL)) ** (2 / 3) / R
         K, n = scene.contacts["stop"].pushing
         assert n == 1.5 and K * depth**n == pytest.approx(force, rel=1e-12)
-    ball = written((STOP, 'radius = "10 mm"\n' + steel)).contacts["stop"]
+    ball = written((STOP, 'radius = "10 mm"\ncontacts.stop.' + steel)).contacts["stop"]
     assert ball.pushing == (pytest.approx(4 / 3 * STEEL * 0.1, rel=1e-12), 1.5) and ball.reach == 10e-3
 
 
@@ -154,110 +143,60 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
     assert (load / K) ** (1 / n) == pytest.approx(2 * each, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            "[drives]", "[drives]\nwrist = {free = true}",
-            "drives.wrist: wrist has a clearance: it cannot be driven. Leave out the clearance or this entry.",
-        ),
-        (
-            'force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
-            "sensors.eccentricity: contacts have a result of this name. Choose another name.",
-        ),
-        (
-            'joint_force = "pin"', 'joint_force = "wrist"',
-            "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, but contacts with a "
-            "contact_force. Leave out the clearance or this entry.",
-        ),
-        (
-            'push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',
-            "loads.push.torque_at = 'wrist': wrist has a clearance: a torque needs a joint without "
-            "clearance. Leave out the clearance or this entry.",
-        ),
-        (
-            'torsional_at = "pin"', 'torsional_at = "wrist"',
-            "springs.coil.torsional_at = 'wrist': wrist has a clearance: it has no angle. Leave out "
-            "the clearance or this entry.",
-        ),
-        (
-            "[contacts.stop]", "[contacts.wrist]",
-            "contacts.wrist: a contact of the clearance of joint wrist has this name. Choose another name.",
-        ),
-        (
-            "[contacts.stop]", "[contacts.rod]",
-            "contacts.rod: bodies has an entry of this name. Choose another name.",
-        ),
-        (
-            '"ground.floor"', '"ground.flor"',
-            "contacts.stop.point_on_line = 'ground.flor': no such fixed point. The nearest known one is 'floor'.",
-        ),
-        (
-            '"rod.end", "piston"', '"rod.enf", "piston"',
-            "joints.wrist.revolute = 'rod.enf': rod has no point 'enf'. The nearest known one is 'end'.",
-        ),
-        (
-            '["piston", "ground.floor"]', '["piston", "piston.start"]',
-            "contacts.stop.point_on_line = ['piston', 'piston.start']: both sides are on the same body. Name "
-            "points of two bodies.",
-        ),
-        (
-            "normal = [0, 2]", "",
-            "contacts.stop: the side of the line is not given. Give normal, like normal = [0, 1].",
-        ),
-        (
-            STOP, STOP.replace('0.5', '0'),
-            "contacts.stop.contact.restitution = 0: law exact would need an infinite force. Give a number "
-            "above zero, like 0.01.",
-        ),
-        (
-            STOP, STOP.replace('0.5', '1.5'),
-            "contacts.stop.contact.restitution = 1.5: the impact would gain energy. Give a number up to 1.",
-        ),
-        (
-            STOP, STOP.replace('^1.5', ''),
-            "contacts.stop.contact.stiffness = '1e9 N/m': 'N/m' is not a unit of contact stiffness. Write a "
-            "contact stiffness like '1e9 N/m^1.5', or a plain number in N/m^1.5.",
-        ),
-        (
-            STOP, "contact = {stiffness = 1e9}",
-            "contacts.stop.contact: law exact needs a restitution. Give restitution, or use law hertz, which "
-            "is lossless.",
-        ),
-        (
-            STOP, 'contact = {law = "kelvin-voigt", stiffness = 1e9, restitution = 0.5}',
-            "contacts.stop.contact.restitution = 0.5: law kelvin-voigt does not use it. Leave it out.",
-        ),
-        (
-            STOP, 'contact = {materials = ["steel", "steal"], restitution = 0.5}',
-            "contacts.stop.contact.materials = ['steel', 'steal']: unknown material 'steal'. The nearest known "
-            "one is 'steel'.",
-        ),
-        (
-            STOP, 'contact = {materials = ["steel", "steel"], restitution = 0.5}',
-            "contacts.stop.contact: Hertz's theory needs a radius, a point has none. Give its radius, "
-            "or contact.stiffness.",
-        ),
-        (
-            WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", restitution = 0.5}',
-            "joints.wrist.clearance.contact: the stiffness of cylinders depends on the load at which K d^n is "
-            "fitted, which is missing. Give contact.load, a typical force, like load = '1 kN'.",
-        ),
-        (
-            WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", load = 1e6, restitution = 0.5}',
-            "joints.wrist.clearance.contact.load = 1000000.0: at this force the contact of the cylinders is "
-            "too wide for Hertz's theory. Give a load up to 7.19e+05 N, or contact.stiffness.",
-        ),
-        (
-            'radial = "0.5 mm"', 'gap = "0.5 mm", length = 1',
-            "joints.wrist.clearance: a revolute joint has no such clearance. Give radial or angle.",
-        ),
-        (
-            '["rod.end", "piston"]', '["rod.end", "piston"]\nbranch = "-"',
-            "joints.wrist.branch = '-': a joint with a clearance does not couple rotations. Leave it out.",
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("drives.pin", "drives.wrist = {free = true}\ndrives.pin",
+     "drives.wrist: wrist has a clearance: it cannot be driven. Leave out the clearance or this entry."),
+    ('force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
+     "sensors.eccentricity: contacts have a result of this name. Choose another name."),
+    ('joint_force = "pin"', 'joint_force = "wrist"',
+     "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, but contacts with a "
+     "contact_force. Leave out the clearance or this entry."),
+    ('push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',
+     "loads.push.torque_at = 'wrist': wrist has a clearance: a torque needs a joint without "
+     "clearance. Leave out the clearance or this entry."),
+    ('torsional_at = "pin"', 'torsional_at = "wrist"',
+     "springs.coil.torsional_at = 'wrist': wrist has a clearance: it has no angle. Leave out "
+     "the clearance or this entry."),
+    ("contacts.stop", "contacts.wrist",
+     "contacts.wrist: a contact of the clearance of joint wrist has this name. Choose another name."),
+    ("contacts.stop", "contacts.rod", "contacts.rod: bodies has an entry of this name. Choose another name."),
+    ('"ground.floor"', '"ground.flor"',
+     "contacts.stop.point_on_line = 'ground.flor': no such fixed point. The nearest known one is 'floor'."),
+    ('"rod.end", "piston"', '"rod.enf", "piston"',
+     "joints.wrist.revolute = 'rod.enf': rod has no point 'enf'. The nearest known one is 'end'."),
+    ('["piston", "ground.floor"]', '["piston", "piston.start"]',
+     "contacts.stop.point_on_line = ['piston', 'piston.start']: both sides are on the same body. Name "
+     "points of two bodies."),
+    ("contacts.stop.normal = [0, 2]\n", "",
+     "contacts.stop: the side of the line is not given. Give normal, like normal = [0, 1]."),
+    (STOP, STOP.replace('0.5', '0'),
+     "contacts.stop.contact.restitution = 0: law exact would need an infinite force. Give a number "
+     "above zero, like 0.01."),
+    (STOP, STOP.replace('0.5', '1.5'),
+     "contacts.stop.contact.restitution = 1.5: the impact would gain energy. Give a number up to 1."),
+    (STOP, STOP.replace('^1.5', ''),
+     "contacts.stop.contact.stiffness = '1e9 N/m': 'N/m' is not a unit of contact stiffness. Write a "
+     "contact stiffness like '1e9 N/m^1.5', or a plain number in N/m^1.5."),
+    (STOP, "contact = {stiffness = 1e9}",
+     "contacts.stop.contact: law exact needs a restitution. Give restitution, or use law hertz, which is lossless."),
+    (STOP, 'contact = {law = "kelvin-voigt", stiffness = 1e9, restitution = 0.5}',
+     "contacts.stop.contact.restitution = 0.5: law kelvin-voigt does not use it. Leave it out."),
+    (STOP, 'contact = {materials = ["steel", "steal"], restitution = 0.5}',
+     "contacts.stop.contact.materials = ['steel', 'steal']: unknown material 'steal'. The nearest known "
+     "one is 'steel'."),
+    (STOP, 'contact = {materials = ["steel", "steel"], restitution = 0.5}',
+     "contacts.stop.contact: Hertz's theory needs a radius, a point has none. Give its radius, or contact.stiffness."),
+    (WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", restitution = 0.5}',
+     "joints.wrist.clearance.contact: the stiffness of cylinders depends on the load at which K d^n is "
+     "fitted, which is missing. Give contact.load, a typical force, like load = '1 kN'."),
+    (WRIST, 'width = "20 mm", contact = {modulus = "115 GPa", load = 1e6, restitution = 0.5}',
+     "joints.wrist.clearance.contact.load = 1000000.0: at this force the contact of the cylinders is "
+     "too wide for Hertz's theory. Give a load up to 7.19e+05 N, or contact.stiffness."),
+    ('radial = "0.5 mm"', 'gap = "0.5 mm", length = 1',
+     "joints.wrist.clearance: a revolute joint has no such clearance. Give radial or angle."),
+    ('["rod.end", "piston"]', '["rod.end", "piston"]\njoints.wrist.branch = "-"',
+     "joints.wrist.branch = '-': a joint with a clearance does not couple rotations. Leave it out."),
+])  # fmt: skip
 def test_what_is_wrong_is_named_with_its_cure(old, new, message):
     assert message in refused((old, new))
 
@@ -266,7 +205,7 @@ def test_a_block_is_refused_where_it_can_not_be():
     assert refused((BORE, BLOCK)) == [
         "drives.bore: bore has a clearance: it cannot be driven. Leave out the clearance or this entry.",
     ]
-    tight_wrist = WRIST_JOINT, WRIST_JOINT.split("clearance")[0]
+    tight_wrist = WRIST_JOINT, WRIST_JOINT.split("joints.wrist.clearance")[0]
     free_wrist = 'bore = {free = true, position = "459 mm"}', "wrist = {free = true}"
     assert refused((BORE, BLOCK), tight_wrist, free_wrist, (", inertia = 2.7e-6", "")) == [
         "bodies.piston.inertia = 0: it can rotate in the clearance of bore but has no moment of inertia. "
@@ -274,8 +213,7 @@ def test_a_block_is_refused_where_it_can_not_be():
     ]
     materials = BLOCK.replace(WRIST, 'contact = {materials = ["steel", "steel"], restitution = 0.9}')
     assert refused((BORE, materials)) == [
-        "joints.bore.clearance.contact: Hertz's theory needs a radius, a corner has none. "
-        "Give contact.stiffness."
+        "joints.bore.clearance.contact: Hertz's theory needs a radius, a corner has none. Give contact.stiffness."
     ]
     beam = 'piston = {length = 1, beam = {material = "steel", section = {rectangle = [0.01, 0.01]}}}'
     assert "joints.bore.prismatic = 'piston.start': piston is elastic: a guide cannot hold a deforming body. " \

@@ -11,34 +11,25 @@ from machines import four_bar
 from runs import solved
 
 import kaneflex
-from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.solve.coupled_state import SavedState, last_state
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 CRANK = ("spatial-slider-crank-elastic", "solve.modes=1", "solve.start=zero", "solve.tolerance=1e-9")
 TOP = ("spinning-top", "solve.forward.tolerance=1e-11")
 SWINGING = """
 schema = 1
 name = "swinging-rod"
-[bodies]
-rod = {length = "1 m", beam = {material = "aluminium", section = {rectangle = ["2 mm", "4 mm"]}, elements = 4}}
-[joints]
-hinge = {spherical = ["ground", "rod.start"]}
-[drives]
-hinge = {free = true, angular_velocity = [9, 1, 4]}
-[loads]
-push = {force_on = "rod.mid", direction = [0.2, 1, 0.5], value = "0.2 N"}
-[damping]
-rayleigh = {ratio = 0.02, at = ["5 Hz", "40 Hz"]}
-[sensors]
-x = {position = "rod.end", component = "x"}
-z = {position = "rod.end", component = "z"}
-bend = {displacement = "rod.mid", component = "y"}
-force = {joint_force = "hinge", component = "y"}
-[solve]
-modes = 1
-duration = 1
+bodies.rod = {length = "1 m", beam = {material = "aluminium", section = {rectangle = ["2 mm", "4 mm"]}, elements = 4}}
+joints.hinge = {spherical = ["ground", "rod.start"]}
+drives.hinge = {free = true, angular_velocity = [9, 1, 4]}
+loads.push = {force_on = "rod.mid", direction = [0.2, 1, 0.5], value = "0.2 N"}
+damping.rayleigh = {ratio = 0.02, at = ["5 Hz", "40 Hz"]}
+sensors.x = {position = "rod.end", component = "x"}
+sensors.z = {position = "rod.end", component = "z"}
+sensors.bend = {displacement = "rod.mid", component = "y"}
+sensors.force = {joint_force = "hinge", component = "y"}
+solve = {modes = 1, duration = 1}
 """
 """Elastic rod on a ball."""
 LOOP = ("main", "first", "second", "back")
@@ -139,16 +130,10 @@ def test_a_slide_of_a_small_mechanism_must_stand_where_its_drive_does(zeros):
     text = f"""
 schema = 1
 name = "slide"
-[bodies]
-block = {{mass = "1 g", centre = [0, 0{zeros}], inertia = {inertia}, points = {{p = ["1 cm", 0{zeros}]}}}}
-[joints]
-rail = {{prismatic = ["ground", "block.p"], direction = [1, 0{zeros}]}}
-[drives]
-rail = {{law = "START + 0.001*sin(100*t)"}}
-[solve]
-preset = "coupled"
-duration = "0.01 s"
-steps = 10
+bodies.block = {{mass = "1 g", centre = [0, 0{zeros}], inertia = {inertia}, points = {{p = ["1 cm", 0{zeros}]}}}}
+joints.rail = {{prismatic = ["ground", "block.p"], direction = [1, 0{zeros}]}}
+drives.rail = {{law = "START + 0.001*sin(100*t)"}}
+solve = {{preset = "coupled", duration = "0.01 s", steps = 10}}
 """
 
     def along(start, after=None):

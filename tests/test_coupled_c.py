@@ -15,6 +15,7 @@ from runs import model, run
 from test_c import HEADS, SHARED, built
 
 import kaneflex
+from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
@@ -22,8 +23,6 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.support.errors import SceneError
 
 COUPLED = "solve.preset=coupled"
 # A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first.
@@ -104,26 +103,18 @@ def test_accelerations_in_space_in_c_are_those_of_the_engine(scene, compiler, tm
 ASTRAY = """
 schema = 1
 name = "astray"
-[bodies]
-crank = {length = 0.1, mass = 1.0, inertia = [1e-3, 1e-3, 1e-3], rotation = {x = [1, 11.43, 0]}}
-piston = {mass = 0.2, inertia = [1e-4, 1e-4, 1e-4]}
-[bodies.rod]
-length = 0.25
-rotation = {x = [0.91718, -0.398478, 0]}
-beam = {material = "steel", section = {circle = 0.01}, elements = 2}
-[joints]
-main = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
-pin = {spherical = ["crank.end", "rod.start"]}
-wrist = {revolute = ["rod.end", "piston.start"], axis = [0, 0, 1]}
-guide = {prismatic = ["ground", "piston.start"], direction = [1, 0, 0]}
-[drives]
-guide = {free = true, initial_speed = "-10 m/s"}
+bodies.crank = {length = 0.1, mass = 1.0, inertia = [1e-3, 1e-3, 1e-3], rotation = {x = [1, 11.43, 0]}}
+bodies.piston = {mass = 0.2, inertia = [1e-4, 1e-4, 1e-4]}
+bodies.rod.length = 0.25
+bodies.rod.rotation = {x = [0.91718, -0.398478, 0]}
+bodies.rod.beam = {material = "steel", section = {circle = 0.01}, elements = 2}
+joints.main = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
+joints.pin = {spherical = ["crank.end", "rod.start"]}
+joints.wrist = {revolute = ["rod.end", "piston.start"], axis = [0, 0, 1]}
+joints.guide = {prismatic = ["ground", "piston.start"], direction = [1, 0, 0]}
+drives.guide = {free = true, initial_speed = "-10 m/s"}
+solve = {preset = "coupled", modes = 1, duration = "12 ms", steps = 60}
 [sensors]
-[solve]
-preset = "coupled"
-modes = 1
-duration = "12 ms"
-steps = 60
 """
 
 
@@ -275,10 +266,7 @@ def test_the_command_writes_a_folder(compiler, tmp_path):
     subprocess.run([compiler, "-std=c11", *sources], cwd=tmp_path / "b", check=True)
     cli("derive", "four-bar-motor", "--language", "c", "-o", tmp_path / "c")
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
-        "CMakeLists.txt",
-        "four_bar_motor.c",
-        "four_bar_motor.h",
-        "four_bar_motor_run.c",
+        "CMakeLists.txt", "four_bar_motor.c", "four_bar_motor.h", "four_bar_motor_run.c",
     ]
     refused(cli("derive", "stick-slip", "--language", "c", "-o", tmp_path / "d"), "joints.rub")
     assert not (tmp_path / "d").exists()

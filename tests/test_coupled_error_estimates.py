@@ -12,12 +12,11 @@ from test_coupled_orbit import ABSORBER
 from test_error_estimates import check_effectivities
 
 import kaneflex
-from kaneflex import load
+from kaneflex import load, with_settings
 from kaneflex.cli import main
 from kaneflex.multibody.model import system
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.time import shooting
-from kaneflex.scene import with_settings
 from kaneflex.solve import coupled, coupled_corrections, error_estimates
 from kaneflex.solve.coupled_state import state_after
 from kaneflex.solve.error_stages import Read
@@ -34,15 +33,11 @@ def engine():
     return scene, solved(scene, *FINE, "rod.elements=16", "solve.steps=1440")
 
 
-@pytest.mark.parametrize(
-    ("kind", "settings"),
-    [
-        ("modes", ["solve.modes=1"]),
-        ("elements", ["rod.elements=2", "solve.modes=4"]),
-        ("time", ["solve.tolerance=1e-5", "solve.steps=180"]),
-    ],
-    ids=lambda part: part if isinstance(part, str) else ",".join(part),
-)
+@pytest.mark.parametrize(("kind", "settings"), [
+    ("modes", ["solve.modes=1"]),
+    ("elements", ["rod.elements=2", "solve.modes=4"]),
+    ("time", ["solve.tolerance=1e-5", "solve.steps=180"]),
+], ids=lambda part: part if isinstance(part, str) else ",".join(part))  # fmt: skip
 def test_a_coupled_cycle_has_a_plus_minus(engine, kind, settings):
     scene, fine = engine
     found = solved(scene, *COUPLED, *settings)

@@ -5,10 +5,9 @@ import pytest
 from runs import moments
 
 import kaneflex
+from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.multibody.model.shape_families import clamped_free
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 
 def load(name, *settings):
@@ -49,15 +48,12 @@ def test_high_clamped_free_functions_keep_their_ends():
         assert abs(values[1]) == pytest.approx(2.0, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "link", "shapes", "sensor", "tolerance"),
-    [
-        ("spin-up", "beam", "clamped-free", "tip_transverse", 1e-3),
-        ("spin-up", "beam", "polynomial", "tip_transverse", 3e-3),
-        ("slider-crank-150", "rod", "sine", "mid_transverse", 2e-3),
-        ("slider-crank-150", "rod", "polynomial", "mid_transverse", 1e-2),
-    ],
-)
+@pytest.mark.parametrize(("name", "link", "shapes", "sensor", "tolerance"), [
+    ("spin-up", "beam", "clamped-free", "tip_transverse", 1e-3),
+    ("spin-up", "beam", "polynomial", "tip_transverse", 3e-3),
+    ("slider-crank-150", "rod", "sine", "mid_transverse", 2e-3),
+    ("slider-crank-150", "rod", "polynomial", "mid_transverse", 1e-2),
+])  # fmt: skip
 def test_families_agree_with_craig_bampton_modes(name, link, shapes, sensor, tolerance):
     elements = f"bodies.{link}.beam.elements=8"
     there = solve(load(name, elements)).series[sensor].values
@@ -66,27 +62,18 @@ def test_families_agree_with_craig_bampton_modes(name, link, shapes, sensor, tol
     assert 1e-9 * abs(there).max() < gap < tolerance * abs(there).max()
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        (
-            ["bodies.beam.beam.shapes=sine"],
-            "bodies.beam.beam.shapes = 'sine': sines vanish at both ends of the link, and one of them is not pinned. "
-            "Use craig-bampton or polynomial.",
-        ),
-        (
-            ["bodies.beam.beam.shapes=polynomial", "bodies.beam.beam.elements=2", "solve.modes=3"],
-            "bodies.beam.beam.shapes = 'polynomial': 3 of them need at least 3 elements, the link has 2. Give "
-            "bodies.beam.beam.elements, or use fewer modes.",
-        ),
-        (
-            ["bodies.beam.beam.shapes=clamped-free", "bodies.beam.beam.theory=timoshenko",
-             "bodies.beam.beam.kappa=0.85", "bodies.beam.beam.nu=0.3"],
-            "bodies.beam.beam.shapes = 'clamped-free': these functions have no shear, unlike a Timoshenko beam. Use "
-            "craig-bampton, or another theory.",
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("settings", "message"), [
+    (["bodies.beam.beam.shapes=sine"],
+     "bodies.beam.beam.shapes = 'sine': sines vanish at both ends of the link, and one of them is not pinned. "
+     "Use craig-bampton or polynomial."),
+    (["bodies.beam.beam.shapes=polynomial", "bodies.beam.beam.elements=2", "solve.modes=3"],
+     "bodies.beam.beam.shapes = 'polynomial': 3 of them need at least 3 elements, the link has 2. Give "
+     "bodies.beam.beam.elements, or use fewer modes."),
+    (["bodies.beam.beam.shapes=clamped-free", "bodies.beam.beam.theory=timoshenko",
+      "bodies.beam.beam.kappa=0.85", "bodies.beam.beam.nu=0.3"],
+     "bodies.beam.beam.shapes = 'clamped-free': these functions have no shear, unlike a Timoshenko beam. Use "
+     "craig-bampton, or another theory."),
+])  # fmt: skip
 def test_what_a_family_cannot_stand_for(settings, message):
     with pytest.raises(SceneError) as error:
         load("spin-up", *settings)

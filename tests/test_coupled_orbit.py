@@ -29,16 +29,13 @@ def periodic(monkeypatch, name, *settings):
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    "name, settings",
-    [
-        ("engine", []),
-        ("engine", ["damping=none"]),
-        ("quick-return", ["damping=none"]),
-        ("four-bar", ["damping=none"]),  # whose links bend by 2 % of their length near a resonance
-        ("engine", ["damping=none", "loads.gas.interpolation=linear"]),  # whose load has a kink every degree
-    ],
-)
+@pytest.mark.parametrize("name, settings", [
+    ("engine", []),
+    ("engine", ["damping=none"]),
+    ("quick-return", ["damping=none"]),
+    ("four-bar", ["damping=none"]),  # whose links bend by 2 % of their length near a resonance
+    ("engine", ["damping=none", "loads.gas.interpolation=linear"]),  # whose load has a kink every degree
+])  # fmt: skip
 def test_a_few_cycles_do_whether_or_not_anything_dies_away(monkeypatch, name, settings):
     solution, cycles = periodic(monkeypatch, name, *settings)
     q = solution.trajectory.q
@@ -113,15 +110,12 @@ def test_a_free_joint_repeats_too(monkeypatch, tmp_path):
         np.testing.assert_allclose(series.values, expected, rtol=0, atol=2e-5 * abs(expected).max())
 
 
-@pytest.mark.parametrize(
-    "table, entry, said",
-    [
-        ("loads", {"push": {"force_on": "follower.mid", "direction": [0, 1], "law": "cos(main) + 0.1 * t"}},
-         "push is 1 at first and 1.02 a cycle later"),
-        ("drives", {"main": {"law": "10 * pi * t + t**2", "period": "0.2 s"}},
-         "main is 31.4159 at first and 31.8159 a cycle"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("table, entry, said", [
+    ("loads", {"push": {"force_on": "follower.mid", "direction": [0, 1], "law": "cos(main) + 0.1 * t"}},
+     "push is 1 at first and 1.02 a cycle later"),
+    ("drives", {"main": {"law": "10 * pi * t + t**2", "period": "0.2 s"}},
+     "main is 31.4159 at first and 31.8159 a cycle"),
+])  # fmt: skip
 def test_what_does_not_repeat_is_named(table, entry, said):
     """As in space: the harmonics took a load that grows for one that jumps back every cycle."""
     raw = kaneflex.read_scene("four-bar").raw | {table: entry, "solve": {"preset": "coupled", "start": "periodic"}}

@@ -14,14 +14,13 @@ from scipy.special import ellipk
 from scipy_motion import scipy_motion
 
 import kaneflex
+from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 SHORT = ("solve.duration=0.5 s", "solve.steps=200")
 
@@ -134,7 +133,7 @@ def test_instants_outside_the_run_are_refused(pendulum, times):
 
 
 def scene_with_event(like, words, *settings):
-    return with_settings(scene_of(f'schema = 1\nlike = "{like}"\n[events]\nit = {{{words}}}\n'), list(settings))
+    return with_settings(scene_of(f'schema = 1\nlike = "{like}"\nevents.it = {{{words}}}\n'), list(settings))
 
 
 # A steel bar so thick that it swings like a rigid one.
@@ -172,17 +171,11 @@ def test_an_event_of_a_driven_mechanism():
     assert abs(found.at(found.events["it"]).series["crank_torque"].values).max() < 1e-6 * abs(values).max()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("sensor = 'angel'", "events.it.sensor = 'angel': no sensor of that name. The nearest known one is 'angle'."),
-        (
-            "sensor = 'angle', value = '3 mm'",
-            "events.it.value = '3 mm': 'mm' is not a unit of angle. "
-            "Write an angle like '720 deg', or a plain number in rad.",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    ("sensor = 'angel'", "events.it.sensor = 'angel': no sensor of that name. The nearest known one is 'angle'."),
+    ("sensor = 'angle', value = '3 mm'",
+     "events.it.value = '3 mm': 'mm' is not a unit of angle. Write an angle like '720 deg', or a plain number in rad."),
+])  # fmt: skip
 def test_events_that_cannot_be(words, message):
     with pytest.raises(SceneError) as error:
         scene_with_event("elastic-pendulum", words)
@@ -204,17 +197,11 @@ bodies = {wheel = {mass = 1.0, inertia = 0.1}}
 joints = {hinge = {revolute = ["ground", "wheel"]}}
 drives = {hinge = {free = true, initial_speed = 10.0}}
 springs = {coil = {torsional_at = "hinge", stiffness = 0.1}}
-[sensors]
-angle = {position = "hinge", component = "angle"}
-heading = {position = "wheel", component = "angle"}
-torque = {spring_torque = "coil"}
-[events.far]
-sensor = "angle"
-value = "9 rad"
-[solve]
-preset = "coupled"
-duration = 3.0
-steps = 300
+sensors.angle = {position = "hinge", component = "angle"}
+sensors.heading = {position = "wheel", component = "angle"}
+sensors.torque = {spring_torque = "coil"}
+events.far = {sensor = "angle", value = "9 rad"}
+solve = {preset = "coupled", duration = 3.0, steps = 300}
 """
 
 
@@ -323,19 +310,11 @@ def test_a_tolerance_bounds_what_it_is_asked_to():
 
 PRESCRIBED = """
 schema = 1
-[bodies]
-crank = {length = "45 mm", mass = "1 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-[drives]
-main = {law = "0.2*sin(300*t)"}
-[sensors]
-torque = {drive_torque = "main"}
-[solve]
-preset = "coupled"
-start = "zero"
-duration = "20 ms"
-steps = 50
+bodies.crank = {length = "45 mm", mass = "1 kg"}
+joints.main = {revolute = ["ground", "crank.start"]}
+drives.main = {law = "0.2*sin(300*t)"}
+sensors.torque = {drive_torque = "main"}
+solve = {preset = "coupled", start = "zero", duration = "20 ms", steps = 50}
 """
 
 
@@ -350,7 +329,7 @@ def test_a_mechanism_without_a_freedom_is_one_too():
 
 def test_a_cycle_without_a_freedom_repeats():
     text = PRESCRIBED.replace('{law = "0.2*sin(300*t)"}', '{speed = "5000 rpm", cycle = "360 deg"}')
-    text = text.replace('"zero"\nduration = "20 ms"', '"periodic"')
+    text = text.replace('"zero", duration = "20 ms"', '"periodic"')
     solution = solved(kaneflex.scene_of(text))
     assert solution.outcome is Outcome.COMPLETED
 

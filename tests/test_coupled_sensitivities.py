@@ -11,14 +11,12 @@ from lifting import lifted
 from runs import run
 from test_sensitivities import differences
 
+from kaneflex import load, read_scene, sensitivities, with_settings
 from kaneflex.multibody.time import shooting
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.replay import solver_of
-from kaneflex.study.sensitivity.report import sensitivities
 from kaneflex.study.sensitivity.slopes import neighbour_at
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
@@ -37,28 +35,19 @@ CRANK = (*CYCLE[:3], "solve.steps=20", "solve.tolerance=1e-7", "solve.start=zero
 FLYING = """
 schema = 1
 gravity = [0, "-9.81 m/s^2", 0]
-[bodies]
-rod = {length = "1 m", beam = {material = "steel", section = {circle = "8 mm"}, elements = 4}, free = {velocity = ["2 m/s", 0, "1 m/s"], angular_velocity = ["3 rad/s", "2 rad/s", 0]}}
-bob = {length = "0.3 m", mass = "0.2 kg", inertia = ["1e-4 kg m^2", "2e-3 kg m^2", "2e-3 kg m^2"]}
-[joints]
-ball = {spherical = ["rod.end", "bob.start"]}
-[drives]
-ball = {free = true}
-[loads]
-push = {force_on = "bob.end", direction = [0, 1, 2], value = "5 N"}
-[damping]
-rayleigh = {ratio = 0.01, at = ["30 Hz", "100 Hz"]}
-[sensors]
-bow = {displacement = "rod.mid", relative_to = "chord", component = "z"}
-tip = {position = "bob.end", component = "z"}
-ball_force = {joint_force = "ball", component = "x"}
-[solve]
-preset = "coupled"
-modes = 1
-duration = "20 ms"
-steps = 40
-tolerance = 1e-11
-"""  # noqa: E501
+bodies.rod.length = "1 m"
+bodies.rod.beam = {material = "steel", section = {circle = "8 mm"}, elements = 4}
+bodies.rod.free = {velocity = ["2 m/s", 0, "1 m/s"], angular_velocity = ["3 rad/s", "2 rad/s", 0]}
+bodies.bob = {length = "0.3 m", mass = "0.2 kg", inertia = ["1e-4 kg m^2", "2e-3 kg m^2", "2e-3 kg m^2"]}
+joints.ball = {spherical = ["rod.end", "bob.start"]}
+drives.ball = {free = true}
+loads.push = {force_on = "bob.end", direction = [0, 1, 2], value = "5 N"}
+damping.rayleigh = {ratio = 0.01, at = ["30 Hz", "100 Hz"]}
+sensors.bow = {displacement = "rod.mid", relative_to = "chord", component = "z"}
+sensors.tip = {position = "bob.end", component = "z"}
+sensors.ball_force = {joint_force = "ball", component = "x"}
+solve = {preset = "coupled", modes = 1, duration = "20 ms", steps = 40, tolerance = 1e-11}
+"""
 
 
 def check(scene, names, frozen=True, step=5e-4):

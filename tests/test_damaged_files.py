@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from runs import run
 
-from kaneflex.solve.coupled_state import read_state
+from kaneflex import OutputError, SceneError, read_state, sweep
 from kaneflex.study.plan import make_plan
 from kaneflex.study.records import Record
 from kaneflex.study.study import read_study
-from kaneflex.study.sweep import sweep
-from kaneflex.support.errors import OutputError, SceneError
 
 STUDY = {"scene": "four-bar", "parameters": {"solve.steps": [90, 91, 92, 93]}, "series": True}
 

@@ -6,53 +6,43 @@ from functools import cache
 import pytest
 from command_line import cli
 
+from kaneflex import load, read_scene, with_settings
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
 from kaneflex.mechanism.closure import followed
 from kaneflex.mechanism.dead_centres import closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.report.checked import description, notes
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 
 LOOPS = ("engine-3", "four-bar", "quick-return", "six-bar", "slider-crank-150", "v-engine")
 PARALLEL = """
 schema = 1
 ground = {b = ["200 mm", 0], c = ["400 mm", 0]}
-[bodies]
-crank = {length = "50 mm", mass = "0.1 kg"}
-second = {length = "50 mm", mass = "0.1 kg"}
-third = {length = "50 mm", mass = "0.1 kg"}
-bar = {length = "400 mm", mass = "0.3 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-near_pin = {revolute = ["crank.end", "bar.start"]}
-middle_pin = {revolute = ["bar.mid", "second.end"]}
-middle = {revolute = ["ground.b", "second.start"]}
-far_pin = {revolute = ["bar.end", "third.end"]}
-far = {revolute = ["ground.c", "third.start"]}
-[drives]
-main = {law = "1.5 + 0.1 * sin(2 * t)"}
-[solve]
-preset = "coupled"
-duration = "1 s"
+bodies.crank = {length = "50 mm", mass = "0.1 kg"}
+bodies.second = {length = "50 mm", mass = "0.1 kg"}
+bodies.third = {length = "50 mm", mass = "0.1 kg"}
+bodies.bar = {length = "400 mm", mass = "0.3 kg"}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.near_pin = {revolute = ["crank.end", "bar.start"]}
+joints.middle_pin = {revolute = ["bar.mid", "second.end"]}
+joints.middle = {revolute = ["ground.b", "second.start"]}
+joints.far_pin = {revolute = ["bar.end", "third.end"]}
+joints.far = {revolute = ["ground.c", "third.start"]}
+drives.main = {law = "1.5 + 0.1 * sin(2 * t)"}
+solve = {preset = "coupled", duration = "1 s"}
 """
 OFFSET_SLIDE = """
 schema = 1
 ground = {pivot = ["-100 mm", 0]}
-[bodies]
-crank = {length = "40 mm", mass = "1 kg"}
-block = {mass = "0.2 kg", inertia = "5e-5 kg m^2"}
-lever = {length = "300 mm", mass = "3 kg", points = {slot = [0, "30 mm"]}}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "block"]}
-foot = {revolute = ["ground.pivot", "lever.start"]}
-slot = {prismatic = ["lever.slot", "block"], direction = [1, 0], branch = "+"}
-[drives]
-main = {speed = "120 rpm", cycle = "360 deg"}
-[solve]
-preset = "rigid"
+bodies.crank = {length = "40 mm", mass = "1 kg"}
+bodies.block = {mass = "0.2 kg", inertia = "5e-5 kg m^2"}
+bodies.lever = {length = "300 mm", mass = "3 kg", points = {slot = [0, "30 mm"]}}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "block"]}
+joints.foot = {revolute = ["ground.pivot", "lever.start"]}
+joints.slot = {prismatic = ["lever.slot", "block"], direction = [1, 0], branch = "+"}
+drives.main = {speed = "120 rpm", cycle = "360 deg"}
+solve.preset = "rigid"
 """
 
 

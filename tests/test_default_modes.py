@@ -2,28 +2,18 @@
 
 import pytest
 
-from kaneflex.scene import with_settings
-from kaneflex.scene.read import scene_of
-from kaneflex.solve.loading import load
+from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 PLANE = """
 schema = 1
 gravity = [0, -9.81]
-[bodies]
-bar = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}, elements = 2}}
-block = {mass = "1 kg"}
-[joints]
-wall = {weld = ["ground", "bar.start"]}
-tip = {weld = ["bar.end", "block"]}
-[sensors]
-y = {position = "block", component = "y"}
-[solve]
-preset = "coupled"
-duration = "0.02 s"
-steps = 20
-errors = "none"
+bodies.bar = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}, elements = 2}}
+bodies.block = {mass = "1 kg"}
+joints.wall = {weld = ["ground", "bar.start"]}
+joints.tip = {weld = ["bar.end", "block"]}
+sensors.y = {position = "block", component = "y"}
+solve = {preset = "coupled", duration = "0.02 s", steps = 20, errors = "none"}
 """
 """As ``shared/cases/default_modes.toml`` has it, for a shorter time."""
 SAG = 9.81 * (1.0 / 3 + 7850 * 1e-4 / 8) / (210e9 * 1e-8 / 12)

@@ -11,19 +11,17 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.integrate.methods import METHODS
 from kaneflex.report.summary import documentation
-from kaneflex.scene import Scene, json_schema, read_scene, with_settings
+from kaneflex.scene import json_schema
 from kaneflex.scene.laws import FUNCTIONS
 from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
 from kaneflex.scene.table import SceneTable
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate, solve
-from kaneflex.solve.solution import Solution
-from kaneflex.support.errors import SceneError
+from kaneflex.solve.simulation import solve
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = ("index", "links", "joints", "drives", "loads", "contacts", "friction", "damping", "sensors", "solve", "space",
@@ -201,13 +199,10 @@ def test_every_fragment_runs_on_top_of_the_engine(fragment, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory) -> dict[str, Solution]:
+def solved() -> dict[str, Solution]:
     """The complete scenes of the pages and of this file, each run as it stands there."""
-    folder = tmp_path_factory.mktemp("scenes")
     texts = SCENES | MORE_SCENES
-    for name, text in texts.items():
-        (folder / f"{name}.toml").write_text(text)
-    return {name: solve(load(read_scene(folder / f"{name}.toml"))) for name in texts}
+    return {name: solve(load(scene_of(text))) for name, text in texts.items()}
 
 
 def test_every_complete_scene_runs(solved):

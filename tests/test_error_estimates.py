@@ -5,8 +5,7 @@ import pytest
 from runs import solved
 
 import kaneflex
-from kaneflex import load
-from kaneflex.scene import with_settings
+from kaneflex import load, with_settings
 from kaneflex.solve import one_way_corrections
 from kaneflex.solve.run_result import seconds_of_steps
 from kaneflex.solve.simulation import solve
@@ -39,22 +38,18 @@ def check_effectivities(found, fine, kind, least):
     assert len(effectivities) > 4 and 0.8 < np.median(effectivities) < 1.35
 
 
-@pytest.mark.parametrize(
-    ("kind", "settings"),
-    [
-        ("terms", ["solve.preset=rigid"]),
-        ("terms", ["solve.preset=quasistatic"]),
-        ("terms", ["solve.preset=linear"]),
-        ("terms", ["solve.terms.damping=false"]),
-        ("modes", ["solve.modes=1"]),
-        ("elements", ["rod.elements=1"]),
-        ("elements", ["rod.elements=2", "solve.tolerance=1e-8"]),
-        ("time", ["solve.integrator=newmark", "solve.steps=360"]),
-        ("time", ["solve.integrator=radau", "solve.steps=180"]),
-        ("time", ["solve.tolerance=0.01"]),
-    ],
-    ids=lambda part: part if isinstance(part, str) else ",".join(part),
-)
+@pytest.mark.parametrize(("kind", "settings"), [
+    ("terms", ["solve.preset=rigid"]),
+    ("terms", ["solve.preset=quasistatic"]),
+    ("terms", ["solve.preset=linear"]),
+    ("terms", ["solve.terms.damping=false"]),
+    ("modes", ["solve.modes=1"]),
+    ("elements", ["rod.elements=1"]),
+    ("elements", ["rod.elements=2", "solve.tolerance=1e-8"]),
+    ("time", ["solve.integrator=newmark", "solve.steps=360"]),
+    ("time", ["solve.integrator=radau", "solve.steps=180"]),
+    ("time", ["solve.tolerance=0.01"]),
+], ids=lambda part: part if isinstance(part, str) else ",".join(part))  # fmt: skip
 def test_a_plus_minus_is_the_error_that_a_finer_model_shows(engine, kind, settings):
     scene, fine = engine
     check_effectivities(solved(scene, *settings), fine, kind, 0.6)
@@ -70,19 +65,15 @@ def beginning():
     return scene, solved(scene, *FINE, START, "rod.elements=16", "solve.steps=2880")
 
 
-@pytest.mark.parametrize(
-    ("kind", "settings"),
-    [
-        ("terms", ["solve.preset=rigid"]),
-        ("terms", ["solve.preset=linear"]),
-        ("modes", ["solve.modes=1"]),
-        ("elements", ["rod.elements=2"]),
-        ("time", ["solve.integrator=newmark", "solve.steps=180"]),
-        ("time", ["solve.integrator=generalised-alpha", "solve.steps=180"]),
-        ("time", ["solve.integrator=radau", "solve.steps=90"]),
-    ],
-    ids=lambda part: part if isinstance(part, str) else ",".join(part),
-)
+@pytest.mark.parametrize(("kind", "settings"), [
+    ("terms", ["solve.preset=rigid"]),
+    ("terms", ["solve.preset=linear"]),
+    ("modes", ["solve.modes=1"]),
+    ("elements", ["rod.elements=2"]),
+    ("time", ["solve.integrator=newmark", "solve.steps=180"]),
+    ("time", ["solve.integrator=generalised-alpha", "solve.steps=180"]),
+    ("time", ["solve.integrator=radau", "solve.steps=90"]),
+], ids=lambda part: part if isinstance(part, str) else ",".join(part))  # fmt: skip
 def test_a_transient_has_a_plus_minus_by_steps(beginning, kind, settings):
     scene, fine = beginning
     check_effectivities(solved(scene, START, *settings), fine, kind, 0.6)

@@ -16,13 +16,12 @@ from command_line import cli
 from hostile_names import HOSTILE, NAME
 from scene_fuzz import written_toml
 
+from kaneflex import SceneError, read_scene, scene_of
 from kaneflex.cli import main
 from kaneflex.derive.printers.c_module import places, prefix_of
 from kaneflex.multibody.model.module_loading import generate_text
-from kaneflex.scene import read_scene, scene_of
 from kaneflex.solve.statespace import modelica
 from kaneflex.support import escaping
-from kaneflex.support.errors import SceneError
 from kaneflex.support.html import shown
 
 TEXTS = pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)

@@ -6,13 +6,10 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.plots.explorer import Explorer
 from kaneflex.plots.style import new_figure, styled
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
 from kaneflex.study.exploration import Exploration, varied
-from kaneflex.support.errors import SceneError
 
 SCENE = with_settings(read_scene("engine"), ["solve.steps=144", "solve.integrator=radau"])
 SPEED, LENGTH = "main.speed=2000:9000rpm", "rod.length=30:180mm"
@@ -107,17 +104,14 @@ def test_a_range_says_unit_start_and_whole_numbers():
     assert elements.whole and elements.setting(3.0) == "rod.elements=3"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("main.speed=2000rpm", "not of the form"),
-        ("main.speed=2000rpm:3000mm", "different units"),
-        ("main.speed=2000:3000mm", ": the start value 2500 mm is not allowed: 'mm' is not a unit of angular speed"),
-        ("main.speed=3000:2000rpm", "not greater than the first"),
-        ("main.sped=1:2", "no such entry"),
-        ("rod.elements=1.5:3.0", "whole number"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ("main.speed=2000rpm", "not of the form"),
+    ("main.speed=2000rpm:3000mm", "different units"),
+    ("main.speed=2000:3000mm", ": the start value 2500 mm is not allowed: 'mm' is not a unit of angular speed"),
+    ("main.speed=3000:2000rpm", "not greater than the first"),
+    ("main.sped=1:2", "no such entry"),
+    ("rod.elements=1.5:3.0", "whole number"),
+])  # fmt: skip
 def test_a_range_that_is_none_is_refused(text, words):
     with pytest.raises(SceneError, match=words):
         varied(SCENE, text)

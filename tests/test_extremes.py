@@ -12,12 +12,10 @@ from extremes import METHODS, Case, Ending, attempt, judge
 from machines import cantilever, pendulum
 from runs import derived_on_the_fly, model, run
 
+from kaneflex import SceneError, load, scene_of
 from kaneflex.response.time_statistics import at_least, between_steps
-from kaneflex.scene import scene_of
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.validity import FEWEST_STEPS, few_steps, validity_warnings
-from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
 def pressed(law):
@@ -30,13 +28,10 @@ def pressed(law):
     )
 
 
-@pytest.mark.parametrize(
-    ("law", "message"),
-    [
-        ("100 / t", r"loads\.push\.law = '100 / t': it has no finite value at t = 0 s\. Give a law that is finite"),
-        ("sqrt(0.55 - t)", r"loads\.push\.law = 'sqrt\(0\.55 - t\)': it has no finite value at t = 0\.551389 s"),
-    ],
-)
+@pytest.mark.parametrize(("law", "message"), [
+    ("100 / t", r"loads\.push\.law = '100 / t': it has no finite value at t = 0 s\. Give a law that is finite"),
+    ("sqrt(0.55 - t)", r"loads\.push\.law = 'sqrt\(0\.55 - t\)': it has no finite value at t = 0\.551389 s"),
+])  # fmt: skip
 def test_a_load_without_a_value_is_refused_before_anything_is_computed(law, message, tmp_path):
     with pytest.raises(SceneError, match=message):
         derived_on_the_fly(pressed(law), tmp_path)

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.scene import read_scene, with_settings
+from kaneflex import Comparison, SceneError, compare, read_scene, with_settings
 from kaneflex.solve.curves import Resolution
-from kaneflex.study.comparison import Comparison, compare
-from kaneflex.support.errors import SceneError
 from kaneflex_peers.buildable import check_buildable, lumped
 from kaneflex_peers.readings import PlanarRecorder
 
@@ -88,18 +86,15 @@ def test_lumped_masses_join_their_rigid_body():
     assert inertia == pytest.approx(0.952 * 0.04**2 / 12 + 2 * 0.02**2 + 2e-3)
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings", "words"),
-    [
-        ("four-bar-motor", ("loads.motor.law=0.6 - main_speed**2",), ("loads.motor", "not linear in the speed")),
-        ("four-bar-motor", ("loads.motor.law=0.6 - main_speed*t",), ("loads.motor", "of that joint alone")),
-        ("four-bar-motor", ("loads.motor.law=0.6 - abs(main_speed)",), ("loads.motor", "not linear in the speed")),
-        ("engine", ("bodies.rod.beam.theory=rayleigh",), ("bodies.rod.beam.theory", "rotary inertia")),
-        ("engine", ("damping.rayleigh=none", "damping.modal={ratio=0.02}"), ("damping", "other than Rayleigh's")),
-        ("engine", ("damping=none",), ("solve.start", "needs Rayleigh damping")),
-        ("pin-ended-cross", (), ("a fixed structure",)),
-    ],
-)
+@pytest.mark.parametrize(("scene", "settings", "words"), [
+    ("four-bar-motor", ("loads.motor.law=0.6 - main_speed**2",), ("loads.motor", "not linear in the speed")),
+    ("four-bar-motor", ("loads.motor.law=0.6 - main_speed*t",), ("loads.motor", "of that joint alone")),
+    ("four-bar-motor", ("loads.motor.law=0.6 - abs(main_speed)",), ("loads.motor", "not linear in the speed")),
+    ("engine", ("bodies.rod.beam.theory=rayleigh",), ("bodies.rod.beam.theory", "rotary inertia")),
+    ("engine", ("damping.rayleigh=none", "damping.modal={ratio=0.02}"), ("damping", "other than Rayleigh's")),
+    ("engine", ("damping=none",), ("solve.start", "needs Rayleigh damping")),
+    ("pin-ended-cross", (), ("a fixed structure",)),
+])  # fmt: skip
 def test_what_can_not_be_built_is_named(scene, settings, words):
     with pytest.raises(SceneError) as caught:
         check_buildable(with_settings(read_scene(scene), list(settings)))

@@ -3,100 +3,70 @@
 import numpy as np
 import pytest
 
-from kaneflex.scene import read_scene, with_settings
+from kaneflex import SceneError, compare, read_scene, scene_of, with_settings
 from kaneflex.solve.curves import Resolution
-from kaneflex.study.comparison import compare
-from kaneflex.support.errors import SceneError
 from kaneflex_peers.buildable import check_buildable
 
 TURNING = """
+schema = 1
 gravity = [0, 0, -9.81]
-[ground]
-hook = [0.3, 0.4, 0.9]
-[bodies.post]
-length = "0.5 m"
-mass = "2 kg"
-centre = [0.2, 0.05, 0]
-inertia = [0.02, 0.08, 0.09, 0.002, 0.001, -0.001]
-rotation = {x = [0, 0, 1]}
-[bodies.slide]
-length = "0.4 m"
-mass = "1 kg"
-centre = [0.2, 0, 0]
-inertia = [0.005, 0.02, 0.02]
-[bodies.paddle]
-length = "0.3 m"
-mass = "0.5 kg"
-inertia = [0.003, 0.006, 0.005]
-[joints]
-turn = {revolute = ["ground", "post.start"], axis = [0, 0, 1]}
-guide = {weld = ["post.end", "slide.start"]}
-hinge = {revolute = ["slide.end", "paddle.start"], axis = [0, 1, 1]}
-[drives]
-turn = {law = "3 * t + 0.5 * sin(4 * t)"}
-hinge = {free = true, angle = "20 deg", initial_speed = "2 rad/s"}
-[loads]
-wind = {force_on = "paddle.end", axes = "body", direction = [0, 1, 0], law = "1.5 + sin(6 * t) + 0.3 * hinge"}
-brake = {torque_at = "hinge", law = "-0.05 * hinge_speed + 0.02 * turn"}
-[springs]
-coil = {torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"}
-rope = {between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"}
-[sensors]
-angle = {position = "hinge", component = "angle"}
-turning_rate = {velocity = "hinge", component = "angle"}
-turning_accel = {acceleration = "hinge", component = "angle"}
-tip_x = {position = "paddle.end", component = "x"}
-tip_v = {velocity = "paddle.end", component = "z", axes = "body"}
-tip_a = {acceleration = "paddle.end", component = "y", reading = "accelerometer"}
-turning = {velocity = "paddle", component = "angle_x"}
-spin = {acceleration = "paddle", component = "angle_z"}
-motor = {drive_torque = "turn"}
-pin = {joint_force = "hinge", component = "x", axes = "body"}
-base = {joint_force = "turn", component = "z", body = "ground"}
-base_moment = {joint_force = "turn", component = "angle_x"}
-tilting = {joint_force = "guide", component = "angle_y", axes = "body"}
-hinge_moment = {joint_force = "hinge", component = "angle_z", body = "slide"}
-pull = {spring_force = "rope"}
-twist = {spring_torque = "coil"}
-[solve]
-preset = "rigid"
-duration = "0.5 s"
+ground.hook = [0.3, 0.4, 0.9]
+bodies.post.length = "0.5 m"
+bodies.post.mass = "2 kg"
+bodies.post.centre = [0.2, 0.05, 0]
+bodies.post.inertia = [0.02, 0.08, 0.09, 0.002, 0.001, -0.001]
+bodies.post.rotation = {x = [0, 0, 1]}
+bodies.slide = {length = "0.4 m", mass = "1 kg", centre = [0.2, 0, 0], inertia = [0.005, 0.02, 0.02]}
+bodies.paddle = {length = "0.3 m", mass = "0.5 kg", inertia = [0.003, 0.006, 0.005]}
+joints.turn = {revolute = ["ground", "post.start"], axis = [0, 0, 1]}
+joints.guide = {weld = ["post.end", "slide.start"]}
+joints.hinge = {revolute = ["slide.end", "paddle.start"], axis = [0, 1, 1]}
+drives.turn = {law = "3 * t + 0.5 * sin(4 * t)"}
+drives.hinge = {free = true, angle = "20 deg", initial_speed = "2 rad/s"}
+loads.wind = {force_on = "paddle.end", axes = "body", direction = [0, 1, 0], law = "1.5 + sin(6 * t) + 0.3 * hinge"}
+loads.brake = {torque_at = "hinge", law = "-0.05 * hinge_speed + 0.02 * turn"}
+springs.coil = {torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"}
+springs.rope = {between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"}
+sensors.angle = {position = "hinge", component = "angle"}
+sensors.turning_rate = {velocity = "hinge", component = "angle"}
+sensors.turning_accel = {acceleration = "hinge", component = "angle"}
+sensors.tip_x = {position = "paddle.end", component = "x"}
+sensors.tip_v = {velocity = "paddle.end", component = "z", axes = "body"}
+sensors.tip_a = {acceleration = "paddle.end", component = "y", reading = "accelerometer"}
+sensors.turning = {velocity = "paddle", component = "angle_x"}
+sensors.spin = {acceleration = "paddle", component = "angle_z"}
+sensors.motor = {drive_torque = "turn"}
+sensors.pin = {joint_force = "hinge", component = "x", axes = "body"}
+sensors.base = {joint_force = "turn", component = "z", body = "ground"}
+sensors.base_moment = {joint_force = "turn", component = "angle_x"}
+sensors.tilting = {joint_force = "guide", component = "angle_y", axes = "body"}
+sensors.hinge_moment = {joint_force = "hinge", component = "angle_z", body = "slide"}
+sensors.pull = {spring_force = "rope"}
+sensors.twist = {spring_torque = "coil"}
+solve = {preset = "rigid", duration = "0.5 s"}
 """
 SLIDING = """
+schema = 1
 gravity = [0, 0, -9.81]
-[bodies]
-carriage = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
-bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
-[joints]
-rail = {prismatic = ["ground", "carriage.start"], direction = [1, 2, 2]}
-rod = {cylindrical = ["carriage.end", "bead"], axis = [1, 0, 1]}
-[drives]
-rail = {law = "0.1 + 0.05 * sin(6 * t)"}
-rod = {free = true}
-[loads]
-push = {force_on = "bead", direction = [1, 0, 0], law = "1 + 20 * rail - rail_speed"}
-[springs]
-rope = {between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"}
-[sensors]
-out = {position = "rail", component = "x"}
-along = {position = "rod", component = "x"}
-along_rate = {velocity = "rod", component = "x"}
-bead_x = {position = "bead", component = "x"}
-bead_z = {position = "bead", component = "z"}
-push = {drive_force = "rail"}
-pin = {joint_force = "rod", component = "y"}
-rail_moment = {joint_force = "rail", component = "angle_z", body = "ground"}
-pull = {spring_force = "rope"}
-[solve]
-preset = "rigid"
-duration = "0.5 s"
+bodies.carriage = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
+bodies.bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
+joints.rail = {prismatic = ["ground", "carriage.start"], direction = [1, 2, 2]}
+joints.rod = {cylindrical = ["carriage.end", "bead"], axis = [1, 0, 1]}
+drives.rail = {law = "0.1 + 0.05 * sin(6 * t)"}
+drives.rod = {free = true}
+loads.push = {force_on = "bead", direction = [1, 0, 0], law = "1 + 20 * rail - rail_speed"}
+springs.rope = {between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"}
+sensors.out = {position = "rail", component = "x"}
+sensors.along = {position = "rod", component = "x"}
+sensors.along_rate = {velocity = "rod", component = "x"}
+sensors.bead_x = {position = "bead", component = "x"}
+sensors.bead_z = {position = "bead", component = "z"}
+sensors.push = {drive_force = "rail"}
+sensors.pin = {joint_force = "rod", component = "y"}
+sensors.rail_moment = {joint_force = "rail", component = "angle_z", body = "ground"}
+sensors.pull = {spring_force = "rope"}
+solve = {preset = "rigid", duration = "0.5 s"}
 """
-
-
-def scene_of(tmp_path, text):
-    path = tmp_path / "scene.toml"
-    path.write_text("schema = 1\n" + text)
-    return read_scene(path)
 
 
 def shares(scene, steps):
@@ -113,13 +83,10 @@ def shares(scene, steps):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("name", "steps", "motion", "force"),
-    [
-        ("robot-arm", 2000, 1e-10, 2e-3), ("bricard", 8000, 1e-7, None), ("spatial-slider-crank", 8000, 3e-5, 2e-4),
-        ("spinning-top", 8000, 2e-3, 5e-3),
-    ],
-)
+@pytest.mark.parametrize(("name", "steps", "motion", "force"), [
+    ("robot-arm", 2000, 1e-10, 2e-3), ("bricard", 8000, 1e-7, None), ("spatial-slider-crank", 8000, 3e-5, 2e-4),
+    ("spinning-top", 8000, 2e-3, 5e-3),
+])  # fmt: skip
 def test_shipped_scenes(peer, name, steps, motion, force):
     """What is left is Exudyn's step error, which for the top falls to a sixteenth with a quarter of the step."""
     peer("exudyn")
@@ -130,70 +97,64 @@ def test_shipped_scenes(peer, name, steps, motion, force):
         assert share < (motion if scene.sensors[sensor].kind in ("position", "velocity") else force), sensor
 
 
-def test_drives_loads_and_springs(peer, tmp_path):
+def test_drives_loads_and_springs(peer):
     """A driven post carries a paddle on a hinge with full inertias: loads that turn with bodies and know its motion,
     springs of both kinds, all motions, accelerations, forces and moments."""
     peer("exudyn")
-    scene = with_settings(scene_of(tmp_path, TURNING), ["solve.duration=0.1 s"])
+    scene = with_settings(scene_of(TURNING), ["solve.duration=0.1 s"])
     found = shares(scene, 200)
     assert set(found) == set(scene.sensors)
     assert all(found[name] < 2e-5 for name in ("angle", "turning_rate", "tip_x", "tip_v", "pull", "twist"))
     assert all(share < 3e-3 for share in found.values())
 
 
-def test_slides(peer, tmp_path):
+def test_slides(peer):
     peer("exudyn")
-    scene = scene_of(tmp_path, SLIDING)
+    scene = scene_of(SLIDING)
     found = shares(scene, 1000)
     assert set(found) == set(scene.sensors)
     assert all(found[name] < 1e-5 for name in ("out", "along", "along_rate", "bead_x", "bead_z"))
     assert all(found[name] < 1e-5 for name in ("push", "pin", "rail_moment", "pull"))
 
 
-def test_moments_of_all_kinds_of_joints(peer, tmp_path):
+def test_moments_of_all_kinds_of_joints(peer):
     """A universal joint, here askew, holds one turn, a guide all of them; the shaft's crank turns freely about its x
     axis alone."""
     peer("exudyn")
     asked = {"cross": "xyz", "guide": "xyz", "shaft": "yz"}
-    path = tmp_path / "moments.toml"
-    sensors = [f'{joint}_{axis} = {{joint_force = "{joint}", component = "angle_{axis}"}}'
+    sensors = [f'sensors.{joint}_{axis} = {{joint_force = "{joint}", component = "angle_{axis}"}}'
                for joint, axes in asked.items() for axis in axes]  # fmt: skip
-    askew = "[joints]\ncross = {axes = [[0, 2, -1], [1, 0, 0]]}\n[sensors]\n"
-    path.write_text('schema = 1\nlike = "spatial-slider-crank"\n' + askew + "\n".join(sensors) + "\n")
-    found = shares(read_scene(path), 4000)
+    askew = "joints.cross = {axes = [[0, 2, -1], [1, 0, 0]]}"
+    text = "\n".join(['schema = 1\nlike = "spatial-slider-crank"', askew, *sensors])
+    found = shares(scene_of(text), 4000)
     assert {f"{joint}_{axis}" for joint, axes in asked.items() for axis in axes} < set(found)
     assert all(share < 2e-3 for share in found.values())
 
 
 CARRIED = """
+schema = 1
 gravity = [0, 0, -9.81]
-[bodies]
-post = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
-bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
-[joints]
-turn = {revolute = ["ground", "post.start"], axis = [0, 1, 1]}
-rail = {prismatic = ["post.end", "bead"], direction = [1, 2, 2]}
-[drives]
-turn = {free = true, initial_speed = "3 rad/s"}
-rail = {law = "0.1 + 0.05 * sin(6 * t)"}
-[sensors]
-out = {position = "rail", component = "x"}
-angle = {position = "turn", component = "angle"}
-bead_x = {position = "bead", component = "x"}
-push = {drive_force = "rail"}
-pin = {joint_force = "rail", component = "y"}
-rail_moment = {joint_force = "rail", component = "angle_z"}
-[solve]
-preset = "rigid"
-duration = "1 s"
+bodies.post = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
+bodies.bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
+joints.turn = {revolute = ["ground", "post.start"], axis = [0, 1, 1]}
+joints.rail = {prismatic = ["post.end", "bead"], direction = [1, 2, 2]}
+drives.turn = {free = true, initial_speed = "3 rad/s"}
+drives.rail = {law = "0.1 + 0.05 * sin(6 * t)"}
+sensors.out = {position = "rail", component = "x"}
+sensors.angle = {position = "turn", component = "angle"}
+sensors.bead_x = {position = "bead", component = "x"}
+sensors.push = {drive_force = "rail"}
+sensors.pin = {joint_force = "rail", component = "y"}
+sensors.rail_moment = {joint_force = "rail", component = "angle_z"}
+solve = {preset = "rigid", duration = "1 s"}
 """
 
 
 @pytest.mark.exhaustive
-def test_a_drive_along_a_guide_that_moves(peer, tmp_path, exhaustive):
+def test_a_drive_along_a_guide_that_moves(peer, exhaustive):
     """What the drive exerts acts on the carrier where the bead is; the error falls with the step."""
     peer("exudyn")
-    scene = scene_of(tmp_path, CARRIED)
+    scene = scene_of(CARRIED)
     fine, coarse = shares(scene, 4000), shares(scene, 1000) if exhaustive else {}
     assert fine["out"] < 1e-9 and all(fine[name] < 2e-3 for name in scene.sensors)
     assert all(fine[name] < 2e-4 and 3 * fine[name] < coarse.get(name, 1.0) for name in ("angle", "bead_x"))
@@ -207,64 +168,55 @@ def elastic_shares(scene, elements, steps):
 
 
 CANTILEVER = """
+schema = 1
 gravity = [0, 0, -9.81]
-[bodies.arm]
-length = "0.4 m"
-rotation = {x = [1, 2, 2], y = [2, 1, -2]}
-[bodies.arm.beam]
-E = "70 GPa"
-nu = 0.33
-rho = "2700 kg/m^3"
-section = {rectangle = ["12 mm", "8 mm"]}
-theory = "timoshenko"
-elements = 4
-[bodies.fork]
-length = "0.2 m"
-mass = "0.3 kg"
-centre = [0.1, 0.02, 0]
-inertia = [1e-4, 1e-3, 1e-3]
-rotation = {x = [2, 1, -2], y = [-2, 2, -1]}
-[joints]
-turn = {revolute = ["ground", "arm.start"], axis = [0, 0, 1]}
-root = {weld = ["arm.end", "fork.start"]}
-[drives]
-turn = {speed = "60 rpm", cycle = "360 deg"}
-[loads]
-push = {force_on = "fork.end", direction = [0, 1, 1], value = "1 N"}
-[damping]
-rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}
-[sensors]
-lag = {displacement = "arm.end", component = "y"}
-flap = {displacement = "arm.end", component = "z"}
-tip = {displacement = "fork.end", component = "z"}
-twist = {displacement = "arm.end", component = "angle_x"}
-slope = {displacement = "arm.mid", component = "angle_y", relative_to = "chord"}
-torsion = {torsional_moment = "arm.mid"}
-shear = {shear_force = "arm.mid", component = "z"}
-pull = {axial_force = "arm.start"}
-bent = {bending_moment = "arm.start", component = "y"}
-gauge = {strain = "arm.mid", fibre = ["4 mm", "-5 mm"]}
-place = {position = "fork.end", component = "x"}
-speed = {velocity = "arm.end", component = "z"}
-accel = {acceleration = "arm.end", component = "x", axes = "body"}
-moment = {joint_force = "root", component = "angle_x", axes = "body"}
-motor = {drive_torque = "turn"}
-[solve]
-preset = "stiffened"
-start = "periodic"
+bodies.arm.length = "0.4 m"
+bodies.arm.rotation = {x = [1, 2, 2], y = [2, 1, -2]}
+bodies.arm.beam.E = "70 GPa"
+bodies.arm.beam.nu = 0.33
+bodies.arm.beam.rho = "2700 kg/m^3"
+bodies.arm.beam.section = {rectangle = ["12 mm", "8 mm"]}
+bodies.arm.beam.theory = "timoshenko"
+bodies.arm.beam.elements = 4
+bodies.fork.length = "0.2 m"
+bodies.fork.mass = "0.3 kg"
+bodies.fork.centre = [0.1, 0.02, 0]
+bodies.fork.inertia = [1e-4, 1e-3, 1e-3]
+bodies.fork.rotation = {x = [2, 1, -2], y = [-2, 2, -1]}
+joints.turn = {revolute = ["ground", "arm.start"], axis = [0, 0, 1]}
+joints.root = {weld = ["arm.end", "fork.start"]}
+drives.turn = {speed = "60 rpm", cycle = "360 deg"}
+loads.push = {force_on = "fork.end", direction = [0, 1, 1], value = "1 N"}
+damping.rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}
+sensors.lag = {displacement = "arm.end", component = "y"}
+sensors.flap = {displacement = "arm.end", component = "z"}
+sensors.tip = {displacement = "fork.end", component = "z"}
+sensors.twist = {displacement = "arm.end", component = "angle_x"}
+sensors.slope = {displacement = "arm.mid", component = "angle_y", relative_to = "chord"}
+sensors.torsion = {torsional_moment = "arm.mid"}
+sensors.shear = {shear_force = "arm.mid", component = "z"}
+sensors.pull = {axial_force = "arm.start"}
+sensors.bent = {bending_moment = "arm.start", component = "y"}
+sensors.gauge = {strain = "arm.mid", fibre = ["4 mm", "-5 mm"]}
+sensors.place = {position = "fork.end", component = "x"}
+sensors.speed = {velocity = "arm.end", component = "z"}
+sensors.accel = {acceleration = "arm.end", component = "x", axes = "body"}
+sensors.moment = {joint_force = "root", component = "angle_x", axes = "body"}
+sensors.motor = {drive_torque = "turn"}
+solve = {preset = "stiffened", start = "periodic"}
 """
 
 
 @pytest.mark.exhaustive(group="beams", share=4)
-def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path, exhaustive):
+def test_sections_rotations_and_rates_of_an_elastic_arm(peer, exhaustive):
     """A heavy fork across the tip of an arm that turns bends it both ways and twists it. The moments that
     displaced forces have, which one-way coupling leaves out, fall with the displacements of an arm eight times stiffer.
     """
     peer("exudyn")
-    stiff = elastic_shares(scene_of(tmp_path, CANTILEVER.replace("70 GPa", "560 GPa")), 8, 180)
+    stiff = elastic_shares(scene_of(CANTILEVER.replace("70 GPa", "560 GPa")), 8, 180)
     assert len(stiff) == 15 and all(share < (0.04 if name == "slope" else 0.02) for name, share in stiff.items())
     if exhaustive:
-        soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 8, 180)
+        soft = elastic_shares(scene_of(CANTILEVER), 8, 180)
         assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
 
 
@@ -312,15 +264,12 @@ def test_a_four_bar_that_bends_back_on_its_motion_is_that_of_exact_rods(peer, ex
     assert fine["out_of_plane"] < 3e-3
 
 
-@pytest.mark.parametrize(
-    ("given", "instead", "names"),
-    [
-        ('rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}', "modal = {ratio = 0.02}", ["damping", "solve.start"]),
-        ('cycle = "360 deg"}', 'cycle = "360 deg", rotation = "free"}', ["drives.turn.rotation"]),
-    ],
-)
-def test_what_has_no_counterpart_in_space(tmp_path, given, instead, names):
-    scene = scene_of(tmp_path, CANTILEVER.replace(given, instead))
+@pytest.mark.parametrize(("given", "instead", "names"), [
+    ('rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}', "modal = {ratio = 0.02}", ["damping", "solve.start"]),
+    ('cycle = "360 deg"}', 'cycle = "360 deg", rotation = "free"}', ["drives.turn.rotation"]),
+])  # fmt: skip
+def test_what_has_no_counterpart_in_space(given, instead, names):
+    scene = scene_of(CANTILEVER.replace(given, instead))
     with pytest.raises(SceneError) as refused:
         check_buildable(scene)
     assert [problem.key for problem in refused.value.problems] == names

@@ -24,55 +24,42 @@ T = 0.013
 """An instant under way [s]."""
 BAR = """
 schema = 1
-[bodies]
-bar = {{length = "500 mm", beam = {{material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 6}}}}
-[joints]
-{joints}
-[loads]
-{loads}
-[sensors]
-{sensors}
-[solve]
-preset = "coupled"
-modes = 2
-duration = "{duration}"
-steps = 200
+bodies.bar = {{length = "500 mm", beam = {{material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 6}}}}
+solve = {{preset = "coupled", modes = 2, duration = "{duration}", steps = 200}}
 """
 
 
-def bar(folder, duration, joints, loads, sensors):
-    (folder / "bar.toml").write_text(BAR.format(joints=joints, loads=loads, sensors=sensors, duration=duration))
-    return solved(read_scene(folder / "bar.toml"))
+def bar(duration, *entries):
+    return solved(scene_of(BAR.format(duration=duration) + "\n".join(entries)))
 
 
-def clamped(folder, held, free, turn):
+def clamped(held, free, turn):
     return bar(
-        folder, "0.06 s", f'wall = {{weld = ["ground", "bar.{held}"], relative_angle = "{turn}"}}',
-        f'push = {{force_on = "bar.{free}", direction = [0, -1], law = "20 * sin(10 * pi * t)"}}',
-        f'x = {{position = "bar.{free}", component = "x"}}\ny = {{position = "bar.{free}", component = "y"}}\n'
-        'moment = {joint_force = "wall", component = "angle"}',
+        "0.06 s", f'joints.wall = {{weld = ["ground", "bar.{held}"], relative_angle = "{turn}"}}',
+        f'loads.push = {{force_on = "bar.{free}", direction = [0, -1], law = "20 * sin(10 * pi * t)"}}',
+        f'sensors.x = {{position = "bar.{free}", component = "x"}}',
+        f'sensors.y = {{position = "bar.{free}", component = "y"}}',
+        'sensors.moment = {joint_force = "wall", component = "angle"}',
     )  # fmt: skip
 
 
-def test_a_cantilever_may_be_clamped_at_its_end(tmp_path):
+def test_a_cantilever_may_be_clamped_at_its_end():
     """The tip moves by 7 % of the length."""
-    by_start, by_end = clamped(tmp_path, "start", "end", "0 deg"), clamped(tmp_path, "end", "start", "180 deg")
+    by_start, by_end = clamped("start", "end", "0 deg"), clamped("end", "start", "180 deg")
     assert by_end.outcome.name == "COMPLETED"
     assert abs(by_start.series["y"].values).max() > 0.03
     for name, tolerance in (("x", 1e-8), ("y", 1e-8), ("moment", 1e-4)):
         assert by_end.series[name].values == pytest.approx(by_start.series[name].values, abs=tolerance), name
 
 
-def test_a_strip_driven_at_its_middle_bends_as_two_cantilevers(tmp_path):
+def test_a_strip_driven_at_its_middle_bends_as_two_cantilevers():
     """Slow pushes at both tips: each half by P l^3 / (3 E I) but for the finite deflection's share, 1e-3."""
     loads = "\n".join(
-        f'{end}_push = {{force_on = "bar.{end}", direction = [0, -1], law = "30 * (1 - cos(pi * t / 0.2)) / 2"}}'
+        f'loads.{end}_push = {{force_on = "bar.{end}", direction = [0, -1], law = "30 * (1 - cos(pi * t / 0.2)) / 2"}}'
         for end in ("start", "end")
     )
-    sensors = "\n".join(f'{end}_y = {{position = "bar.{end}", component = "y"}}' for end in ("start", "end"))
-    found = bar(
-        tmp_path, "0.2 s", 'hub = {revolute = ["ground", "bar.mid"]}\n[drives]\nhub = {speed = 0}', loads, sensors
-    )
+    sensors = "\n".join(f'sensors.{end}_y = {{position = "bar.{end}", component = "y"}}' for end in ("start", "end"))
+    found = bar("0.2 s", 'joints.hub = {revolute = ["ground", "bar.mid"]}\ndrives.hub = {speed = 0}', loads, sensors)
     assert found.outcome.name == "COMPLETED"
     left, right = (found.series[name].values for name in ("start_y", "end_y"))
     assert left == pytest.approx(right, abs=1e-8)

@@ -16,9 +16,7 @@ from command_line import cli, refused
 from hostile_names import NAME
 from runs import solved
 
-from kaneflex.export.fmu import export_fmu
-from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.support.errors import SceneError
+from kaneflex import SceneError, export_fmu, read_scene, scene_of, with_settings
 
 RPM = 2 * np.pi / 60
 
@@ -120,17 +118,14 @@ def test_a_constant_load_in_space_can_be_set(fmpy, tmp_path):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "name, base, changed, values",
-    [
-        ("engine-transient", ["solve.integrator=radau"], ["drives.main.speed=3000 rpm", "solve.steps=2880"],
-         {"drives.main.speed": 3000 * RPM}),
-        ("engine-transient", ["solve.integrator=newmark"], ["drives.main.angle=30 deg", "loads.gas.offset=100 deg"],
-         {"drives.main.angle": np.radians(30), "loads.gas.offset": np.radians(100)}),
-        ("pulsating-strut", ["solve.integrator=gauss", "solve.start=zero"], ["loads.mean.value=-150 N"],
-         {"loads.mean.value": -150.0}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("name, base, changed, values", [
+    ("engine-transient", ["solve.integrator=radau"], ["drives.main.speed=3000 rpm", "solve.steps=2880"],
+     {"drives.main.speed": 3000 * RPM}),
+    ("engine-transient", ["solve.integrator=newmark"], ["drives.main.angle=30 deg", "loads.gas.offset=100 deg"],
+     {"drives.main.angle": np.radians(30), "loads.gas.offset": np.radians(100)}),
+    ("pulsating-strut", ["solve.integrator=gauss", "solve.start=zero"], ["loads.mean.value=-150 N"],
+     {"loads.mean.value": -150.0}),
+])  # fmt: skip
 def test_what_can_be_set_is_what_the_scene_would_have(name, base, changed, values, fmpy, tmp_path):
     """The same steps: under another speed a cycle has more of them."""
     scene = with_settings(read_scene(name), base)

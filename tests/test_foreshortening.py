@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from runs import model, run, solved, waving
 
+from kaneflex import read_scene, scene_of
 from kaneflex.response import foreshortening
 from kaneflex.response.deformation import deform
 from kaneflex.response.sensors import sensor_values
-from kaneflex.scene import read_scene
 from kaneflex.scene.sensors import Sensor
 
 ONE_WAY = ("engine-elastic-crank", "four-bar", "pin-ended-cross", "quick-return", "six-bar", "two-link-arm", "v-engine")
@@ -17,8 +17,7 @@ ONE_WAY = ("engine-elastic-crank", "four-bar", "pin-ended-cross", "quick-return"
 COUPLED = ("elastic-double-pendulum", "four-bar-motor", "slider-crank-150")
 CASES = [
     *((name, preset) for name in ONE_WAY for preset in ("quasistatic", "stiffened")),
-    ("engine-elastic-crank", "linear"),
-    *((name, "coupled") for name in COUPLED),
+    ("engine-elastic-crank", "linear"), *((name, "coupled") for name in COUPLED),
 ]
 
 
@@ -79,29 +78,21 @@ def test_the_slider_comes_nearer_by_the_shortening_of_its_rod(monkeypatch):
 
 HELD_AT_ITS_END = """
 schema = 1
-[bodies]
-bar = {pose = {at = [-1, 0]}, length = 1, beam = {E = 2e11, rho = 7800, A = 1e-4, I = 1e-10, elements = 8}}
-[joints]
-wall = {JOINT = ["ground", "bar.end"]}
-[springs]
+bodies.bar = {pose = {at = [-1, 0]}, length = 1, beam = {E = 2e11, rho = 7800, A = 1e-4, I = 1e-10, elements = 8}}
+joints.wall = {JOINT = ["ground", "bar.end"]}
+loads.push = {force_on = "bar.start", direction = [0, 1], law = "2"}
+solve = {preset = "quasistatic", duration = 1, steps = 4}
 SPRING
-[loads]
-push = {force_on = "bar.start", direction = [0, 1], law = "2"}
-[solve]
-preset = "quasistatic"
-duration = 1
-steps = 4
 """
 
 
 @pytest.mark.parametrize(
     ("joint", "spring", "give"),
-    [("weld", "", 0.0), ("revolute", "coil = {torsional_at = 'wall', stiffness = 50}", 1 / 50)],
+    [("weld", "", 0.0), ("revolute", "springs.coil = {torsional_at = 'wall', stiffness = 50}", 1 / 50)],
 )
-def test_a_beam_held_at_its_end_stays_there(tmp_path, joint, spring, give):
+def test_a_beam_held_at_its_end_stays_there(joint, spring, give):
     """It is the start that comes nearer: by 1/2 int v'^2 of v' = F (l^2 - x^2) / (2 E I) + F l / k, with l = 1 m."""
-    (tmp_path / "bar.toml").write_text(HELD_AT_ITS_END.replace("JOINT", joint).replace("SPRING", spring))
-    solution = solved(read_scene(tmp_path / "bar.toml"))
+    solution = solved(scene_of(HELD_AT_ITS_END.replace("JOINT", joint).replace("SPRING", spring)))
     nearer = 2.0**2 / 2 * (2 / (15 * 20.0**2) + 2 * give / (3 * 20.0) + give**2)
     for point, expected in (("start", nearer), ("end", 0.0)):
         place = sensor_values(solution.motion, Sensor.model_validate({"displacement": f"bar.{point}"}))

@@ -7,72 +7,53 @@ import pytest
 from command_line import cli, refused
 from runs import solved
 
-from kaneflex import SceneError, linearise, load
+import kaneflex
+from kaneflex import SceneError, linearise, load, with_settings
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.plots import animation, displacements
 from kaneflex.plots.style import styled
-from kaneflex.scene import read_scene, with_settings
 
 G = 9.81
 THROWN = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies.bar]
-length = "1 m"
-mass = "2 kg"
-free = {at = [0, "1 m"], angle = "30 deg", velocity = [3, 4], angular_speed = "60 rpm"}
-[sensors]
-x = {position = "bar.mid", component = "x"}
-y = {position = "bar.mid", component = "y"}
-angle = {position = "bar", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 50
+bodies.bar.length = "1 m"
+bodies.bar.mass = "2 kg"
+bodies.bar.free = {at = [0, "1 m"], angle = "30 deg", velocity = [3, 4], angular_speed = "60 rpm"}
+sensors.x = {position = "bar.mid", component = "x"}
+sensors.y = {position = "bar.mid", component = "y"}
+sensors.angle = {position = "bar", component = "angle"}
+solve = {preset = "coupled", duration = "1 s", steps = 50}
 """
 BEAM = """
 schema = 1
-[bodies.beam]
-length = "1 m"
-beam = {material = "steel", section = {rectangle = ["20 mm", "10 mm"]}, elements = 16}
-free = {velocity = [1, 0], angular_speed = "60 rpm"}
-[loads]
-blow = {force_on = "beam.mid", direction = [0, 1], law = "1000 * exp(-((t - 0.005) / 0.001)**2)"}
-[sensors]
-moment = {bending_moment = "beam.mid"}
-[solve]
-preset = "coupled"
-modes = 6
-duration = "0.05 s"
-steps = 500
+name = "free"
+bodies.beam.length = "1 m"
+bodies.beam.beam = {material = "steel", section = {rectangle = ["20 mm", "10 mm"]}, elements = 16}
+bodies.beam.free = {velocity = [1, 0], angular_speed = "60 rpm"}
+loads.blow = {force_on = "beam.mid", direction = [0, 1], law = "1000 * exp(-((t - 0.005) / 0.001)**2)"}
+sensors.moment = {bending_moment = "beam.mid"}
+solve = {preset = "coupled", modes = 6, duration = "0.05 s", steps = 500}
 """
 PAIR = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-one = {length = "1 m", mass = "1 kg"}
-two = {length = "0.5 m", mass = "3 kg", free = {at = [1, 0], velocity = [0, 5], angular_speed = 3}}
-[joints]
-pin = {revolute = ["one.end", "two"]}
-[drives]
-pin = {free = true, angle = "40 deg", initial_speed = -7}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 50
+bodies.one = {length = "1 m", mass = "1 kg"}
+bodies.two = {length = "0.5 m", mass = "3 kg", free = {at = [1, 0], velocity = [0, 5], angular_speed = 3}}
+joints.pin = {revolute = ["one.end", "two"]}
+drives.pin = {free = true, angle = "40 deg", initial_speed = -7}
+solve = {preset = "coupled", duration = "1 s", steps = 50}
 """
 
 
-def scene_of(tmp_path, text, *settings):
-    path = tmp_path / "free.toml"
-    path.write_text(text)
-    return with_settings(read_scene(path), settings)
+def scene_of(text, *settings):
+    return with_settings(kaneflex.scene_of(text), settings)
 
 
-def test_a_thrown_bar_flies_on_a_parabola_and_turns_evenly(tmp_path):
-    found = solved(scene_of(tmp_path, THROWN))
+def test_a_thrown_bar_flies_on_a_parabola_and_turns_evenly():
+    found = solved(scene_of(THROWN))
     t, omega, angle = found.times, 2 * math.pi, math.radians(30)
     c, s = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
     assert found.series["x"].values == pytest.approx(c + (3 - omega * s) * t, rel=1e-9)
@@ -82,9 +63,9 @@ def test_a_thrown_bar_flies_on_a_parabola_and_turns_evenly(tmp_path):
     assert "3 degrees of freedom" in repr(found.model)
 
 
-def test_a_beam_that_nothing_holds_has_the_frequencies_of_a_free_one(tmp_path):
+def test_a_beam_that_nothing_holds_has_the_frequencies_of_a_free_one():
     """(beta l)^2 sqrt(E I/(rho A l^4)) with cos(beta l) cosh(beta l) = 1 (Blevins 1979, table 8-1)."""
-    scene = scene_of(tmp_path, BEAM, "bodies.beam.free.angular_speed=0", "beam.elements=32", "solve.modes=12")
+    scene = scene_of(BEAM, "bodies.beam.free.angular_speed=0", "beam.elements=32", "solve.modes=12")
     system = linearise(load(scene))
     omega = np.sort(abs(np.linalg.eigvals(system.A)))[::2]
     beam = scene.bodies["beam"]
@@ -94,9 +75,9 @@ def test_a_beam_that_nothing_holds_has_the_frequencies_of_a_free_one(tmp_path):
     assert omega[5] == pytest.approx(exact[2], rel=2e-4)  # of as many modes between held points
 
 
-def test_a_blow_moves_the_centre_of_a_ringing_beam_by_its_impulse(tmp_path):
+def test_a_blow_moves_the_centre_of_a_ringing_beam_by_its_impulse():
     """A free frame stands in the mean over the mass: half a length ahead of it is the centre, however it bends."""
-    found = solved(scene_of(tmp_path, BEAM))
+    found = solved(scene_of(BEAM))
     q, v = found.trajectory.q, found.trajectory.v
     mass = found.model.scene.bodies["beam"].mass
     c, s = 0.5 * np.cos(q[:, 2]), 0.5 * np.sin(q[:, 2])
@@ -113,15 +94,15 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
     made, new_figure = [], animation.new_figure
     monkeypatch.setattr(animation, "new_figure", lambda *size: made.append(new_figure(*size)) or made[-1])
     with styled():
-        found = solved(scene_of(tmp_path, BEAM, "solve.steps=20"))
+        found = solved(scene_of(BEAM, "solve.steps=20"))
         animation.animate(found, tmp_path / "beam.gif", 2)
         assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam"}
         assert set(displacements.surfaces(found)) == {"surfaces_beam"}
     assert made[0].get_suptitle().startswith("free: deformation enlarged")
 
 
-def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin(tmp_path):
-    found = solved(scene_of(tmp_path, PAIR))
+def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin():
+    found = solved(scene_of(PAIR))
     system, trajectory = found.model.coupled, found.trajectory
     mass, length = np.array([1.0, 3.0]), np.array([1.0, 0.5])
     rows = [system.start["one"], system.start["two"]]
@@ -146,38 +127,28 @@ def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin(tm
 
 LOOSE = """
 schema = 1
-[bodies]
-crank = {length = "50 mm", mass = "0.3 kg"}
-piston = {mass = "0.14 kg"}
-[bodies.rod]
-length = "120 mm"
-mass = "0.07 kg"
-free = {at = ["50 mm", 0], velocity = [0, "15.70796326794897 m/s"], angular_speed = "-1250 rpm"}
-[joints]
-main = {revolute = ["ground", "crank"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-[joints.big]
-revolute = ["crank.end", "rod"]
-clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
-[joints.wrist]
-revolute = ["rod.end", "piston"]
-clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
-[drives]
-main = {speed = "3000 rpm"}
-bore = {free = true, position = "170 mm"}
-[sensors]
-slide = {position = "bore"}
-push = {contact_force = "big"}
-[solve]
-preset = "coupled"
-duration = "20 ms"
-steps = 200
+bodies.crank = {length = "50 mm", mass = "0.3 kg"}
+bodies.piston = {mass = "0.14 kg"}
+bodies.rod.length = "120 mm"
+bodies.rod.mass = "0.07 kg"
+bodies.rod.free = {at = ["50 mm", 0], velocity = [0, "15.70796326794897 m/s"], angular_speed = "-1250 rpm"}
+joints.main = {revolute = ["ground", "crank"]}
+joints.bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
+joints.big.revolute = ["crank.end", "rod"]
+joints.big.clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
+joints.wrist.revolute = ["rod.end", "piston"]
+joints.wrist.clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
+drives.main = {speed = "3000 rpm"}
+drives.bore = {free = true, position = "170 mm"}
+sensors.slide = {position = "bore"}
+sensors.push = {contact_force = "big"}
+solve = {preset = "coupled", duration = "20 ms", steps = 200}
 """
 
 
-def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism(tmp_path):
+def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism():
     """By the clearances along it; the tight one is r cos(a) + sqrt(l^2 - r^2 sin(a)^2)."""
-    found = solved(scene_of(tmp_path, LOOSE))
+    found = solved(scene_of(LOOSE))
     a = 100 * math.pi * found.times
     tight = 0.05 * np.cos(a) + np.sqrt(0.12**2 - (0.05 * np.sin(a)) ** 2)
     apart = abs(found.series["slide"].values - tight).max()
@@ -188,11 +159,11 @@ def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism(tmp_path):
 
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("e", [0, 0.5])
-def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_makes_it(tmp_path, e):
+def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_makes_it(e):
     """By Newton's law: a resting end that another impact lifts hardly at all rests on, and nothing cascades."""
     text = LOOSE.replace("stiffness = 1e11, restitution = 0.3", f'law = "newton", restitution = {e}')
     beam = 'beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 6}'
-    found = solved(scene_of(tmp_path, text.replace('mass = "0.07 kg"', beam).replace("0.01 mm", "0.1 mm")))
+    found = solved(scene_of(text.replace('mass = "0.07 kg"', beam).replace("0.01 mm", "0.1 mm")))
     a = 100 * math.pi * found.times
     tight = 0.05 * np.cos(a) + np.sqrt(0.12**2 - (0.05 * np.sin(a)) ** 2)
     assert found.outcome is Outcome.COMPLETED
@@ -200,26 +171,23 @@ def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_make
     assert found.trajectory.energy.drift < 1e-5
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        (["solve.preset=rigid"], r"bodies\.bar\.free: preset rigid does not support a free body.*Use preset coupled"),
-        (["solve.preset=stiffened"], r"bodies\.bar\.free: preset stiffened does not support a free body"),
-        (["solve.start=quasistatic"], r"solve\.start = 'quasistatic': bodies\.bar is free, so there is no equilibrium"),
-        (["bodies.bar.pose.angle=0"], r"bodies\.bar\.free: bodies with poses don't move"),
-        (["bodies.bar.free=none"], r"drives: the position of bar is not determined.*or let one be free"),
-        (["bodies.bar.free.velocity=3"], r"bodies\.bar\.free\.velocity = 3: not a vector"),
-    ],
-)
-def test_what_is_free_is_said_once_and_moves_by_preset_coupled(tmp_path, settings, said):
+@pytest.mark.parametrize(("settings", "said"), [
+    (["solve.preset=rigid"], r"bodies\.bar\.free: preset rigid does not support a free body.*Use preset coupled"),
+    (["solve.preset=stiffened"], r"bodies\.bar\.free: preset stiffened does not support a free body"),
+    (["solve.start=quasistatic"], r"solve\.start = 'quasistatic': bodies\.bar is free, so there is no equilibrium"),
+    (["bodies.bar.pose.angle=0"], r"bodies\.bar\.free: bodies with poses don't move"),
+    (["bodies.bar.free=none"], r"drives: the position of bar is not determined.*or let one be free"),
+    (["bodies.bar.free.velocity=3"], r"bodies\.bar\.free\.velocity = 3: not a vector"),
+])  # fmt: skip
+def test_what_is_free_is_said_once_and_moves_by_preset_coupled(settings, said):
     with pytest.raises(SceneError, match=said):
-        load(scene_of(tmp_path, THROWN, *settings))
+        load(scene_of(THROWN, *settings))
 
 
-def test_a_body_that_joints_hold_is_not_free(tmp_path):
-    pinned = THROWN.replace("[sensors]", '[joints]\npin = {revolute = ["ground", "bar"]}\n[sensors]')
+def test_a_body_that_joints_hold_is_not_free():
+    pinned = THROWN + 'joints.pin = {revolute = ["ground", "bar"]}'
     with pytest.raises(SceneError, match=r"bodies\.bar\.free: joints and drives determine .*Leave free out"):
-        load(scene_of(tmp_path, pinned))
+        load(scene_of(pinned))
 
 
 def test_free_bodies_are_counted_and_not_built_in_the_peer(tmp_path):

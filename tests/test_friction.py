@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from machines import WEIGHT, block, pendulum, slider_crank
 
-from kaneflex import SceneError, linearise, load
+from kaneflex import SceneError, linearise, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import FRICTION_RESULTS
 from kaneflex.solve.simulation import solve
 
@@ -93,9 +92,7 @@ def test_a_drive_supplies_what_friction_at_its_own_joint_takes():
 
 def test_a_block_on_an_incline_sticks_for_ever():
     """After 100,000 steps, pushed and shaken by less than what holds it, it has not moved by a rounding."""
-    text = BLOCK.replace("[sensors]", """[loads]
-shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}
-[sensors]""")
+    text = BLOCK + 'loads.shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}\n'
     settings = ["slide.friction.mu=0.7", "drives.slide.position=0.37 m", "solve.duration=100 s", "solve.steps=100000"]
     found = solved(text, *settings)
     assert found.trajectory.steps >= 10**5
@@ -107,30 +104,22 @@ FEET = """
 schema = 1
 description = "A block on two feet is pulled ever harder"
 gravity = [0, "-9.81 m/s^2"]
-[bodies.block]
-length = "100 mm"
-mass = "1 kg"
-inertia = "1e-3 kg m^2"
-centre = ["50 mm", "20 mm"]
-free = {at = [0, 0]}
-[contacts.back]
-point_on_line = ["block.start", "ground"]
-normal = [0, 1]
-contact = {CONTACT}
-friction = {mu = 0.4, mu_static = STATIC}
-[contacts.front]
-point_on_line = ["block.end", "ground"]
-normal = [0, 1]
-contact = {CONTACT}
-friction = {mu = 0.4, mu_static = STATIC}
-[loads]
-pull = {force_on = "block.end", direction = [1, 0], law = "20 * t"}
-[sensors]
-way = {position = "block"}
-[solve]
-preset = "coupled"
-duration = "0.3 s"
-steps = 60
+bodies.block.length = "100 mm"
+bodies.block.mass = "1 kg"
+bodies.block.inertia = "1e-3 kg m^2"
+bodies.block.centre = ["50 mm", "20 mm"]
+bodies.block.free = {at = [0, 0]}
+contacts.back.point_on_line = ["block.start", "ground"]
+contacts.back.normal = [0, 1]
+contacts.back.contact = {CONTACT}
+contacts.back.friction = {mu = 0.4, mu_static = STATIC}
+contacts.front.point_on_line = ["block.end", "ground"]
+contacts.front.normal = [0, 1]
+contacts.front.contact = {CONTACT}
+contacts.front.friction = {mu = 0.4, mu_static = STATIC}
+loads.pull = {force_on = "block.end", direction = [1, 0], law = "20 * t"}
+sensors.way = {position = "block"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 60}
 """
 
 
@@ -139,11 +128,9 @@ steps = 60
     'law = "newton", restitution = 0', "stiffness = 1e8, restitution = 0.5",
     'law = "kelvin-voigt", exponent = 1, stiffness = 1e6, damping = 600',
 ])  # fmt: skip
-def test_two_feet_of_a_block_let_go_together(tmp_path, contact, static):
+def test_two_feet_of_a_block_let_go_together(contact, static):
     """However its weight is on them: where both can bear no more than the pull P t it begins to slide, for good."""
-    path = tmp_path / "scene.toml"
-    path.write_text(FEET.replace("CONTACT", contact).replace("STATIC", str(static)))
-    solution = solve(load(read_scene(path)))
+    solution = solve(load(scene_of(FEET.replace("CONTACT", contact).replace("STATIC", str(static)))))
     weight, P = 9.81, 20.0
     begin = static * weight / P
     late = np.maximum(solution.times - begin, 0.0)
@@ -157,9 +144,7 @@ def test_what_holds_is_more_than_what_drags():
     """A force that grows breaks the block loose at mu_static N; then mu N resists."""
     text = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}", "gravity = [0")
     text = text.replace("mu = 0.3", "mu = 0.2, mu_static = 0.5")
-    pull = '[loads]\npull = {force_on = "block", direction = [1, 0], law = "20 * t"}\n[sensors]'
-    text = text.replace("[sensors]", pull)
-    found = solved(text)
+    found = solved(text + 'loads.pull = {force_on = "block", direction = [1, 0], law = "20 * t"}')
     N = 2 * G * math.cos(SLOPE)
     loose, t = 0.5 * N / 20, found.times
     s = np.maximum(t - loose, 0.0)
@@ -212,23 +197,17 @@ ROD = """
 schema = 1
 description = "Painleve's rod: it slides on its end over a rough floor"
 gravity = [0, "-9.81 m/s^2"]
-[bodies.rod]
-length = "1 m"
-mass = "1 kg"
-inertia = "0.0833333 kg m^2"
-centre = [0.5, 0]
-free = {at = [0, "1e-6 m"], angle = "60 deg", velocity = ["-2 m/s", 0]}
-[contacts.floor]
-point_on_line = ["rod", "ground"]
-normal = [0, 1]
-contact = {stiffness = 1e7, restitution = 0.5}
-friction = {mu = 1.0}
-[sensors]
-y = {position = "rod", component = "y"}
-[solve]
-preset = "coupled"
-duration = "0.3 s"
-steps = 3000
+bodies.rod.length = "1 m"
+bodies.rod.mass = "1 kg"
+bodies.rod.inertia = "0.0833333 kg m^2"
+bodies.rod.centre = [0.5, 0]
+bodies.rod.free = {at = [0, "1e-6 m"], angle = "60 deg", velocity = ["-2 m/s", 0]}
+contacts.floor.point_on_line = ["rod", "ground"]
+contacts.floor.normal = [0, 1]
+contacts.floor.contact = {stiffness = 1e7, restitution = 0.5}
+contacts.floor.friction = {mu = 1.0}
+sensors.y = {position = "rod", component = "y"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 3000}
 """
 
 
@@ -311,27 +290,19 @@ FALLING = """
 schema = 1
 description = "A block on a sliding carriage falls on a floor that rubs"
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-carriage = {mass = "1 kg"}
-block = {mass = "2 kg"}
-[joints]
-way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
-fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
-[drives]
-way = {free = true, initial_speed = 3}
-fall = {free = true, position = "50 mm"}
-[contacts.floor]
-point_on_line = ["block", "ground"]
-normal = [0, 1]
-contact = {stiffness = 1e8, restitution = 0.6}
-friction = {mu = 0.2, mu_static = 0.3}
-[sensors]
-x = {position = "way"}
-drag = {friction_force = "floor"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 400
+bodies.carriage = {mass = "1 kg"}
+bodies.block = {mass = "2 kg"}
+joints.way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
+joints.fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
+drives.way = {free = true, initial_speed = 3}
+drives.fall = {free = true, position = "50 mm"}
+contacts.floor.point_on_line = ["block", "ground"]
+contacts.floor.normal = [0, 1]
+contacts.floor.contact = {stiffness = 1e8, restitution = 0.6}
+contacts.floor.friction = {mu = 0.2, mu_static = 0.3}
+sensors.x = {position = "way"}
+sensors.drag = {friction_force = "floor"}
+solve = {preset = "coupled", duration = "1 s", steps = 400}
 """
 
 
@@ -379,26 +350,18 @@ def test_what_a_friction_lacks_is_named(scene, written, instead, says):
 KLEIN = """
 schema = 1
 ground = {high = [0, "0.8660254037844386 m"]}
-[bodies]
-low = {mass = "1 kg"}
-high = {mass = "1 kg"}
-rod = {length = "1 m", mass = "1e-9 kg"}
-[joints]
-floor = {prismatic = ["ground", "low"], direction = [1, 0], friction = {mu = 1}}
-ceiling = {prismatic = ["ground.high", "high"], direction = [1, 0]}
-foot = {revolute = ["low", "rod"]}
-head = {revolute = ["rod.end", "high"], near = {rod = "60 deg"}}
-[drives]
-floor = {free = true, initial_speed = "1 m/s"}
-[loads]
-push = {force_on = "high", direction = [1, 0], law = "10"}
-[sensors]
-x = {position = "floor"}
-rub = {friction_force = "floor"}
-[solve]
-preset = "coupled"
-duration = "0.2 s"
-steps = 100
+bodies.low = {mass = "1 kg"}
+bodies.high = {mass = "1 kg"}
+bodies.rod = {length = "1 m", mass = "1e-9 kg"}
+joints.floor = {prismatic = ["ground", "low"], direction = [1, 0], friction = {mu = 1}}
+joints.ceiling = {prismatic = ["ground.high", "high"], direction = [1, 0]}
+joints.foot = {revolute = ["low", "rod"]}
+joints.head = {revolute = ["rod.end", "high"], near = {rod = "60 deg"}}
+drives.floor = {free = true, initial_speed = "1 m/s"}
+loads.push = {force_on = "high", direction = [1, 0], law = "10"}
+sensors.x = {position = "floor"}
+sensors.rub = {friction_force = "floor"}
+solve = {preset = "coupled", duration = "0.2 s", steps = 100}
 """
 
 
@@ -427,22 +390,15 @@ def test_friction_that_no_reaction_agrees_with_ends_the_run(law, reached):
 ARM = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-arm = {length = "1 m", mass = "2 kg"}
-block = {mass = "0.5 kg", inertia = "0.001 kg m^2"}
-[joints]
-hinge = {revolute = ["ground", "arm"]}
-slot = {prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}}
-[drives]
-hinge = {free = true, angle = "30 deg", initial_speed = "60 rpm"}
-slot = {free = true, position = "0.6 m"}
-[sensors]
-way = {position = "slot"}
-angle = {position = "hinge", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "10 s"
-steps = 500
+bodies.arm = {length = "1 m", mass = "2 kg"}
+bodies.block = {mass = "0.5 kg", inertia = "0.001 kg m^2"}
+joints.hinge = {revolute = ["ground", "arm"]}
+joints.slot = {prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}}
+drives.hinge = {free = true, angle = "30 deg", initial_speed = "60 rpm"}
+drives.slot = {free = true, position = "0.6 m"}
+sensors.way = {position = "slot"}
+sensors.angle = {position = "hinge", component = "angle"}
+solve = {preset = "coupled", duration = "10 s", steps = 500}
 """
 
 
@@ -453,7 +409,7 @@ def test_a_block_that_is_stuck_in_a_slot_that_turns_stays_where_it_stuck(tmp_pat
     assert (found.trajectory.frictions.mode == 2).all()
     welded = ARM.replace('prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}',
                          'weld = ["arm.there", "block"]')  # fmt: skip
-    for line in ('slot = {free = true, position = "0.6 m"}\n', 'way = {position = "slot"}\n'):
+    for line in ('drives.slot = {free = true, position = "0.6 m"}\n', 'sensors.way = {position = "slot"}\n'):
         welded = welded.replace(line, "")
     welded = welded.replace('arm = {length = "1 m", ', 'arm = {length = "1 m", points = {there = ["0.6 m", 0]}, ')
     other = solve(load(with_settings(read_scene(write(tmp_path, welded)), [])))
@@ -466,14 +422,11 @@ def write(tmp_path, text):
     return path
 
 
-@pytest.mark.parametrize(
-    ("friction", "force"),
-    [
-        ('law = "viscous", viscous = "4 N s/m"', lambda v: 4 * v),
-        ('law = "stribeck", mu = 0.1, mu_static = 0.4, stribeck_speed = "0.3 m/s", viscous = "1 N s/m"',
-         lambda v: 2 * G * (0.1 + 0.3 * math.exp(-((v / 0.3) ** 2))) + v),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("friction", "force"), [
+    ('law = "viscous", viscous = "4 N s/m"', lambda v: 4 * v),
+    ('law = "stribeck", mu = 0.1, mu_static = 0.4, stribeck_speed = "0.3 m/s", viscous = "1 N s/m"',
+     lambda v: 2 * G * (0.1 + 0.3 * math.exp(-((v / 0.3) ** 2))) + v),
+])  # fmt: skip
 def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(friction, force):
     """Against scipy's integrator of m v' = -f(v), up to where it stops."""
     from scipy.integrate import solve_ivp
@@ -521,25 +474,16 @@ def test_what_friction_holds_has_no_energy_to_balance():
 
 DISCS = """
 schema = 1
-[bodies.a]
-mass = {mass}
-inertia = {inertia}
-free = {{velocity = [0.2, 0.1], angular_speed = 1}}
-[bodies.b]
-mass = {mass}
-inertia = {inertia}
-free = {{at = [0.5, 0.35], velocity = [-2, -1.2], angular_speed = -1}}
-[contacts.k]
-circle_on_circle = ["a", "b"]
-radii = [0.08, 0.06]
-contact = {{stiffness = {stiffness}, restitution = 0.5}}
-friction = {{mu = 0.3}}
-[sensors]
-turning = {{velocity = "b", component = "angle"}}
-[solve]
-preset = "coupled"
-duration = 0.6
-steps = 60
+bodies.a = {{mass = {mass}, inertia = {inertia}, free = {{velocity = [0.2, 0.1], angular_speed = 1}}}}
+bodies.b.mass = {mass}
+bodies.b.inertia = {inertia}
+bodies.b.free = {{at = [0.5, 0.35], velocity = [-2, -1.2], angular_speed = -1}}
+contacts.k.circle_on_circle = ["a", "b"]
+contacts.k.radii = [0.08, 0.06]
+contacts.k.contact = {{stiffness = {stiffness}, restitution = 0.5}}
+contacts.k.friction = {{mu = 0.3}}
+sensors.turning = {{velocity = "b", component = "angle"}}
+solve = {{preset = "coupled", duration = 0.6, steps = 60}}
 """
 
 
@@ -562,8 +506,8 @@ def nine_blocks(order) -> str:
         "sensors": 'v{k} = {{velocity = "b{k}", component = "x"}}',
     }  # fmt: skip
     values = [{"k": k, "mass": 1 + 0.1 * k, "held": 1 + 0.37 * k, "on": f"b{k - 1}" if k else "ground"} for k in order]
-    rows = [f"[{name}]\n" + "\n".join(row.format(**of) for of in values) for name, row in parts.items()]
-    solve = '[solve]\npreset = "coupled"\nduration = "1 ms"\nsteps = 1\nerrors = "none"\n'
+    rows = [f"{name}.{row.format(**of)}" for name, row in parts.items() for of in values]
+    solve = 'solve = {preset = "coupled", duration = "1 ms", steps = 1, errors = "none"}'
     return "\n".join(["schema = 1", *rows, solve])
 
 

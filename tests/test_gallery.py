@@ -10,11 +10,9 @@ import pytest
 from runs import model, run
 from scipy.linalg import eigh
 
-from kaneflex.multibody.model.bound_model import Model
+from kaneflex import Model, load, modes, read_scene, shipped_scenes
 from kaneflex.multibody.model.building import build_model, reference_modes
-from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.solve.loading import load
-from kaneflex.solve.modes import mesh_hint, modes
+from kaneflex.solve.modes import mesh_hint
 
 DATA = Path(__file__).parent / "data"
 

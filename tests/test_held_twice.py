@@ -6,34 +6,27 @@ from runs import solved
 from test_mobility import CARRIED_RHOMBUS, THREE_CRANKS, TWO_GUIDES
 
 import kaneflex
+from kaneflex import SceneError, scene_of
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import read_scene
 from kaneflex.solve.variants import Variants
-from kaneflex.support.errors import SceneError
 
-COUPLED = '\n[solve]\npreset = "coupled"\nduration = "0.5 s"\nsteps = 100\n'
+COUPLED = '\nsolve = {preset = "coupled", duration = "0.5 s", steps = 100}\n'
 FREE = ("main = {speed = \"60 rpm\", cycle = \"360 deg\"}", 'main = {free = true, angle = "60 deg"}')
 ROCKED = FREE[0], 'main = {law = "1 + 0.3 * sin(6 * t)"}'
 WEIGHT = '\ngravity = [0, "-9.81 m/s^2"]\n'
-SENSORS = '\n[sensors]\nx = {position = "bar.end", component = "x"}\ny = {position = "bar.end", component = "y"}\n'
+SENSORS = '\nsensors.x = {position = "bar.end", component = "x"}\nsensors.y = {position = "bar.end", component = "y"}\n'
 
 
-def scene(tmp_path, text):
-    file = tmp_path / "scene.toml"
-    file.write_text(text)
-    return read_scene(file)
-
-
-def swung(tmp_path, text):
-    solution = solved(scene(tmp_path, text))
+def swung(text):
+    solution = solved(scene_of(text))
     assert solution.outcome is Outcome.COMPLETED, solution.message
     return solution
 
 
-def test_a_third_parallel_crank_falls_with_the_others(tmp_path):
+def test_a_third_parallel_crank_falls_with_the_others():
     """One degree of freedom, by hand: I phi'' = -g (3 m/2 + M) l cos phi; it passes the change point at 0 deg."""
     text = THREE_CRANKS.replace(*FREE).replace("schema = 1", "schema = 1" + WEIGHT) + SENSORS + COUPLED
-    solution = swung(tmp_path, text)
+    solution = swung(text)
     from scipy.integrate import solve_ivp
 
     m, M, l, g = 0.1, 0.3, 0.05, 9.81
@@ -48,50 +41,49 @@ def test_a_third_parallel_crank_falls_with_the_others(tmp_path):
     assert abs(total - total[0]).max() < 1e-7 * energy.kinetic.max()
 
 
-def test_what_three_cranks_share_is_no_number(tmp_path):
+def test_what_three_cranks_share_is_no_number():
     """Three cranks bear the bar as two would."""
     text = THREE_CRANKS.replace(*ROCKED) + COUPLED
-    model = kaneflex.load(scene(tmp_path, text))
+    model = kaneflex.load(scene_of(text))
     assert set(model.coupled.undetermined) >= {"far_pin.force_x", "far_pin.force_y", "middle_pin.force_y"}
-    sensor = '\n[sensors]\nbearing = {joint_force = "far", component = "y", axes = "global"}\n'
+    sensor = '\nsensors.bearing = {joint_force = "far", component = "y", axes = "global"}\n'
     with pytest.raises(SceneError, match=r"sensors.bearing.*far_pin.*statically indeterminate.*give .* a beam"):
-        kaneflex.load(scene(tmp_path, text + sensor))
+        kaneflex.load(scene_of(text + sensor))
 
 
-def test_presets_that_need_one_joint_each_refuse_it_after_a_coupled_point(tmp_path):
-    variants = Variants(scene(tmp_path, THREE_CRANKS.replace(*ROCKED) + COUPLED))
+def test_presets_that_need_one_joint_each_refuse_it_after_a_coupled_point():
+    variants = Variants(scene_of(THREE_CRANKS.replace(*ROCKED) + COUPLED))
     variants.load(["solve.steps=50"])
     with pytest.raises(SceneError, match=r"redundant|too many"):
         variants.load(["solve.preset=rigid"])
 
 
-def test_the_drive_of_three_cranks_is_determined(tmp_path):
+def test_the_drive_of_three_cranks_is_determined():
     """One degree of freedom: torque = I phi'' + g (3 m/2 + M) l cos phi."""
     text = THREE_CRANKS.replace(*ROCKED).replace("schema = 1", "schema = 1" + WEIGHT) + COUPLED
-    solution = swung(tmp_path, text + '\n[sensors]\ntorque = {drive_torque = "main"}\n')
+    solution = swung(text + '\nsensors.torque = {drive_torque = "main"}\n')
     phi, inertia = 1.0 + 0.3 * np.sin(6.0 * solution.times), 0.1 * 0.05**2 + 0.3 * 0.05**2
     expected = 9.81 * 0.05 * (1.5 * 0.1 + 0.3) * np.cos(phi) - 10.8 * inertia * np.sin(6.0 * solution.times)
     assert solution.series["torque"].values == pytest.approx(expected, abs=1e-9)
 
 
-def test_two_guides_in_line_hold_a_cart(tmp_path):
+def test_two_guides_in_line_hold_a_cart():
     text = TWO_GUIDES.replace("left = {speed = \"1 m/s\"}", "left = {law = \"0.1 * sin(10 * t)\"}")
-    text = text.replace('duration = "1 s"', 'duration = "1 s"\npreset = "coupled"\nsteps = 100')
-    solution = swung(tmp_path, text + '\n[sensors]\nforce = {drive_force = "left"}\n')
+    text += 'solve.preset = "coupled"\nsolve.steps = 100\n'
+    solution = swung(text + 'sensors.force = {drive_force = "left"}\n')
     assert solution.series["force"].values == pytest.approx(-10.0 * np.sin(10.0 * solution.times), abs=1e-9)
     assert {"left.normal", "left.moment", "right.normal", "right.moment"} == set(solution.model.coupled.undetermined)
 
 
-def test_cranks_that_do_not_fit_are_refused(tmp_path):
+def test_cranks_that_do_not_fit_are_refused():
     text = THREE_CRANKS.replace('third = {length = "50 mm"', 'third = {length = "52 mm"') + COUPLED
     with pytest.raises(SceneError, match="far"):
-        kaneflex.load(scene(tmp_path, text))
+        kaneflex.load(scene_of(text))
 
 
-def test_a_rhombus_of_rigid_bars_on_an_elastic_arm(tmp_path):
+def test_a_rhombus_of_rigid_bars_on_an_elastic_arm():
     """Symmetric about its diagonal: what opens it does the work that its energies gain."""
-    text = CARRIED_RHOMBUS.replace("[solve]", '[solve]\npreset = "coupled"\nsteps = 200')
-    solution = swung(tmp_path, text)
+    solution = swung(CARRIED_RHOMBUS + 'solve.preset = "coupled"\nsolve.steps = 200')
     energy = solution.trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
     assert abs(balance - balance[0]).max() < 1e-6 * abs(energy.kinetic).max()
@@ -101,44 +93,33 @@ CYLINDER = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
 ground = {foot = ["0.5 m", "-0.5 m"]}
-[bodies]
-boom = {length = "2 m", beam = {material = "steel", A = "1000 mm^2", I = "200000 mm^4"}, points = {lug = ["1 m", 0]}}
-barrel = {length = "0.5 m", mass = "2 kg"}
-rod = {length = "0.5 m", mass = "1 kg"}
-[joints]
-pivot = {revolute = ["ground", "boom.start"]}
-foot = {revolute = ["ground.foot", "barrel.start"]}
-cylinder = {prismatic = ["barrel", "rod.start"], direction = [1, 0]}
-head = {revolute = ["rod.end", "boom.lug"], near = {boom = "3 deg"}}
-[drives]
-cylinder = {law = "0.25 + 0.02 * sin(10 * t)"}
-[sensors]
-tip = {position = "boom.end", component = "y"}
-push = {drive_force = "cylinder"}
-[solve]
-preset = "coupled"
-duration = "0.3 s"
-steps = 100
+bodies.boom.length = "2 m"
+bodies.boom.beam = {material = "steel", A = "1000 mm^2", I = "200000 mm^4"}
+bodies.boom.points = {lug = ["1 m", 0]}
+bodies.barrel = {length = "0.5 m", mass = "2 kg"}
+bodies.rod = {length = "0.5 m", mass = "1 kg"}
+joints.pivot = {revolute = ["ground", "boom.start"]}
+joints.foot = {revolute = ["ground.foot", "barrel.start"]}
+joints.cylinder = {prismatic = ["barrel", "rod.start"], direction = [1, 0]}
+joints.head = {revolute = ["rod.end", "boom.lug"], near = {boom = "3 deg"}}
+drives.cylinder = {law = "0.25 + 0.02 * sin(10 * t)"}
+sensors.tip = {position = "boom.end", component = "y"}
+sensors.push = {drive_force = "cylinder"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 100}
 """
 TAIL = """
 schema = 1
 like = "six-bar"
-[bodies]
-tail = {length = "50 mm", mass = "0.1 kg"}
-[joints]
-hook = {revolute = ["ground", "tail.start"]}
-[drives]
-hook = {free = true}
-[solve]
-start = "zero"
-preset = "coupled"
-duration = "0.05 s"
+bodies.tail = {length = "50 mm", mass = "0.1 kg"}
+joints.hook = {revolute = ["ground", "tail.start"]}
+drives.hook = {free = true}
+solve = {start = "zero", preset = "coupled", duration = "0.05 s"}
 """
 
 
 @pytest.mark.parametrize("text", [CYLINDER, TAIL], ids=["a cylinder on an elastic boom", "a free joint beside a drive"])
-def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(tmp_path, text):
-    energy = swung(tmp_path, text).trajectory.energy
+def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(text):
+    energy = swung(text).trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
     assert abs(balance - balance[0]).max() < 1e-7 * energy.kinetic.max()
 
@@ -147,26 +128,19 @@ SLED = """
 schema = 1
 gravity = ["-9.81 m/s^2", 0]
 ground = {h = [0, "0.2 m"]}
-[bodies]
-sled = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
-[joints]
-G = {prismatic = ["ground", "sled"], direction = [1, 0]}
-H = {prismatic = ["ground.h", "sled.up"], direction = [1, 0]}
-[drives]
-G = {free = true}
-[sensors]
-s = {position = "G"}
-[solve]
-preset = "coupled"
-duration = "0.5 s"
-steps = 50
+bodies.sled = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
+joints.G = {prismatic = ["ground", "sled"], direction = [1, 0]}
+joints.H = {prismatic = ["ground.h", "sled.up"], direction = [1, 0]}
+drives.G = {free = true}
+sensors.s = {position = "G"}
+solve = {preset = "coupled", duration = "0.5 s", steps = 50}
 """
 
 
 @pytest.mark.parametrize("direction", [(1, 0), (1, 1), (0.3, -0.7), (-0.6, 0.8)])
-def test_two_equal_guides_in_any_direction(tmp_path, direction):
+def test_two_equal_guides_in_any_direction(direction):
     """Rounding must not have the second guide's row for one of its own."""
-    solution = swung(tmp_path, SLED.replace("[1, 0]", str(list(direction))))
+    solution = swung(SLED.replace("[1, 0]", str(list(direction))))
     along = -9.81 * direction[0] / np.hypot(*direction)
     assert solution.series["s"].values == pytest.approx(along * solution.times**2 / 2.0, abs=1e-9)
 
@@ -175,32 +149,25 @@ TWICE_GUIDED = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
 ground = {h = [0, "0.2 m"]}
-[bodies]
-crank = {length = "0.1 m", mass = "0.5 kg"}
-rod = {length = "0.3 m", mass = "0.4 kg"}
-slider = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
-[joints]
-A = {revolute = ["ground", "crank.start"]}
-B = {revolute = ["crank.end", "rod.start"]}
-C = {revolute = ["rod.end", "slider"]}
-G = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
-H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}
-[drives]
-A = {free = true, angle = 1.0, initial_speed = "2 rad/s"}
-[sensors]
-phi = {position = "A", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "0.3 s"
-steps = 50
+bodies.crank = {length = "0.1 m", mass = "0.5 kg"}
+bodies.rod = {length = "0.3 m", mass = "0.4 kg"}
+bodies.slider = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
+joints.A = {revolute = ["ground", "crank.start"]}
+joints.B = {revolute = ["crank.end", "rod.start"]}
+joints.C = {revolute = ["rod.end", "slider"]}
+joints.G = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
+joints.H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}
+drives.A = {free = true, angle = 1.0, initial_speed = "2 rad/s"}
+sensors.phi = {position = "A", component = "angle"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 50}
 """
 
 
 @pytest.mark.parametrize("branch", ["+", "-"])
-def test_a_second_guide_on_a_slider_changes_nothing(tmp_path, branch):
+def test_a_second_guide_on_a_slider_changes_nothing(branch):
     text = TWICE_GUIDED.replace('branch = "+"', f'branch = "{branch}"')
-    single = text.replace('H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}\n', "")
-    twice, once = (swung(tmp_path, each) for each in (text, single))
+    single = text.replace('joints.H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}\n', "")
+    twice, once = (swung(each) for each in (text, single))
     assert twice.series["phi"].values == pytest.approx(once.series["phi"].values, abs=1e-7)
 
 
@@ -208,39 +175,30 @@ THREE_LEGS = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
 ground = {g2 = ["0.3 m", 0], g3 = ["0.15 m", "0.2 m"]}
-[bodies.plate]
-mass = "3 kg"
-inertia = "0.05 kg m^2"
-centre = ["0.15 m", "0.05 m"]
-points = {p1 = [0, 0], p2 = ["0.3 m", 0], p3 = ["0.15 m", "0.2 m"]}
-[bodies]
-c1 = {length = "0.1 m", mass = "0.5 kg"}
-c2 = {like = "c1"}
-c3 = {like = "c1"}
-[joints]
-g_1 = {revolute = ["ground", "c1.start"]}
-g_2 = {revolute = ["ground.g2", "c2.start"]}
-g_3 = {revolute = ["ground.g3", "c3.start"]}
-p_1 = {revolute = ["c1.end", "plate.p1"]}
-p_2 = {revolute = ["c2.end", "plate.p2"], near = {c2 = 1.0}}
-p_3 = {revolute = ["c3.end", "plate.p3"], near = {c3 = 1.0}}
-[drives]
-g_1 = {free = true, angle = 1.0, initial_speed = "3 rad/s"}
-[sensors]
-phi = {position = "g_1", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 200
-tolerance = 1e-9
+bodies.plate.mass = "3 kg"
+bodies.plate.inertia = "0.05 kg m^2"
+bodies.plate.centre = ["0.15 m", "0.05 m"]
+bodies.plate.points = {p1 = [0, 0], p2 = ["0.3 m", 0], p3 = ["0.15 m", "0.2 m"]}
+bodies.c1 = {length = "0.1 m", mass = "0.5 kg"}
+bodies.c2 = {like = "c1"}
+bodies.c3 = {like = "c1"}
+joints.g_1 = {revolute = ["ground", "c1.start"]}
+joints.g_2 = {revolute = ["ground.g2", "c2.start"]}
+joints.g_3 = {revolute = ["ground.g3", "c3.start"]}
+joints.p_1 = {revolute = ["c1.end", "plate.p1"]}
+joints.p_2 = {revolute = ["c2.end", "plate.p2"], near = {c2 = 1.0}}
+joints.p_3 = {revolute = ["c3.end", "plate.p3"], near = {c3 = 1.0}}
+drives.g_1 = {free = true, angle = 1.0, initial_speed = "3 rad/s"}
+sensors.phi = {position = "g_1", component = "angle"}
+solve = {preset = "coupled", duration = "1 s", steps = 200, tolerance = 1e-9}
 """
 
 
-def test_rows_that_come_to_say_the_same_are_changed_for_others(tmp_path):
+def test_rows_that_come_to_say_the_same_are_changed_for_others():
     """Two of the three cranks are in line with their plate at 0 deg, where the third one leads on."""
     from scipy.integrate import solve_ivp
 
-    solution = swung(tmp_path, THREE_LEGS)
+    solution = swung(THREE_LEGS)
     m, M, l, g = 0.5, 3.0, 0.1, 9.81
     inertia = m * l**2 + M * l**2
     found = solve_ivp(
@@ -251,9 +209,9 @@ def test_rows_that_come_to_say_the_same_are_changed_for_others(tmp_path):
     assert solution.series["phi"].values == pytest.approx(found.y[0], abs=1e-6)
 
 
-def test_driven_cranks_pass_their_change_points(tmp_path):
+def test_driven_cranks_pass_their_change_points():
     """A row that is small all over must not be kept for one that is not."""
     free, driven = '{free = true, angle = 1.0, initial_speed = "3 rad/s"}', '{speed = "20 rad/s", angle = 1.0}'
-    text = THREE_LEGS.replace(free, driven).replace('duration = "1 s"\nsteps = 200', 'duration = "0.4 s"\nsteps = 80')
-    solution = swung(tmp_path, text.replace("[sensors]", '[sensors]\nx = {position = "plate", component = "x"}'))
+    text = THREE_LEGS.replace(free, driven).replace('duration = "1 s", steps = 200', 'duration = "0.4 s", steps = 80')
+    solution = swung(text + 'sensors.x = {position = "plate", component = "x"}')
     assert solution.series["x"].values == pytest.approx(0.1 * np.cos(1.0 + 20.0 * solution.times), abs=1e-9)

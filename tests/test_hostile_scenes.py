@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 from scene_fuzz import Mutants, broken
 
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex import SceneError, load, read_scene, shipped_scenes, simulate, with_settings
 from kaneflex.scene.modal_data import read_modal_data
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
-from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LENGTH, to_si
 
 ENGINE = shipped_scenes()["engine"]

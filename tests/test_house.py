@@ -19,9 +19,7 @@ ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
 FOLDERS = {
-    "kaneflex": ROOT / "src/kaneflex",
-    "kaneflex.derive": ROOT / "derive",
-    "kaneflex.generated": ROOT / "generated",
+    "kaneflex": ROOT / "src/kaneflex", "kaneflex.derive": ROOT / "derive", "kaneflex.generated": ROOT / "generated",
 }
 # What `import kaneflex` must not pay for: 0.3 to 0.7 s each.
 HEAVY = ("sympy", "matplotlib", "xarray", "pint", "scipy.integrate", "scipy.interpolate", "kaneflex.derive")
@@ -102,9 +100,7 @@ def test_runtime_never_imports_sympy_and_derive_only_inside_functions():
 @pytest.mark.parametrize("package", FOLDERS)
 def test_imports_are_absolute_and_by_installed_name(package):
     found = [(path.name, name) for path in modules(package) for name in imports(path)]
-    assert [
-        (file, name) for file, name in found if name[0] == "." or within(name, "derive", "generated")
-    ] == []
+    assert [(file, name) for file, name in found if name[0] == "." or within(name, "derive", "generated")] == []
 
 
 def test_every_dependency_is_declared_and_every_declared_one_is_imported():
@@ -244,9 +240,7 @@ def test_make_alone_lists_every_target():
     assert re.findall(r"^  make ([a-z-]+)  ", shown, re.MULTILINE) == targets
 
 
-@pytest.mark.parametrize(
-    ("required", "outcome"), [(False, pytest.skip.Exception), (True, pytest.fail.Exception)]
-)
+@pytest.mark.parametrize(("required", "outcome"), [(False, pytest.skip.Exception), (True, pytest.fail.Exception)])
 def test_a_missing_peer_skips_and_in_ci_fails(monkeypatch, peer, required, outcome):
     monkeypatch.setattr(conftest, "REQUIRED", required)
     with pytest.raises(outcome, match="no_such_program"):

@@ -229,52 +229,46 @@ def test_files_in_other_axes_tell_the_same_stresses(recovered):
         np.testing.assert_allclose(abs(other.rows), abs(one.rows), rtol=1e-5, atol=1e-6 * abs(one.rows).max())
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"rod-stress.txt": "three.txt"}, "(12, 3675), with 3 names in three.txt not (18, 3675)"),
-        ({"rod-stress.txt": "twice.txt"}, "twice.txt: top occurs twice"),
-        ({"rod-stress.txt": "dotted.txt"}, "dotted.txt: 'rod.top' is not a name"),
-        ({"rod-stress.txt": "none.txt"}, "none.txt cannot be read: No such file"),
-        ({"rod-stress.mtx": "other.mtx"}, "a rigid motion along its axis gives a stress at top"),
-        ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is not a Matrix Market file"),
-        ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
-        ({"waist=0.066": "waist=half"}, "section waist = 'half' is not a distance from the start"),
-        ({"waist=0.066": "end=0.066"}, "a point given by nodes has the name end"),
-        ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
-        ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
-        ({"waist=0.066": "waist"}, "--section 'waist' is not of the form NAME=VALUE"),
-        ({"waist=0.066": "waist="}, "--section 'waist=' is not of the form NAME=VALUE"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"rod-stress.txt": "three.txt"}, "(12, 3675), with 3 names in three.txt not (18, 3675)"),
+    ({"rod-stress.txt": "twice.txt"}, "twice.txt: top occurs twice"),
+    ({"rod-stress.txt": "dotted.txt"}, "dotted.txt: 'rod.top' is not a name"),
+    ({"rod-stress.txt": "none.txt"}, "none.txt cannot be read: No such file"),
+    ({"rod-stress.mtx": "other.mtx"}, "a rigid motion along its axis gives a stress at top"),
+    ({"rod-stress.mtx": "rod-nodes.txt"}, "rod-nodes.txt is not a Matrix Market file"),
+    ({"waist=0.066": "waist=66"}, "section waist at 66 is not between the start and the end, at 0.137"),
+    ({"waist=0.066": "waist=half"}, "section waist = 'half' is not a distance from the start"),
+    ({"waist=0.066": "end=0.066"}, "a point given by nodes has the name end"),
+    ({"waist=0.066": "mid=0.066"}, "section mid at 0.066 is not half-way"),
+    ({"waist=0.066": "2x=0.066"}, "'2x' is not a name"),
+    ({"waist=0.066": "waist"}, "--section 'waist' is not of the form NAME=VALUE"),
+    ({"waist=0.066": "waist="}, "--section 'waist=' is not of the form NAME=VALUE"),
+])  # fmt: skip
 def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
     refused(cli(*recovering(**({"rod-stress.npz": "never.npz"} | changed))), message)
     assert not Path("never.npz").exists()
 
 
-@pytest.mark.parametrize(
-    "changed, message",
-    [
-        ({"start=big-eye.txt": "start=all.txt"}, "start and end have node 1201 in common"),
-        ({"start=big-eye.txt": "start=none.txt"}, "none.txt cannot be read: No such file"),
-        ({"start=big-eye.txt": "start=strange.txt"}, "strange.txt: there is no node 4711"),
-        ({"start=big-eye.txt": "begin=big-eye.txt"}, "no point start"),
-        ({"start=big-eye.txt": "start=corner.txt"}, "the line from start to end is off the plane of motion by"),
-        ({"rod-mass.mtx": "short.mtx"}, "short.mtx has the shape (6, 6), with 1225 nodes"),
-        ({"rod-mass.mtx": "rod-nodes.txt"}, "rod-nodes.txt has 4 columns"),
-        ({"rod-mass.mtx": "torn.mtx"}, "torn.mtx is not a Matrix Market file"),
-        ({"rod-stiffness.mtx": "lopsided.mtx"}, "lopsided.mtx is not symmetric"),
-        ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a rigid motion along its axis by"),
-        ({"rod-mass.mtx": "rod-stiffness.mtx"}, "kg. Give the mass first, then the stiffness"),
-        ({"end=small-eye.txt": "end=big-eye.txt"}, "start and end have node 1 in common"),
-        ({"rod-stiffness.mtx": "turned-round.mtx"}, "turned-round.mtx does not resist a stretch of the link"),
-        ({"rod-nodes.txt": "twice-numbered.txt"}, "twice-numbered.txt: node 3 occurs twice"),
-        ({"rod-nodes.txt": "empty.txt"}, "empty.txt contains no finite numbers"),
-        ({"rod-nodes.txt": "."}, ". cannot be read: it is a folder"),
-        ({"end=small-eye.txt": "end=upper.txt"}, "not symmetric about its axis"),
-        ({"rod.npz": "rod.txt"}, "not the name of a file of arrays"),
-    ],
-)
+@pytest.mark.parametrize("changed, message", [
+    ({"start=big-eye.txt": "start=all.txt"}, "start and end have node 1201 in common"),
+    ({"start=big-eye.txt": "start=none.txt"}, "none.txt cannot be read: No such file"),
+    ({"start=big-eye.txt": "start=strange.txt"}, "strange.txt: there is no node 4711"),
+    ({"start=big-eye.txt": "begin=big-eye.txt"}, "no point start"),
+    ({"start=big-eye.txt": "start=corner.txt"}, "the line from start to end is off the plane of motion by"),
+    ({"rod-mass.mtx": "short.mtx"}, "short.mtx has the shape (6, 6), with 1225 nodes"),
+    ({"rod-mass.mtx": "rod-nodes.txt"}, "rod-nodes.txt has 4 columns"),
+    ({"rod-mass.mtx": "torn.mtx"}, "torn.mtx is not a Matrix Market file"),
+    ({"rod-stiffness.mtx": "lopsided.mtx"}, "lopsided.mtx is not symmetric"),
+    ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a rigid motion along its axis by"),
+    ({"rod-mass.mtx": "rod-stiffness.mtx"}, "kg. Give the mass first, then the stiffness"),
+    ({"end=small-eye.txt": "end=big-eye.txt"}, "start and end have node 1 in common"),
+    ({"rod-stiffness.mtx": "turned-round.mtx"}, "turned-round.mtx does not resist a stretch of the link"),
+    ({"rod-nodes.txt": "twice-numbered.txt"}, "twice-numbered.txt: node 3 occurs twice"),
+    ({"rod-nodes.txt": "empty.txt"}, "empty.txt contains no finite numbers"),
+    ({"rod-nodes.txt": "."}, ". cannot be read: it is a folder"),
+    ({"end=small-eye.txt": "end=upper.txt"}, "not symmetric about its axis"),
+    ({"rod.npz": "rod.txt"}, "not the name of a file of arrays"),
+])  # fmt: skip
 def test_what_is_refused(odd_files, changed, message):
     """By name and with a cure, and nothing is written."""
     arguments = command(**({"rod.npz": "other.npz"} | changed))
@@ -287,7 +281,7 @@ def test_the_page_has_a_scene_of_it(recovered):
     text = recovered
     Path("imported.toml").write_text(text)
     assert cli("check", "imported.toml").exit_code == 0
-    push = '[loads]\npush = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
+    push = 'loads.push = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
     pushed = text.replace("[sensors]", f"{push}[sensors]")
     shorter = text.replace('"rod.end", "piston"', '"rod.waist", "piston"')
     named = '"rod-stress.npz", points = {waist = ["66 mm", 0]}}'
@@ -303,14 +297,11 @@ def test_the_page_has_a_scene_of_it(recovered):
                 np.testing.assert_array_equal(found[name].values, same[name].values)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ('start = "periodic"', "modes = 2", "solve.modes = 2: the file of modal data gives the shapes"),
-        ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "under rigid modal data give no section forces"),
-        ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "message"), [
+    ('start = "periodic"', "modes = 2", "solve.modes = 2: the file of modal data gives the shapes"),
+    ('preset = "coupled"\nstart = "periodic"', 'preset = "rigid"', "under rigid modal data give no section forces"),
+    ('"rod.waist"', '"rod.end"', "has no section forces there: it has those at mid, waist. Name a section"),
+])  # fmt: skip
 def test_what_a_scene_of_it_must_not_ask(recovered, before, after, message):
     Path("imported.toml").write_text(recovered.replace(before, after))
     refused(cli("check", "imported.toml"), message)
@@ -361,16 +352,13 @@ def test_nodes_of_an_input_of_abaqus_or_calculix():
         np.testing.assert_array_equal(there.arrays[name], array)
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ("*NODE\n7, 0.1, 0.2\n", "job.inp: node 7 occurs twice. Give each node a different number"),
-        ("*NODE, SYSTEM=C\n7, 0.1, 0.2\n", "job.inp: nodes given by *NODE, SYSTEM=C are not read"),
-        ("*Ngen, nset=all\n1, 9\n", "job.inp: nodes given by *Ngen, nset=all are not read"),
-        ("*INSTANCE, PART=bar\n 0.1, 0., 0.\n", "job.inp moves an instance by 0.1, 0., 0."),
-        ("*NODE\nseven, 0.1\n", "job.inp: seven, 0.1 is not a node"),
-    ],
-)
+@pytest.mark.parametrize(("more", "message"), [
+    ("*NODE\n7, 0.1, 0.2\n", "job.inp: node 7 occurs twice. Give each node a different number"),
+    ("*NODE, SYSTEM=C\n7, 0.1, 0.2\n", "job.inp: nodes given by *NODE, SYSTEM=C are not read"),
+    ("*Ngen, nset=all\n1, 9\n", "job.inp: nodes given by *Ngen, nset=all are not read"),
+    ("*INSTANCE, PART=bar\n 0.1, 0., 0.\n", "job.inp moves an instance by 0.1, 0., 0."),
+    ("*NODE\nseven, 0.1\n", "job.inp: seven, 0.1 is not a node"),
+])  # fmt: skip
 def test_what_is_refused_of_an_input(more, message):
     written_input(more=more)
     refused(cli(*command(**{"rod-nodes.txt": "job.inp", "rod.npz": "other.npz"})), message)

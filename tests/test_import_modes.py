@@ -158,20 +158,17 @@ def test_missing_flexibility_of_free_modes_is_warned_of(space, known):
     assert result.exit_code == 0 and "Warning" not in result.stderr
 
 
-@pytest.mark.parametrize(
-    "files, more, message",
-    [
-        (("massless.fem", "rod.fem", "rod.fem"), [], "massless.fem contains modes and no mass of its nodes"),
-        (("rod.unv", "rod.unv", "rod.unv"), [], "rod.unv contains modes and no mass of its nodes"),
-        (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--coupling", "rigid"], "modes do not give rigid motion"),
-        (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--modes", "9"], "Ask for fewer, or give more modes"),
-        (("rod-mass.mtx", "torn.fem", "rod-nodes.txt"), [], "torn.fem has no record group 10, modal stiffness"),
-        (("rod-mass.mtx", "short.fem", "rod-nodes.txt"), [], "short.fem: its record groups don't fit 1225 nodes"),
-        (("rod-mass.mtx", "rod.fem", "more.txt"), [], "rod-mass.mtx has the shape"),
-        (("rod.fem", "rod.fem", "swapped.txt"), [], "rod.fem contains node 1225"),
-        (("rod-mass.mtx", "empty.unv", "rod-nodes.txt"), [], "empty.unv"),
-    ],
-)
+@pytest.mark.parametrize("files, more, message", [
+    (("massless.fem", "rod.fem", "rod.fem"), [], "massless.fem contains modes and no mass of its nodes"),
+    (("rod.unv", "rod.unv", "rod.unv"), [], "rod.unv contains modes and no mass of its nodes"),
+    (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--coupling", "rigid"], "modes do not give rigid motion"),
+    (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--modes", "9"], "Ask for fewer, or give more modes"),
+    (("rod-mass.mtx", "torn.fem", "rod-nodes.txt"), [], "torn.fem has no record group 10, modal stiffness"),
+    (("rod-mass.mtx", "short.fem", "rod-nodes.txt"), [], "short.fem: its record groups don't fit 1225 nodes"),
+    (("rod-mass.mtx", "rod.fem", "more.txt"), [], "rod-mass.mtx has the shape"),
+    (("rod.fem", "rod.fem", "swapped.txt"), [], "rod.fem contains node 1225"),
+    (("rod-mass.mtx", "empty.unv", "rod-nodes.txt"), [], "empty.unv"),
+])  # fmt: skip
 def test_what_is_refused(files, more, message):
     text = Path("rod.fem").read_text()
     Path("torn.fem").write_text(text[: text.index("** RECORD GROUP 10")])

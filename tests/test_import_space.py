@@ -152,15 +152,12 @@ def run(text):
     return solved(kaneflex.scene_of(text)).series
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"end=small-eye.txt": "end=edge.txt"}, "the nodes of end lie on one line: its rotation is not determined"),
-        ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a rigid motion along x by"),
-        ({"rod-mass.mtx": "flat.mtx"}, "flat.mtx has two translations of each node"),
-        ({"6": "50", "rod-nodes.txt": "rod-nodes.txt", "end=small-eye.txt": "end=none.txt"}, "none.txt cannot be read"),
-    ],
-)
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"end=small-eye.txt": "end=edge.txt"}, "the nodes of end lie on one line: its rotation is not determined"),
+    ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a rigid motion along x by"),
+    ({"rod-mass.mtx": "flat.mtx"}, "flat.mtx has two translations of each node"),
+    ({"6": "50", "rod-nodes.txt": "rod-nodes.txt", "end=small-eye.txt": "end=none.txt"}, "none.txt cannot be read"),
+])  # fmt: skip
 def test_what_is_refused(changed, message):
     from scipy.io import mmwrite
     from scipy.sparse import eye_array

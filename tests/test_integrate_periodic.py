@@ -24,11 +24,9 @@ def coupled():
     draw = [random.normal(size=(4, 4)) for _ in range(4)]
     system = affine(
         4, 3,
-        {
-            "M": [np.diag([1.0, 2.0, 1.5, 0.5]) * 3.0, 0.1 * (draw[0] + draw[0].T), None],
-            "C": [0.4 * np.eye(4), None, draw[1] - draw[1].T],
-            "K": [np.diag([3.0, 20.0, 150.0, 900.0]) + 0.3 * (draw[2] + draw[2].T), 0.5 * np.eye(4), draw[3]],
-        },
+        {"M": [np.diag([1.0, 2.0, 1.5, 0.5]) * 3.0, 0.1 * (draw[0] + draw[0].T), None],
+         "C": [0.4 * np.eye(4), None, draw[1] - draw[1].T],
+         "K": [np.diag([3.0, 20.0, 150.0, 900.0]) + 0.3 * (draw[2] + draw[2].T), 0.5 * np.eye(4), draw[3]]},
         random.normal(size=(4, 3)),
     )  # fmt: skip
     return system, lambda t: np.stack((np.ones_like(t), np.cos(t), np.sin(2.0 * t)), axis=1)
@@ -283,23 +281,20 @@ def test_a_run_can_be_interrupted(monkeypatch):
         integrate(Run(system, table, 0.0, 0.01, 10**9, "newmark", every=10**6), progress=interrupt)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"method": "newmrak"}, "newmark"),
-        ({"step": 0.0}, "step"),
-        ({"step": float("nan")}, "step"),
-        ({"n_steps": 0}, "at least one step"),
-        ({"every": 0}, "at least one step"),
-        ({"start": "periodic"}, "no cycle"),
-        ({"start": "rest"}, "zero, periodic or a state"),
-        ({"start": (np.zeros(3), np.zeros(4))}, "must be 4 finite numbers"),
-        ({"start": (np.zeros(4), np.full(4, np.nan))}, "must be 4 finite numbers"),
-        ({"method": "generalised-alpha", "rho_infinity": 1.2}, "rho_infinity"),
-        ({"method": "scipy", "scipy_method": "Euler"}, "DOP853"),
-        ({"method": "scipy", "start": "periodic", "period_steps": 10}, "radau"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "said"), [
+    ({"method": "newmrak"}, "newmark"),
+    ({"step": 0.0}, "step"),
+    ({"step": float("nan")}, "step"),
+    ({"n_steps": 0}, "at least one step"),
+    ({"every": 0}, "at least one step"),
+    ({"start": "periodic"}, "no cycle"),
+    ({"start": "rest"}, "zero, periodic or a state"),
+    ({"start": (np.zeros(3), np.zeros(4))}, "must be 4 finite numbers"),
+    ({"start": (np.zeros(4), np.full(4, np.nan))}, "must be 4 finite numbers"),
+    ({"method": "generalised-alpha", "rho_infinity": 1.2}, "rho_infinity"),
+    ({"method": "scipy", "scipy_method": "Euler"}, "DOP853"),
+    ({"method": "scipy", "start": "periodic", "period_steps": 10}, "radau"),
+])  # fmt: skip
 def test_arguments_that_cannot_be_used(arguments, said):
     system, table = coupled()
     given = {"t0": 0.0, "step": 0.1, "n_steps": 10, **arguments}

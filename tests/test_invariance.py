@@ -40,8 +40,7 @@ SHUFFLED = [
     "pin-ended-cross", "quick-return", "six-bar", "stick-slip", "two-link-arm",
 ]  # fmt: skip
 CASES = [
-    *((name, "read in another order", None) for name in SHUFFLED),
-    *((name, "mirrored", None) for name in MIRRORED),
+    *((name, "read in another order", None) for name in SHUFFLED), *((name, "mirrored", None) for name in MIRRORED),
     *((name, "turned by 180 degrees", None) for name in HALF_TURN),
     *((name, "in other units, forces kept", None) for name in SAME_FORCES),
     *((name, "in other units", None) for name in SCALED),
@@ -177,11 +176,8 @@ def test_machines_of_drawn_numbers(name, folder):
 
     @some
     @given(
-        stretch=st.lists(st.floats(0.95, 1.05), min_size=3, max_size=3),
-        speed=st.floats(0.5, 1.5),
-        backwards=st.booleans(),
-        angle=st.floats(-3.0, 3.0),
-        mirrored=st.booleans(),
+        stretch=st.lists(st.floats(0.95, 1.05), min_size=3, max_size=3), speed=st.floats(0.5, 1.5),
+        backwards=st.booleans(), angle=st.floats(-3.0, 3.0), mirrored=st.booleans(),
         units=st.lists(st.floats(0.1, 10.0), min_size=3, max_size=3),
     )
     def drawn(stretch, speed, backwards, angle, mirrored, units) -> None:

@@ -10,9 +10,8 @@ from parity import compared, planar, random_turn
 from runs import solved
 from scipy.linalg import expm
 
-from kaneflex import SceneError, load
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.study.sensitivity.report import check_differentiable
 
 J = 0.02
@@ -24,10 +23,8 @@ WHEEL = pendulum(
 METHODS = pytest.mark.parametrize("integrator", ["gauss", "radau"])
 
 
-def moved(tmp_path, law, *settings, text=WHEEL):
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    scene = with_settings(read_scene(path), [f"loads.torque.law={law}", *settings])
+def moved(law, *settings, text=WHEEL):
+    scene = with_settings(scene_of(text), [f"loads.torque.law={law}", *settings])
     return solved(scene)
 
 
@@ -38,76 +35,76 @@ def motion(solution):
 
 
 @METHODS
-def test_a_jump_in_time_is_located(tmp_path, integrator):
+def test_a_jump_in_time_is_located(integrator):
     """Steps as long as the stored instants allow, one of them over the jump: nothing of it is lost."""
-    t, angle, speed = motion(moved(tmp_path, "3*step(t - 0.3137)", f"solve.integrator={integrator}"))
+    t, angle, speed = motion(moved("3*step(t - 0.3137)", f"solve.integrator={integrator}"))
     since = np.clip(t - 0.3137, 0, None)
     assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
     assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
 
 
 @METHODS
-def test_a_jump_at_a_place_is_located(tmp_path, integrator):
+def test_a_jump_at_a_place_is_located(integrator):
     """Torque from 1 rad on, where the wheel is at 0.1 s."""
-    t, angle, _ = motion(moved(tmp_path, "3*step(hub - 1)", f"solve.integrator={integrator}"))
+    t, angle, _ = motion(moved("3*step(hub - 1)", f"solve.integrator={integrator}"))
     assert angle == pytest.approx(10 * t + 1.5 / J * np.clip(t - 0.1, 0, None) ** 2, abs=1e-12)
 
 
 @METHODS
-def test_a_brake_stops_a_wheel_that_nothing_else_moves(tmp_path, integrator):
+def test_a_brake_stops_a_wheel_that_nothing_else_moves(integrator):
     """Torque T stops it after J w/T = 0.4 s and J w^2/(2 T) = 2 rad, and there it stays."""
-    t, angle, speed = motion(moved(tmp_path, "-0.5*sign(hub_speed)", f"solve.integrator={integrator}", "solve.steps=7"))
+    t, angle, speed = motion(moved("-0.5*sign(hub_speed)", f"solve.integrator={integrator}", "solve.steps=7"))
     left = np.clip(0.4 - t, 0, None)
     assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
     assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
 
 
-def test_a_brake_gives_way_to_a_larger_torque(tmp_path):
+def test_a_brake_gives_way_to_a_larger_torque():
     """Turning back at -10 rad/s it is stopped by both, then moved by their difference."""
-    t, angle, _ = motion(moved(tmp_path, "0.8 - 0.5*sign(hub_speed)", "drives.hub.initial_speed=-10 rad/s"))
+    t, angle, _ = motion(moved("0.8 - 0.5*sign(hub_speed)", "drives.hub.initial_speed=-10 rad/s"))
     stop = 10 * J / 1.3
     before, after = np.minimum(t, stop), np.clip(t - stop, 0, None)
     assert angle == pytest.approx(-10 * before + 0.65 / J * before**2 + 0.15 / J * after**2, abs=1e-12)
 
 
 @pytest.mark.parametrize("settings", [(), ("drives.hub.initial_speed=0",)])
-def test_a_brake_that_would_have_to_hold_is_named(tmp_path, settings):
+def test_a_brake_that_would_have_to_hold_is_named(settings):
     """Against a smaller torque its sign would have to be a number between -1 and 1: that is friction, no law."""
-    solution = moved(tmp_path, "0.2 - 0.5*sign(hub_speed)", *settings)
+    solution = moved("0.2 - 0.5*sign(hub_speed)", *settings)
     assert solution.outcome is Outcome.CASCADE
     assert "the law of loads.torque switches back and forth" in solution.trajectory.message
     assert solution.times[-1] <= (10 * J / 0.3 if not settings else 0.0)
 
 
-def test_between_stored_instants_a_law_stands_on_its_side(tmp_path):
+def test_between_stored_instants_a_law_stands_on_its_side():
     """Dense output across the stop of a brake: angles and torques as they are on either side, and at rest."""
-    solution = moved(tmp_path, "-0.5*sign(hub_speed)")
+    solution = moved("-0.5*sign(hub_speed)")
     found = solution.at([0.2, 0.3, 0.37, 0.6, 0.9])
     left = np.clip(0.4 - found.times, 0, None)
     assert found.trajectory.v[:, 2] == pytest.approx(0.5 / J * left, abs=1e-6)
     assert found.trajectory.a[:, 2] == pytest.approx(np.where(left > 0, -0.5 / J, 0), abs=1e-6)
 
 
-def test_a_wheel_at_rest_stays_at_rest_under_its_brake(tmp_path):
-    _, angle, speed = motion(moved(tmp_path, "-0.5*sign(hub_speed)", "drives.hub.initial_speed=0"))
+def test_a_wheel_at_rest_stays_at_rest_under_its_brake():
+    _, angle, speed = motion(moved("-0.5*sign(hub_speed)", "drives.hub.initial_speed=0"))
     assert not angle.any() and not speed.any()
 
 
 @METHODS
-def test_a_torque_of_one_size_swings_with_its_period(tmp_path, integrator):
+def test_a_torque_of_one_size_swings_with_its_period(integrator):
     """J x'' = -T sign(x) from speed v at 0: half a swing lasts 2 J v/T."""
     settings = f"solve.integrator={integrator}", "solve.duration=4 s", "solve.steps=50"
-    t, angle, _ = motion(moved(tmp_path, "-2*sign(hub)", *settings))
+    t, angle, _ = motion(moved("-2*sign(hub)", *settings))
     half = 2 * J * 10 / 2
     phase, side = t % half, 1 - 2 * (t // half % 2)
     assert angle == pytest.approx(side * (10 * phase - phase**2 / J), abs=1e-10)
 
 
-def test_a_spring_with_two_stiffnesses_swings_with_half_a_period_of_each(tmp_path):
+def test_a_spring_with_two_stiffnesses_swings_with_half_a_period_of_each():
     """A kink at rest: -k x for x > 0, -4 k x below."""
     k = 0.5
     law = f"-{k}*max(hub, 0) - 4*{k}*min(0, hub)"
-    t, angle, _ = motion(moved(tmp_path, law, "solve.duration=5 s", "solve.steps=40", "solve.tolerance=1e-10"))
+    t, angle, _ = motion(moved(law, "solve.duration=5 s", "solve.steps=40", "solve.tolerance=1e-10"))
     omega = math.sqrt(k / J)
     cycle = 1.5 * math.pi / omega
     phase = t % cycle
@@ -115,16 +112,16 @@ def test_a_spring_with_two_stiffnesses_swings_with_half_a_period_of_each(tmp_pat
     assert angle == pytest.approx(np.where(omega * phase < math.pi, up, down), abs=1e-7)
 
 
-def test_pulses_that_are_shorter_than_any_step_are_not_stepped_over(tmp_path):
+def test_pulses_that_are_shorter_than_any_step_are_not_stepped_over():
     """1 N m wherever the sine is above 0.999: 5 pulses of a share of their period, none where an instant is stored."""
-    t, _, speed = motion(moved(tmp_path, "step(sin(2*pi*5*t) - 0.999)", "solve.steps=5", "drives.hub.initial_speed=0"))
+    t, _, speed = motion(moved("step(sin(2*pi*5*t) - 0.999)", "solve.steps=5", "drives.hub.initial_speed=0"))
     width = (math.pi - 2 * math.asin(0.999)) / (10 * math.pi)
     assert speed == pytest.approx(5 * t * width / J, rel=1e-9, abs=1e-15)
 
 
-def test_an_angle_has_a_jump_where_it_is_cut(tmp_path):
+def test_an_angle_has_a_jump_where_it_is_cut():
     """A torque against the angle within half a turn of zero: over whole turns it takes nothing from the wheel."""
-    solution = moved(tmp_path, "-0.05*atan2(sin(hub), cos(hub))", "solve.tolerance=1e-10", "solve.duration=3 s")
+    solution = moved("-0.05*atan2(sin(hub), cos(hub))", "solve.tolerance=1e-10", "solve.duration=3 s")
     _, angle, speed = motion(solution)
     within = np.arctan2(np.sin(angle), np.cos(angle))
     assert angle[-1] > 4 * math.pi
@@ -132,36 +129,35 @@ def test_an_angle_has_a_jump_where_it_is_cut(tmp_path):
 
 
 @pytest.mark.parametrize("law", ["atan2(0*t, 0*hub)", "abs(0*t)", "max(hub, hub)", "sign(min(0*hub, abs(t)))"])
-def test_what_stays_at_a_jump_has_its_value_there(tmp_path, law):
-    t, angle, _ = motion(moved(tmp_path, law.replace("max(hub, hub)", "max(hub, hub) - hub")))
+def test_what_stays_at_a_jump_has_its_value_there(law):
+    t, angle, _ = motion(moved(law.replace("max(hub, hub)", "max(hub, hub) - hub")))
     assert angle == pytest.approx(10 * t, abs=1e-12)
 
 
-def test_a_smooth_step_rises_between_its_places(tmp_path):
+def test_a_smooth_step_rises_between_its_places():
     """The work of a torque that rises from 0 at 0.2 s to 2 at 0.6 s: half of it by then, as the step is odd."""
-    t, _, speed = motion(moved(tmp_path, "step(t, 0.2, 0, 0.6, 2)", "solve.steps=10"))
+    t, _, speed = motion(moved("step(t, 0.2, 0, 0.6, 2)", "solve.steps=10"))
     assert speed[t >= 0.6] == pytest.approx(10 + (0.4 + 2 * (t[t >= 0.6] - 0.6)) / J, rel=1e-9)
 
 
-def test_jumps_without_an_error_control_are_refused(tmp_path):
+def test_jumps_without_an_error_control_are_refused():
     with pytest.raises(SceneError, match="jumps, and preset rigid would step over the jump as it integrates hub"):
-        moved(tmp_path, "-0.5*sign(hub_speed)", "solve.preset=rigid")
-    assert moved(tmp_path, "min(hub, 3)", "solve.preset=rigid", "solve.steps=100").outcome is Outcome.COMPLETED
+        moved("-0.5*sign(hub_speed)", "solve.preset=rigid")
+    assert moved("min(hub, 3)", "solve.preset=rigid", "solve.steps=100").outcome is Outcome.COMPLETED
 
 
-def test_an_angle_of_time_jumps_only_where_it_is_cut(tmp_path):
+def test_an_angle_of_time_jumps_only_where_it_is_cut():
     """That of a point on a circle about (1, 0) stays on its branch; about the origin it jumps at half a turn."""
     smooth = "0.1*atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"
     settings = ("solve.preset=rigid", "solve.steps=100")
-    assert moved(tmp_path, smooth, *settings).outcome is Outcome.COMPLETED
+    assert moved(smooth, *settings).outcome is Outcome.COMPLETED
     for cut in ("0.1*atan2(sin(9*t), cos(9*t))", "0.1*atan2(sin(hub), 2 + cos(hub))"):
         with pytest.raises(SceneError, match=r"atan2.* jumps, and preset rigid would step over"):
-            moved(tmp_path, cut, *settings)
+            moved(cut, *settings)
 
 
-def test_a_law_that_turns_is_not_differentiated(tmp_path):
-    moved(tmp_path, "0*t")
-    scene = with_settings(read_scene(tmp_path / "scene.toml"), ["loads.torque.law=max(0, hub)"])
+def test_a_law_that_turns_is_not_differentiated():
+    scene = with_settings(scene_of(WHEEL), ["loads.torque.law=max(0, hub)"])
     with pytest.raises(SceneError, match=r"the instants at which max\(0, hub\) has a kink depend on the parameter"):
         check_differentiable(scene, False)
 
@@ -174,15 +170,16 @@ def test_a_joint_with_no_drive_is_refused_where_only_drives_are_known():
         with_settings(base, ["loads.motor.law=1 - third"])
 
 
-def test_an_elastic_belt_rings_between_its_pulleys(tmp_path):
+def test_an_elastic_belt_rings_between_its_pulleys():
     """k (r_1 a - r_2 b) pulls both: a = A cos(w t), w^2 = k (r_1^2/J_1 + r_2^2/J_2), beside what turns on."""
     stretch = "2e4*(0.05*hub - 0.12*mill)"
-    text = WHEEL.replace("[loads]", f"""mill = {{free = true}}
-[loads]
-mill = {{torque_at = "mill", law = "0.12*{stretch}"}}""").replace("[joints]", """mill = {mass = 9, inertia = 0.2}
-[joints]
-mill = {revolute = ["ground", "big"]}""").replace("mill = {mass", "big = {mass")
-    solution = moved(tmp_path, f"-0.05*{stretch}", "solve.tolerance=1e-10", text=text)
+    text = WHEEL + f"""
+bodies.big = {{mass = 9, inertia = 0.2}}
+joints.mill = {{revolute = ["ground", "big"]}}
+drives.mill.free = true
+loads.mill = {{torque_at = "mill", law = "0.12*{stretch}"}}
+"""
+    solution = moved(f"-0.05*{stretch}", "solve.tolerance=1e-10", text=text)
     k_1, k_2, v = 2e4 * 0.05**2 / J, 2e4 * 0.12**2 / 0.2, 10.0
     omega = math.sqrt(k_1 + k_2)
     assert motion(solution)[1] == pytest.approx(
@@ -194,7 +191,7 @@ FOUR_BAR = ("solve.preset=coupled", "solve.duration=0.3 s", "solve.steps=60", "s
 
 
 @pytest.mark.parametrize(("joint", "settings"), [("second", ()), ("rocker", ("bodies.coupler.beam=none",))])
-def test_laws_know_joints_without_a_drive(tmp_path, joint, settings):
+def test_laws_know_joints_without_a_drive(joint, settings):
     """A torque by law in a joint's angle and speed is a torsional spring with its damper."""
     base = with_settings(read_scene("four-bar-motor"), [*FOUR_BAR])
     kept = {name: f"loads.{name}=none" for name in base.loads}
@@ -211,51 +208,37 @@ def test_laws_know_joints_without_a_drive(tmp_path, joint, settings):
 WHEEL_IN_SPACE = """
 schema = 1
 description = "A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic"
-[ground]
-side = [0, 1, 0]
-[bodies.wheel]
-mass = "2 kg"
-inertia = [0.02, 0.02, 0.02]
-[bodies.ball]
-mass = "2 kg"
-inertia = [0.02, 0.02, 0.02]
-free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
-[bodies.beam]
-length = "200 mm"
-beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}
-[joints]
-hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
-clamp = {weld = ["ground.side", "beam.start"]}
-[drives]
-hub = {free = true, initial_speed = "10 rad/s"}
-[loads]
-torque = {torque_at = "hub", law = "0"}
-push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
-[sensors]
-angle = {position = "hub", component = "angle"}
-speed = {velocity = "hub", component = "angle"}
-x = {position = "ball", component = "x", axes = "global"}
-angular = {velocity = "ball", component = "angle_z", axes = "body"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 8
-modes = 1
+ground.side = [0, 1, 0]
+bodies.wheel = {mass = "2 kg", inertia = [0.02, 0.02, 0.02]}
+bodies.ball.mass = "2 kg"
+bodies.ball.inertia = [0.02, 0.02, 0.02]
+bodies.ball.free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
+bodies.beam = {length = "200 mm", beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}
+joints.hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
+joints.clamp = {weld = ["ground.side", "beam.start"]}
+drives.hub = {free = true, initial_speed = "10 rad/s"}
+loads.torque = {torque_at = "hub", law = "0"}
+loads.push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
+sensors.angle = {position = "hub", component = "angle"}
+sensors.speed = {velocity = "hub", component = "angle"}
+sensors.x = {position = "ball", component = "x", axes = "global"}
+sensors.angular = {velocity = "ball", component = "angle_z", axes = "body"}
+solve = {preset = "coupled", duration = "1 s", steps = 8, modes = 1}
 """
 
 
-def moved_in_space(tmp_path, law, *settings):
+def moved_in_space(law, *settings):
     """Times, angles and speeds of the wheel, and the instants of the jumps of its torque."""
-    solution = moved(tmp_path, law, *settings, text=WHEEL_IN_SPACE)
+    solution = moved(law, *settings, text=WHEEL_IN_SPACE)
     angle, speed = (solution[name].values for name in ("angle", "speed"))
     return solution, solution.times, angle, speed
 
 
 @METHODS
-def test_in_space_jumps_are_located(tmp_path, integrator):
+def test_in_space_jumps_are_located(integrator):
     """In time and at a place, with a ball that turns across them: nothing is lost."""
     method = f"solve.integrator={integrator}"
-    solution, t, angle, speed = moved_in_space(tmp_path, "3*step(hub - 1)", method)
+    solution, t, angle, speed = moved_in_space("3*step(hub - 1)", method)
     since = np.clip(t - 0.1, 0, None)
     assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
     assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
@@ -265,8 +248,8 @@ def test_in_space_jumps_are_located(tmp_path, integrator):
 
 
 @METHODS
-def test_in_space_a_brake_stops_a_wheel_that_nothing_else_moves(tmp_path, integrator):
-    solution, t, angle, speed = moved_in_space(tmp_path, "-0.5*sign(hub_speed)", f"solve.integrator={integrator}")
+def test_in_space_a_brake_stops_a_wheel_that_nothing_else_moves(integrator):
+    solution, t, angle, speed = moved_in_space("-0.5*sign(hub_speed)", f"solve.integrator={integrator}")
     left = np.clip(0.4 - t, 0, None)
     assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
     assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
@@ -274,9 +257,9 @@ def test_in_space_a_brake_stops_a_wheel_that_nothing_else_moves(tmp_path, integr
     assert found["torque"] == pytest.approx([-0.5, -0.5, 0.0, 0.0])
 
 
-def test_in_space_a_brake_that_would_have_to_hold_is_named(tmp_path):
+def test_in_space_a_brake_that_would_have_to_hold_is_named():
     with pytest.raises(SceneError, match=r"after t = 0\.666667 s the law switches back and forth") as error:
-        moved_in_space(tmp_path, "0.2 - 0.5*sign(hub_speed)")
+        moved_in_space("0.2 - 0.5*sign(hub_speed)")
     assert error.value.key == "loads.torque.law"
 
 
@@ -294,58 +277,40 @@ def test_in_space_loads_switch_when_they_do_in_the_plane(name, settings):
     assert [each for each in compared(flat, turn).sensors if not each.agrees] == []
 
 
-def test_in_space_a_kink_of_a_load_reaches_the_drive(tmp_path):
+def test_in_space_a_kink_of_a_load_reaches_the_drive():
     """A rigid arm turned from -1 to 1 rad by its drive against |angle|."""
-    text = WHEEL_IN_SPACE.partition("[drives]")[0].partition("[bodies.ball]")
-    text = text[0] + '[joints]\nhub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}\n' + """
-[drives]
-hub = {law = "2*t - 1"}
-[loads]
-torque = {torque_at = "hub", law = "0"}
-[sensors]
-torque = {drive_torque = "hub"}
-[solve]
-preset = "rigid"
-duration = "1 s"
-steps = 10
+    text = WHEEL_IN_SPACE.partition("bodies.ball")[0] + """
+joints.hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
+drives.hub = {law = "2*t - 1"}
+loads.torque = {torque_at = "hub", law = "0"}
+sensors.torque = {drive_torque = "hub"}
+solve = {preset = "rigid", duration = "1 s", steps = 10}
 """
-    solution = moved(tmp_path, "abs(hub) + step(t - 0.42)", text=text)
+    solution = moved("abs(hub) + step(t - 0.42)", text=text)
     t = solution.times
     assert solution["torque"].values == pytest.approx(-abs(2 * t - 1) - (t > 0.42), abs=1e-12)
     angle = 'angle = {position = "hub", component = "angle"}'
     free = text.replace('law = "2*t - 1"', "free = true").replace('torque = {drive_torque = "hub"}', angle)
     with pytest.raises(SceneError, match="jumps, and preset rigid would step over the jump as it integrates"):
-        moved(tmp_path, "sign(hub_speed)", "solve.preset=rigid", text=free)
-    found = moved(tmp_path, "3*step(t - 0.42)", "solve.preset=coupled", text=free)["angle"].values
+        moved("sign(hub_speed)", "solve.preset=rigid", text=free)
+    found = moved("3*step(t - 0.42)", "solve.preset=coupled", text=free)["angle"].values
     assert found == pytest.approx(1.5 / J * np.clip(t - 0.42, 0, None) ** 2, abs=1e-12)
 
 
-def test_in_space_a_cycle_is_judged_with_the_jumps_that_it_passes(tmp_path):
+def test_in_space_a_cycle_is_judged_with_the_jumps_that_it_passes():
     """Floquet multipliers of J x'' + c x' + k x = T sin(w t) - F sign(x): between jumps by the matrix exponential, at
     each of them the speed's deviation grows by the jump of the acceleration over the speed (Leine & Nijmeijer 2004)."""
-    text = WHEEL_IN_SPACE.partition("[bodies.ball]")[0] + "[bodies.beam]" + WHEEL_IN_SPACE.partition("[bodies.beam]")[2]
-    text = text.replace('push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}\n', "")
-    text = text.partition("x = {position")[0] + """
-[bodies.rotor]
-mass = 1
-inertia = [0.01, 0.01, 0.01]
-[joints.shaft]
-revolute = ["ground.side", "rotor"]
-axis = [0, 0, 1]
-[drives.shaft]
-speed = "20 rad/s"
-cycle = "360 deg"
-[damping]
-rayleigh = {ratio = 0.05, at = ["50 Hz", "500 Hz"]}
-[solve]
-preset = "coupled"
-start = "periodic"
-steps = 40
-modes = 1
-tolerance = 1e-9
+    text = WHEEL_IN_SPACE.partition("bodies.ball")[0] + "bodies.beam" + WHEEL_IN_SPACE.partition("bodies.beam")[2]
+    text = text.replace('loads.push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}\n', "")
+    text = text.partition("sensors.x = {position")[0] + """
+bodies.rotor = {mass = 1, inertia = [0.01, 0.01, 0.01]}
+joints.shaft = {revolute = ["ground.side", "rotor"], axis = [0, 0, 1]}
+drives.shaft = {speed = "20 rad/s", cycle = "360 deg"}
+damping.rayleigh = {ratio = 0.05, at = ["50 Hz", "500 Hz"]}
+solve = {preset = "coupled", start = "periodic", steps = 40, modes = 1, tolerance = 1e-9}
 """
     c, k, force, w = 0.08, 8.0, 0.2, 20.0
-    solution = moved(tmp_path, f"-{k}*hub - {c}*hub_speed - {force}*sign(hub) + 1.5*sin({w}*t)", text=text)
+    solution = moved(f"-{k}*hub - {c}*hub_speed - {force}*sign(hub) + 1.5*sin({w}*t)", text=text)
     run, A = solution.model.motion.curve, np.array([[0.0, 1.0], [-k / J, -c / J]])
     found, last = np.eye(2), 0.0
     for t in run.changes:

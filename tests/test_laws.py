@@ -7,12 +7,10 @@ import pytest
 import sympy as sm
 from scipy.interpolate import BPoly
 
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.derive.equations.law_expression import law_expression
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.laws import ON_ARRAYS, parse_law
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
-from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.errors import Fault
 
 NAMES = ("t", "main", "main_speed")
 smoothstep = BPoly.from_derivatives([0.0, 1.0], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])  # 0 before, 1 after

@@ -5,10 +5,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from kaneflex import load, read_scene, with_settings
 from kaneflex.fem.assembly import ElasticEquations
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 
 CASES = [("engine",), ("engine", "solve.preset=linear"), ("engine", "solve.modes=2"), ("engine-elastic-crank",)]
@@ -54,14 +53,11 @@ def test_of_another_speed_the_same_system_is_integrated_and_sensors_are_those_of
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    "setting",
-    [
-        "rod.length='150 mm'", "rod.E='100 GPa'", "rod.elements=3", "gravity=[1, 2]", "solve.preset=linear",
-        "solve.modes=2", "solve.terms.geometric=false", "damping.rayleigh.ratio=0.05", "bodies.piston.mass='1 kg'",
-        "drives.main.rotation=free",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("setting", [
+    "rod.length='150 mm'", "rod.E='100 GPa'", "rod.elements=3", "gravity=[1, 2]", "solve.preset=linear",
+    "solve.modes=2", "solve.terms.geometric=false", "damping.rayleigh.ratio=0.05", "bodies.piston.mass='1 kg'",
+    "drives.main.rotation=free",
+])  # fmt: skip
 def test_whatever_else_differs_the_equations_are_made_anew(setting):
     before = loaded("engine")
     found = loaded("engine", setting, like=before)

@@ -14,16 +14,13 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 import kaneflex
+from kaneflex import OutputError, SceneError, linearise, load, read_scene
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import bode
 from kaneflex.plots.style import styled
 from kaneflex.report.tables import poles_table
-from kaneflex.scene import read_scene
-from kaneflex.solve.linearisation import linearise
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import OutputError, SceneError
 
 CANTILEVER = cantilever(
     'length = "500 mm", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 3}', root="wall",

@@ -11,11 +11,9 @@ from hypothesis import strategies as st
 from newton_euler import imbalance, place, turned
 from scipy.linalg import eigvalsh
 
+from kaneflex import Model, Scene, load, read_scene, scene_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
-from kaneflex.scene import Scene, read_scene
-from kaneflex.solve.loading import load
 
 # Without shrinking: a first failure already names its numbers, and to shrink would mean to solve hundreds more.
 some = settings(
@@ -52,8 +50,7 @@ LEVER = {
 CHAIN = {
     "bodies": ["crank", "arm", "hand"],
     "joints": {
-        "main": 'revolute = ["ground", "crank.start"]',
-        "elbow": 'revolute = ["crank.end", "arm.start"]',
+        "main": 'revolute = ["ground", "crank.start"]', "elbow": 'revolute = ["crank.end", "arm.start"]',
         "wrist": 'revolute = ["arm.end", "hand.start"]',
     },
 }
@@ -87,8 +84,7 @@ def linkage(draw, kind: dict) -> dict:
         numbers["relative"] = {name: draw(number(-30.0, 30.0)) for name in ("elbow", "wrist")}
     numbers["bodies"] = {
         name: {
-            "mass": draw(number(0.1, 3.0)),
-            "inertia": draw(number(1e-6, 1e-3)),
+            "mass": draw(number(0.1, 3.0)), "inertia": draw(number(1e-6, 1e-3)),
             "centre": (draw(number(-0.05, 0.1)), draw(number(-0.03, 0.03))),
         }
         for name in kind["bodies"]
@@ -128,9 +124,7 @@ def folder(tmp_path_factory) -> Path:
 
 def turning(text: str, folder: Path) -> tuple[Scene, RigidMotion]:
     """A turn of the first drive in steps of 3 degrees."""
-    file = folder / "linkage.toml"
-    file.write_text(text)
-    scene = read_scene(file)
+    scene = scene_of(text)
     module, _ = find_module(scene, lambda stage: None)
     times = np.radians(np.arange(0, 360, 3)) / abs(next(iter(scene.drives.values())).speed)
     return scene, RigidKinematics(module, bind_parameters(scene, module)).at(times)

@@ -7,11 +7,9 @@ from command_line import cli
 from runs import model
 
 import kaneflex
+from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 INTEGRATORS = [(Run, "go"), (scipy.integrate.DOP853, "__init__"), (scipy.integrate.Radau, "__init__")]
 BLADE = ("swept-blade", "solve.preset=coupled", "solve.start=zero", "solve.duration=2 ms", "solve.steps=8")

@@ -11,9 +11,7 @@ from kaneflex.support.errors import SceneError
 
 RIGID = ("four-bar-motor", "solve.preset=rigid", "coupler.length=100 mm")
 GROUND, CRANK, COUPLER, ROCKER = 0.254, 0.108, 0.100, 0.2705
-LIMIT = 360 - math.degrees(
-    math.acos((GROUND**2 + CRANK**2 - (ROCKER - COUPLER) ** 2) / (2 * GROUND * CRANK))
-)
+LIMIT = 360 - math.degrees(math.acos((GROUND**2 + CRANK**2 - (ROCKER - COUPLER) ** 2) / (2 * GROUND * CRANK)))
 """Where coupler and rocker fold onto each other (law of cosines), on the way round [deg]."""
 
 
@@ -39,13 +37,10 @@ def test_a_free_crank_that_does_not_close_where_it_starts(preset):
     assert str(error.value) == f"joints.rocker.branch = '+': {said}"
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        (["rod.length=110 mm"], "joints.guide.branch = '+': the loop cannot close at main = "),
-        (["rod.length=150 mm"], "joints"),
-    ],
-)
+@pytest.mark.parametrize(("settings", "said"), [
+    (["rod.length=110 mm"], "joints.guide.branch = '+': the loop cannot close at main = "),
+    (["rod.length=150 mm"], "joints"),
+])  # fmt: skip
 def test_a_driven_crank_that_does_not_come_around(settings, said):
     """By the engine's own loops: where it stops, and a change point, at which it can't tell how it goes on."""
     with pytest.raises(SceneError, match=re.escape(said)):

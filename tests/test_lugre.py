@@ -19,11 +19,14 @@ TABLE = """
 schema = 1
 description = "The block of Canudas de Wit et al. 1995 on its table"
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-block = {mass = "1 kg"}
-[joints.slide]
-prismatic = ["ground", "block"]
-direction = [1, 0]
+bodies.block = {mass = "1 kg"}
+joints.slide.prismatic = ["ground", "block"]
+joints.slide.direction = [1, 0]
+drives.slide = {free = true}
+loads.pull = {force_on = "block", direction = [1, 0], law = "LAW"}
+sensors.x = {position = "slide"}
+sensors.drag = {friction_force = "slide"}
+solve = {preset = "coupled", duration = "5 s", steps = 500}
 [joints.slide.friction]
 law = "lugre"
 preload = "1 N"
@@ -32,17 +35,6 @@ viscous = "0.4 N s/m"
 stribeck_speed = "0.001 m/s"
 bristle_stiffness = "1e5 N/m"
 bristle_damping = "316.2 N s/m"
-[drives]
-slide = {free = true}
-[loads]
-pull = {force_on = "block", direction = [1, 0], law = "LAW"}
-[sensors]
-x = {position = "slide"}
-drag = {friction_force = "slide"}
-[solve]
-preset = "coupled"
-duration = "5 s"
-steps = 500
 """
 
 
@@ -75,20 +67,14 @@ def by_scipy(times, force, damping):
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    ("law", "force", "damping", "close"),
-    [
-        ("0.7 * sin(3 * t)", lambda t, x: 0.7 * math.sin(3 * t), 316.2, 1e-10),  # before it slides at all
-        ("0.7 * sin(3 * t)", lambda t, x: 0.7 * math.sin(3 * t), 0.0, 1e-8),
-        ("3 * sin(3 * t)", lambda t, x: 3 * math.sin(3 * t), 316.2, 1e-6),  # to and fro
-        ("4 * (0.1 * t - slide)", lambda t, x: 4 * (0.1 * t - x), 316.2, 1e-6),  # by a spring: it sticks and slips
-    ],
-    ids=["presliding", "undamped", "reversals", "stick-slip"],
-)
+@pytest.mark.parametrize(("law", "force", "damping", "close"), [
+    ("0.7 * sin(3 * t)", lambda t, x: 0.7 * math.sin(3 * t), 316.2, 1e-10),  # before it slides at all
+    ("0.7 * sin(3 * t)", lambda t, x: 0.7 * math.sin(3 * t), 0.0, 1e-8),
+    ("3 * sin(3 * t)", lambda t, x: 3 * math.sin(3 * t), 316.2, 1e-6),  # to and fro
+    ("4 * (0.1 * t - slide)", lambda t, x: 4 * (0.1 * t - x), 316.2, 1e-6),  # by a spring: it sticks and slips
+], ids=["presliding", "undamped", "reversals", "stick-slip"])  # fmt: skip
 @pytest.mark.parametrize("integrator", ["gauss", "radau"])
-def test_a_block_creeps_slides_and_sticks_as_the_papers_equations_have_it(
-    law, force, damping, close, integrator
-):
+def test_a_block_creeps_slides_and_sticks_as_the_papers_equations_have_it(law, force, damping, close, integrator):
     settings = [f"slide.friction.bristle_damping={damping}", f"solve.integrator={integrator}"]
     settings.append("solve.tolerance=1e-11")
     if not damping:  # it rings all the time
@@ -123,17 +109,13 @@ def lugre(text, stiffness, damping=0.0):
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    ("text", "settings", "sensor", "stiff", "close"),
-    [
-        (BLOCK, ["drives.slide.initial_speed=-1", "slide.friction.mu=0.8"], "x", 1e6, 3e-3),
-        (HINGE, [], "angle", 1e4, 2e-3),
-        (CRANK, ["solve.duration=1 s"], "angle", 1e4, 1e-2),
-        (FALLING.replace(", mu_static = 0.3", ""), [], "x", 1e7, 1e-3),
-        (ROD, ["floor.friction.mu=2"], "y", 1e6, 3e-3),
-    ],
-    ids=["guide", "pin", "loop", "contact", "Painleve's rod"],
-)
+@pytest.mark.parametrize(("text", "settings", "sensor", "stiff", "close"), [
+    (BLOCK, ["drives.slide.initial_speed=-1", "slide.friction.mu=0.8"], "x", 1e6, 3e-3),
+    (HINGE, [], "angle", 1e4, 2e-3),
+    (CRANK, ["solve.duration=1 s"], "angle", 1e4, 1e-2),
+    (FALLING.replace(", mu_static = 0.3", ""), [], "x", 1e7, 1e-3),
+    (ROD, ["floor.friction.mu=2"], "y", 1e6, 3e-3),
+], ids=["guide", "pin", "loop", "contact", "Painleve's rod"])  # fmt: skip
 def test_bristles_that_are_stiffer_come_closer_to_coulombs_law(text, settings, sensor, stiff, close):
     """What is missed is about the way that bristles bend, N mu over their stiffness, every time things turn round."""
     dry = solved(text, *settings).series[sensor].values

@@ -97,11 +97,9 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "write, exact",
-    [
-        (market, 1e-15), (abaqus, 1e-15), (lambda K: abaqus(K, both=True), 1e-15), (calculix, 1e-15),
-        (coordinate, 1e-15), (lambda K: coordinate(K, both=False), 1e-15),
-        (output4, 1e-15), (lambda K: output4(K, sparse="dense"), 1e-15), (punched, 1e-8),
-    ],
+    [(market, 1e-15), (abaqus, 1e-15), (lambda K: abaqus(K, both=True), 1e-15), (calculix, 1e-15),
+     (coordinate, 1e-15), (lambda K: coordinate(K, both=False), 1e-15),
+     (output4, 1e-15), (lambda K: output4(K, sparse="dense"), 1e-15), (punched, 1e-8)],
     ids=["Matrix Market", "Abaqus", "Abaqus, both triangles", "CalculiX", "Abaqus, COORDINATE",
          "Abaqus, COORDINATE, one triangle", "OUTPUT4", "OUTPUT4, dense", "punch"],
 )  # fmt: skip
@@ -167,34 +165,28 @@ def grid_points(K):
     return "job.pch"
 
 
-@pytest.mark.parametrize(
-    "write, message",
-    [
-        (constrained, "job_STIF2.mtx has rows from 1 to 14, with 5 nodes"),
-        (halves, "job_STIF2.mtx contains a row that is not a whole number"),
-        (grid_points, "job.pch has no DMIG card. Have the matrices written by"),
-        (held, "job_STIF1.mtx has no direction 2 of node 112"),
-        (turning, "job_STIF1.mtx contains the rotation of node 25"),
-        (orphan, "job.dof does not exist"),
-        (others, "job.sti and job.dof do not fit together"),
-        (two, "job.op4 contains KGG, KFF"),
-        (junk, "job.op4"),
-    ],
-)
+@pytest.mark.parametrize("write, message", [
+    (constrained, "job_STIF2.mtx has rows from 1 to 14, with 5 nodes"),
+    (halves, "job_STIF2.mtx contains a row that is not a whole number"),
+    (grid_points, "job.pch has no DMIG card. Have the matrices written by"),
+    (held, "job_STIF1.mtx has no direction 2 of node 112"),
+    (turning, "job_STIF1.mtx contains the rotation of node 25"),
+    (orphan, "job.dof does not exist"),
+    (others, "job.sti and job.dof do not fit together"),
+    (two, "job.op4 contains KGG, KFF"),
+    (junk, "job.op4"),
+])  # fmt: skip
 def test_what_is_refused(write, message, stiffness, peer):
     peer("pyyeti")
     with pytest.raises(Fault, match=re.escape(message)):
         read_matrix(write(stiffness), NUMBERS, "k")
 
 
-@pytest.mark.parametrize(
-    "header, nodes, message",
-    [
-        ("array real general\n100000 100000", 50_000, "is read as a full matrix of 224 GiB; this machine has 16 GiB"),
-        ("coordinate real symmetric\n100000 100000 1", 5, "has the shape (100000, 100000), with 5 nodes"),
-        ("coordinate real symmetric\n1000000000000 1000000000000 1", 5, "(1000000000000, 1000000000000), with 5"),
-    ],
-)
+@pytest.mark.parametrize("header, nodes, message", [
+    ("array real general\n100000 100000", 50_000, "is read as a full matrix of 224 GiB; this machine has 16 GiB"),
+    ("coordinate real symmetric\n100000 100000 1", 5, "has the shape (100000, 100000), with 5 nodes"),
+    ("coordinate real symmetric\n1000000000000 1000000000000 1", 5, "(1000000000000, 1000000000000), with 5"),
+])  # fmt: skip
 def test_large_matrices_are_refused_by_their_first_line(monkeypatch, header, nodes, message):
     """Nothing of their size is stored."""
     monkeypatch.setattr("kaneflex.support.machine.installed", lambda: 16 * 2**30)

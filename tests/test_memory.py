@@ -12,14 +12,12 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 from runs import model
 
+from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.fem.spatial_map import map_of
 from kaneflex.mechanism.affine import Affine, from_entries
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve import memory
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 
 @pytest.fixture(autouse=True)
@@ -39,14 +37,11 @@ def test_a_run_without_a_cycle_makes_its_table_piece_by_piece():
     assert load(with_settings(read_scene("engine"), settings)).options.steps == 10**9
 
 
-@pytest.mark.parametrize(
-    ("scene", "preset", "body", "elements"),
-    [
-        ("engine", "stiffened", "rod", 100_000), ("engine", "coupled", "rod", 1_000_000),
-        ("elastic-pendulum", "coupled", "strip", 10_000), ("crankshaft-torsion", "linear", "journal_1", 2_000),
-        ("robot-arm-elastic", "coupled", "upper_arm", 100_000),
-    ],
-)
+@pytest.mark.parametrize(("scene", "preset", "body", "elements"), [
+    ("engine", "stiffened", "rod", 100_000), ("engine", "coupled", "rod", 1_000_000),
+    ("elastic-pendulum", "coupled", "strip", 10_000), ("crankshaft-torsion", "linear", "journal_1", 2_000),
+    ("robot-arm-elastic", "coupled", "upper_arm", 100_000),
+])  # fmt: skip
 def test_a_hundred_thousand_elements(scene, preset, body, elements):
     """A periodic start takes the 2 n unit states, links that turn in the mean the eigenvectors of a full matrix; all
     the assembled ones."""

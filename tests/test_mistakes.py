@@ -13,13 +13,11 @@ from kaneflex.support.mistakes import toml_advice
 SCENE = (files("kaneflex.scene") / "template.toml").read_text(encoding="utf-8")
 MISTAKES = {  # what is replaced by what in the template; how the answer begins and ends
     "no drive": (
-        '[drives]\nmain = {speed = "1500 rpm", cycle = "360 deg"}', "",
-        "Error: solve.duration",
+        '[drives]\nmain = {speed = "1500 rpm", cycle = "360 deg"}', "", "Error: solve.duration",
         "Give a drive, like drives.main = {speed = '1500 rpm', cycle = '360 deg'}, or solve.duration",
     ),
     "missing pin": (
-        'pin = {revolute = ["crank.end", "rod.start"]}\n', "",
-        "Error: joints.guide.branch = '+'",
+        'pin = {revolute = ["crank.end", "rod.start"]}\n', "", "Error: joints.guide.branch = '+'",
         'Add the missing joint, like pin = {revolute = ["crank.end", "rod.start"]}, or leave branch out',
     ),
     "wrong point": (
@@ -54,8 +52,7 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
         "Error: drives.main.cycle = 360", "Give a multiple of 360 deg; plain numbers are in rad",
     ),
     "law with a power sign": (
-        "400*sin(main)", "400*main^2",
-        "Error: loads.work.law = '400 + 400*main^2'", "Write ** for a power, like t**2",
+        "400*sin(main)", "400*main^2", "Error: loads.work.law = '400 + 400*main^2'", "Write ** for a power, like t**2",
     ),
     "unknown component": (
         'component = "x"}\ntorque', 'component = "horizontal"}\ntorque',
@@ -66,8 +63,7 @@ MISTAKES = {  # what is replaced by what in the template; how the answer begins 
         "Error: gravity = -9.81", "Write two components, [x, y], or three in space",
     ),
     "damping above one": (
-        'ratio = "1 %"', "ratio = 5",
-        "Warning: damping.rayleigh.ratio = 5", "write per cent with the sign, like '2 %'",
+        'ratio = "1 %"', "ratio = 5", "Warning: damping.rayleigh.ratio = 5", "write per cent with the sign, like '2 %'",
     ),
     "angle in degrees as a number": (
         'cycle = "360 deg"}', 'cycle = "360 deg", angle = 90}',

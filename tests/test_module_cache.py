@@ -12,28 +12,22 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from kaneflex import SceneError, scene_of
 from kaneflex.derive.generate import generate
 from kaneflex.generated import rows
 from kaneflex.multibody.model.module_loading import find_module
-from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash
 from kaneflex.support import module_cache
-from kaneflex.support.errors import SceneError
 
 PENDULUM = """
 schema = 1
 name = 'NAME'
 gravity = [0, -9.81]
-[bodies]
-rod = {length = "LENGTH", mass = 2, inertia = 0.1, points = {"POINT" = [0.3, 0.1]}}
-[joints]
-main = {revolute = ["ground", "rod"]}
-[drives]
-main = {speed = 3, cycle = "360 deg"}
-[loads]
-push = {force_on = "rod.POINT", direction = [1, 0], law = "LAW"}
-[solve]
-preset = "rigid"
+bodies.rod = {length = "LENGTH", mass = 2, inertia = 0.1, points = {"POINT" = [0.3, 0.1]}}
+joints.main = {revolute = ["ground", "rod"]}
+drives.main = {speed = 3, cycle = "360 deg"}
+loads.push = {force_on = "rod.POINT", direction = [1, 0], law = "LAW"}
+solve.preset = "rigid"
 """
 
 
@@ -41,9 +35,7 @@ def pendulum(folder: Path, **words: str):
     text = PENDULUM
     for word, value in ({"NAME": "plain", "LENGTH": "1 m", "POINT": "eye", "LAW": "2 * t"} | words).items():
         text = text.replace(word, value)
-    file = folder / "pendulum.toml"
-    file.write_text(text, encoding="utf-8")
-    return read_scene(file)
+    return scene_of(text)
 
 
 # ---- what a scene says stays data -----------------------------------------------------------------------------------
@@ -58,9 +50,7 @@ def test_a_modules_text_does_not_hang_on_what_its_scene_is_called(name, tmp_path
 
 nasty = st.sampled_from([INJECTED, '"""', "{}", "__import__('os').system('true')", "p[0]", "x = 1", "\\N{BULLET}", "#"])
 names = st.one_of(
-    st.from_regex(r"[A-Za-zµφﬁ_][A-Za-z0-9µφﬁ_]{0,12}", fullmatch=True),
-    st.sampled_from(keyword.kwlist),
-    nasty,
+    st.from_regex(r"[A-Za-zµφﬁ_][A-Za-z0-9µφﬁ_]{0,12}", fullmatch=True), st.sampled_from(keyword.kwlist), nasty,
 )
 laws = st.recursive(
     st.sampled_from(["t", "main", "main_speed", "pi", "2.5", "1e3"]),
@@ -147,18 +137,12 @@ def test_what_is_kept_is_the_users_alone_and_is_found_again(found):
     assert found() == (path, []) and path.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        lambda path: path.write_bytes(path.read_bytes().replace(b"rod_mass", b"2.0*rod_mass", 3)),
-        lambda path: path.write_bytes(path.read_bytes()[:700]),
-        lambda path: path.write_bytes(path.read_bytes() + b"import os\n"),
-        lambda path: path.write_bytes(b"\xff\x00"),
-        lambda path: path.write_bytes(b""),
-        lambda path: path.chmod(0o666),
-    ],
-    ids=["a coefficient", "cut off", "longer", "no text", "empty", "others may write"],
-)
+@pytest.mark.parametrize("spoil", [
+    lambda path: path.write_bytes(path.read_bytes().replace(b"rod_mass", b"2.0*rod_mass", 3)),
+    lambda path: path.write_bytes(path.read_bytes()[:700]),
+    lambda path: path.write_bytes(path.read_bytes() + b"import os\n"), lambda path: path.write_bytes(b"\xff\x00"),
+    lambda path: path.write_bytes(b""), lambda path: path.chmod(0o666),
+], ids=["a coefficient", "cut off", "longer", "no text", "empty", "others may write"])  # fmt: skip
 def test_what_is_not_as_it_was_derived_is_derived_anew(found, spoil):
     path, _ = found()
     before = path.read_bytes()

@@ -8,14 +8,10 @@ import pytest
 import renaming
 from runs import run, solved, tables
 
+from kaneflex import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.derive.generate import generate
 from kaneflex.derive.ir.names import numbered
-from kaneflex.multibody.model.module_loading import (
-    bind_parameters,
-    find_laws_module,
-    find_module,
-)
-from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
 from kaneflex.scene.structure import structure_of
 
 SCENES = {
@@ -130,9 +126,7 @@ def computed(tmp_path, monkeypatch, **names):
     text = PRESS
     for word, name in (PLAIN | names).items():
         text = text.replace(word, name)
-    file = tmp_path / "press.toml"
-    file.write_text(text, encoding="utf-8")
-    scene = read_scene(file)
+    scene = scene_of(text)
     monkeypatch.setattr("kaneflex.support.module_cache.cache_folder", lambda: tmp_path)
     module = find_module(scene, quiet)[0]
     stored = np.zeros(len(module.SCALARS))
@@ -142,20 +136,15 @@ def computed(tmp_path, monkeypatch, **names):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    "names",
-    [
-        {"POINT_1": "centre"},
-        {"MASS_1": "rod", "MASS_2": "crank"},
-        {"BODY_1": "arm", "POINT_1": "left_tip", "BODY_2": "arm_left", "POINT_2": "tip"},
-        {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
-        {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
-        {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
-        {"LOAD_1": "rows", "LOAD_2": "unpacked", "LOAD_3": "pack", "POINT_1": "fill"},
-        {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
-    ],
-    ids=lambda names: ", ".join(names.values()),
-)
+@pytest.mark.parametrize("names", [
+    {"POINT_1": "centre"}, {"MASS_1": "rod", "MASS_2": "crank"},
+    {"BODY_1": "arm", "POINT_1": "left_tip", "BODY_2": "arm_left", "POINT_2": "tip"},
+    {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
+    {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
+    {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
+    {"LOAD_1": "rows", "LOAD_2": "unpacked", "LOAD_3": "pack", "POINT_1": "fill"},
+    {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
+], ids=lambda names: ", ".join(names.values()))  # fmt: skip
 def test_names_that_met_in_symbols_give_the_same_numbers(names, tmp_path, monkeypatch):
     (tmp_path / "plain").mkdir()
     plain = computed(tmp_path / "plain", monkeypatch)

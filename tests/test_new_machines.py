@@ -8,89 +8,71 @@ import pytest
 from command_line import cli, unrendered
 from runs import solved
 
+from kaneflex import SceneError, scene_of
 from kaneflex.mechanism.closure import followed
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.report.presentation import parts, printed
-from kaneflex.scene import scene_of
-from kaneflex.support.errors import SceneError
 
 PEAUCELLIER = """
 schema = 1
 description = "Peaucellier's straight-line linkage"
 ground = {fix = [0, 0], centre = ["100 mm", 0]}
-[bodies]
-crank = {length = "100 mm", mass = "0.1 kg"}
-arm_up = {length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "4 mm"]}}}
-arm_down = {length = "300 mm", mass = "0.1 kg"}
-near_up = {length = "120 mm", mass = "0.05 kg"}
-near_down = {length = "120 mm", mass = "0.05 kg"}
-far_up = {length = "120 mm", mass = "0.05 kg"}
-far_down = {length = "120 mm", mass = "0.05 kg"}
-[joints]
-main = {revolute = ["ground.centre", "crank.start"]}
-fix_up = {revolute = ["ground.fix", "arm_up.start"]}
-fix_down = {revolute = ["ground.fix", "arm_down.start"]}
-in_up = {revolute = ["crank.end", "near_up.start"]}
-up = {revolute = ["near_up.end", "arm_up.end"], branch = "-"}
-in_down = {revolute = ["crank.end", "near_down.start"]}
-down = {revolute = ["near_down.end", "arm_down.end"], branch = "+"}
-far_u = {revolute = ["near_up.end", "far_up.start"]}
-far_d = {revolute = ["arm_down.end", "far_down.start"]}
-pen = {revolute = ["far_up.end", "far_down.end"], branch = "+"}
-[drives]
-main = {law = "0.5*sin(2*pi*t)", period = "1 s"}
-[sensors]
-x = {position = "far_up.end", component = "x"}
-y = {position = "far_up.end", component = "y"}
-[solve]
-preset = "PRESET"
+bodies.crank = {length = "100 mm", mass = "0.1 kg"}
+bodies.arm_up = {length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "4 mm"]}}}
+bodies.arm_down = {length = "300 mm", mass = "0.1 kg"}
+bodies.near_up = {length = "120 mm", mass = "0.05 kg"}
+bodies.near_down = {length = "120 mm", mass = "0.05 kg"}
+bodies.far_up = {length = "120 mm", mass = "0.05 kg"}
+bodies.far_down = {length = "120 mm", mass = "0.05 kg"}
+joints.main = {revolute = ["ground.centre", "crank.start"]}
+joints.fix_up = {revolute = ["ground.fix", "arm_up.start"]}
+joints.fix_down = {revolute = ["ground.fix", "arm_down.start"]}
+joints.in_up = {revolute = ["crank.end", "near_up.start"]}
+joints.up = {revolute = ["near_up.end", "arm_up.end"], branch = "-"}
+joints.in_down = {revolute = ["crank.end", "near_down.start"]}
+joints.down = {revolute = ["near_down.end", "arm_down.end"], branch = "+"}
+joints.far_u = {revolute = ["near_up.end", "far_up.start"]}
+joints.far_d = {revolute = ["arm_down.end", "far_down.start"]}
+joints.pen = {revolute = ["far_up.end", "far_down.end"], branch = "+"}
+drives.main = {law = "0.5*sin(2*pi*t)", period = "1 s"}
+sensors.x = {position = "far_up.end", component = "x"}
+sensors.y = {position = "far_up.end", component = "y"}
+solve.preset = "PRESET"
 """
 
 WIPER = """
 schema = 1
 description = "A windscreen wiper that rubs"
 ground = {pivot = ["240 mm", 0]}
-[bodies]
-crank = {length = "35 mm", mass = "0.1 kg"}
-link = {length = "235 mm", mass = "0.15 kg"}
-rocker = {length = "60 mm", mass = "0.1 kg"}
-arm = {length = "550 mm", beam = {material = "steel", section = {rectangle = ["12 mm", "6 mm"]}}}
-[joints]
-motor = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "link.start"]}
-spindle = {revolute = ["ground.pivot", "rocker.start"]}
-ball = {revolute = ["link.end", "rocker.end"], branch = "+"}
-hub = {weld = ["rocker.start", "arm.start"], relative_angle = "30 deg"}
-[drives]
-motor = {speed = "60 rpm", cycle = "360 deg"}
-[sensors]
-wipe = {position = "spindle", component = "angle"}
-torque = {drive_torque = "motor"}
-link = {joint_force = "ball", component = "x"}
-[solve]
-preset = "coupled"
-steps = 120
+bodies.crank = {length = "35 mm", mass = "0.1 kg"}
+bodies.link = {length = "235 mm", mass = "0.15 kg"}
+bodies.rocker = {length = "60 mm", mass = "0.1 kg"}
+bodies.arm = {length = "550 mm", beam = {material = "steel", section = {rectangle = ["12 mm", "6 mm"]}}}
+joints.motor = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "link.start"]}
+joints.spindle = {revolute = ["ground.pivot", "rocker.start"]}
+joints.ball = {revolute = ["link.end", "rocker.end"], branch = "+"}
+joints.hub = {weld = ["rocker.start", "arm.start"], relative_angle = "30 deg"}
+drives.motor = {speed = "60 rpm", cycle = "360 deg"}
+sensors.wipe = {position = "spindle", component = "angle"}
+sensors.torque = {drive_torque = "motor"}
+sensors.link = {joint_force = "ball", component = "x"}
+solve = {preset = "coupled", steps = 120}
 """
 
 BOOM = """
 schema = 1
 ground = {base = ["600 mm", "-400 mm"]}
-[bodies]
-boom = {length = "2.5 m", mass = "500 kg"}
-barrel = {length = "1.5 m", mass = "120 kg"}
-rod = {length = "1.4 m", mass = "60 kg"}
-[joints]
-foot = {revolute = ["ground", "boom.start"]}
-base = {revolute = ["ground.base", "barrel.start"]}
-cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
-eye = {revolute = ["rod.end", "boom.end"], WAY}
-[drives]
-cylinder = {law = "0.6 + 0.6*step(t, 0, 0, 3, 1)"}
-[sensors]
-stroke = {position = "cylinder", component = "x"}
-[solve]
-preset = "rigid"
-duration = "5 s"
+bodies.boom = {length = "2.5 m", mass = "500 kg"}
+bodies.barrel = {length = "1.5 m", mass = "120 kg"}
+bodies.rod = {length = "1.4 m", mass = "60 kg"}
+joints.foot = {revolute = ["ground", "boom.start"]}
+joints.base = {revolute = ["ground.base", "barrel.start"]}
+joints.cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
+joints.eye = {revolute = ["rod.end", "boom.end"], WAY}
+drives.cylinder = {law = "0.6 + 0.6*step(t, 0, 0, 3, 1)"}
+sensors.stroke = {position = "cylinder", component = "x"}
+solve = {preset = "rigid", duration = "5 s"}
 """
 
 
@@ -119,8 +101,8 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
 
     The wiper's sweep is between the crank's two dead centres, by the law of cosines.
     """
-    law = '[loads]\nrub = {torque_at = "spindle", law = "-0.3*spindle_speed - 2*(spindle - 1)"}\n'
-    spring = '[springs]\nrub = {torsional_at = "spindle", stiffness = 2, angle = 1, damping = 0.3}\n'
+    law = 'loads.rub = {torque_at = "spindle", law = "-0.3*spindle_speed - 2*(spindle - 1)"}\n'
+    spring = 'springs.rub = {torsional_at = "spindle", stiffness = 2, angle = 1, damping = 0.3}\n'
     told = solved(scene_of(WIPER + law))
     known = solved(scene_of(WIPER + spring), "solve.preset=rigid")
     for name in ("torque", "link"):

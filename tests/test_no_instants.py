@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from runs import model
 
+from kaneflex import load, read_scene, with_settings
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 
 SCENES = [

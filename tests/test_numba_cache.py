@@ -17,9 +17,7 @@ def run_copy(folder: Path, **environment: str) -> subprocess.CompletedProcess[st
     inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     inherited |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-c", code]
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=300, env=inherited | environment
-    )
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, env=inherited | environment)
 
 
 def copy_with_blocked_pycache(folder: Path) -> None:

@@ -3,36 +3,23 @@
 import numpy as np
 import pytest
 
+from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.integrate import by_scipy
-from kaneflex.scene import with_settings
-from kaneflex.scene.read import scene_of
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 PLANE = """
 schema = 1
-[ground]
-far = [10, 0]
-[bodies]
-z = {mass = "1e-9 kg", inertia = "1e-9 kg m^2"}
-[joints]
-g = {%s}
-[drives]
-g = {free = true}
-[loads]
-f = {%s}
+ground.far = [10, 0]
+bodies.z = {mass = "1e-9 kg", inertia = "1e-9 kg m^2"}
+joints.g = {%s}
+drives.g = {free = true}
+loads.f = {%s}
 %s
-[sensors]
-z = {position = "g", component = "%s"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 20
-errors = "none"
+sensors.z = {position = "g", component = "%s"}
+solve = {preset = "coupled", duration = "1 s", steps = 20, errors = "none"}
 """
 SLIDE, TURN = 'prismatic = ["ground", "z"], direction = [1, 0]', 'revolute = ["ground", "z"]'
-SPRING = "[springs]\ns = {%s, stiffness = 1, damping = 1%s}"
+SPRING = "springs.s = {%s, stiffness = 1, damping = 1%s}"
 CASES = {
     "law of a slide": (SLIDE, 'force_on = "z", direction = [1, 0], law = "sin(t) - g - g_speed"', "", "x"),
     "law of a turn": (TURN, 'torque_at = "g", law = "sin(t) - g - g_speed"', "", "angle"),
@@ -43,26 +30,15 @@ CASES = {
 """m z'' = sin t - z - z', the first one as ``shared/cases/overdamped_light_body.toml`` has it."""
 SPACE = """
 schema = 1
-[ground]
-far = [10, 0, 0]
-[bodies]
-rod = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 2}}
-z = {mass = "1e-9 kg", inertia = ["1e-9 kg m^2", "1e-9 kg m^2", "1e-9 kg m^2"]}
-[joints]
-wall = {weld = ["ground", "rod.start"]}
-g = {%s = ["ground", "z"], %s = [1, 0, 0]}
-[drives]
-g = {free = true}
-[loads]
-f = {%s}
-[sensors]
-z = {position = "g", component = "%s"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 20
-modes = 1
-errors = "none"
+ground.far = [10, 0, 0]
+bodies.rod = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 2}}
+bodies.z = {mass = "1e-9 kg", inertia = ["1e-9 kg m^2", "1e-9 kg m^2", "1e-9 kg m^2"]}
+joints.wall = {weld = ["ground", "rod.start"]}
+joints.g = {%s = ["ground", "z"], %s = [1, 0, 0]}
+drives.g = {free = true}
+loads.f = {%s}
+sensors.z = {position = "g", component = "%s"}
+solve = {preset = "coupled", duration = "1 s", steps = 20, modes = 1, errors = "none"}
 """
 MASSES = (1e-3, 1e-5, 1e-6, 1e-9)
 
@@ -126,21 +102,12 @@ def test_a_light_body_in_space_takes_the_steps_of_its_slow_motion(joint, along, 
 
 RIGID = """
 schema = 1
-[bodies]
-z = {mass = "1e-9 kg", inertia = [1e-9, 1e-9, 1e-9]}
-[joints]
-g = {prismatic = ["ground", "z"], direction = [1, 0, 0]}
-[drives]
-g = {free = true}
-[loads]
-f = {force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"}
-[sensors]
-z = {position = "g", component = "x"}
-[solve]
-preset = "coupled"
-duration = "1 s"
-steps = 20
-errors = "none"
+bodies.z = {mass = "1e-9 kg", inertia = [1e-9, 1e-9, 1e-9]}
+joints.g = {prismatic = ["ground", "z"], direction = [1, 0, 0]}
+drives.g = {free = true}
+loads.f = {force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"}
+sensors.z = {position = "g", component = "x"}
+solve = {preset = "coupled", duration = "1 s", steps = 20, errors = "none"}
 """
 FLAT = RIGID.replace(", 0, 0]", ", 0]").replace(", inertia = [1e-9, 1e-9, 1e-9]", "").replace("coupled", "rigid")
 

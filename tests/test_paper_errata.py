@@ -142,11 +142,9 @@ def rod_loads_as_printed(phi, motion):
     p = np.array([L_1 * c_1 + half * c_2, L_1 * s_1 + half * s_2, phi_2])
     p_d = np.array([-L_1 * w_1 * s_1 + half * w_2 * s_2, L_1 * w_1 * c_1 + half * w_2 * c_2, w_2])
     p_dd = np.array(
-        [
-            -L_1 * w_1**2 * c_1 - half * (e_2 * s_2 + w_2**2 * c_2),
-            -L_1 * w_1**2 * s_1 + half * (e_2 * c_2 - w_2**2 * s_2),
-            e_2,
-        ]
+        [-L_1 * w_1**2 * c_1 - half * (e_2 * s_2 + w_2**2 * c_2),
+         -L_1 * w_1**2 * s_1 + half * (e_2 * c_2 - w_2**2 * s_2),
+         e_2]
     )
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
     field_1, field_2 = w_1**2 * turn @ turn, e_2 * turn + w_2**2 * turn @ turn
@@ -161,11 +159,8 @@ def rod_loads_derived(element, phi, motion):
     s_2, c_2 = np.sin(motion["phi2"]), np.cos(motion["phi2"])
     pin = -L_1 * SPEED**2 * np.array([np.cos(phi), np.sin(phi)])
     F = numbers(
-        derived(element, "F", "load"),
-        omega=motion["omega2"],
-        epsilon=motion["epsilon2"],
-        a_x=c_2 * pin[0] + s_2 * pin[1],
-        a_y=-s_2 * pin[0] + c_2 * pin[1],
+        derived(element, "F", "load"), omega=motion["omega2"], epsilon=motion["epsilon2"],
+        a_x=c_2 * pin[0] + s_2 * pin[1], a_y=-s_2 * pin[0] + c_2 * pin[1],
     )[:, 0]
     return np.array([F[0] + F[3], F[1] + F[4]])
 
@@ -232,9 +227,7 @@ def test_106_transformation(element):
     T = by_hand.rotation_to_local(np.cos(phi), np.sin(phi)).astype(float)
     k = numbers(derived(element, "K", "elastic"))
     corrected, printed = T.T @ k @ T, T @ k @ T.T
-    stretch = np.array(
-        [0, 0, 0, np.cos(phi), np.sin(phi), 0]
-    )  # of the far end along the rod, global components
+    stretch = np.array([0, 0, 0, np.cos(phi), np.sin(phi), 0])  # of the far end along the rod, global components
     assert corrected @ stretch == pytest.approx(ROD[E_A] / L_2 * (stretch - np.roll(stretch, 3)), abs=1e-3)
     assert printed @ stretch != pytest.approx(ROD[E_A] / L_2 * (stretch - np.roll(stretch, 3)), rel=0.1)
     assert np.linalg.norm(printed - corrected) / np.linalg.norm(corrected) == pytest.approx(0.53, abs=0.005)

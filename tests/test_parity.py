@@ -5,10 +5,8 @@ from lifting import lifted
 from parity import PRESETS, RejectedInPlane, compared, planar, planar_scenes, random_turn
 from runs import solved
 
-from kaneflex import load
-from kaneflex.scene import scene_of, with_settings
+from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.scene.sensors import SECTION_KINDS
-from kaneflex.support.errors import SceneError
 
 LEFT_OUT = {
     "bouncing-bar": "contacts", "engine-rig-clearance": "clearances", "slider-crank-clearance": "clearances",

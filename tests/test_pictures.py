@@ -8,25 +8,21 @@ import numpy as np
 import pytest
 from runs import run, solved
 
+from kaneflex import figures, read_scene, scene_of, show
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import figures, loads, motion, paths, records, show
+from kaneflex.plots import loads, motion, paths, records
 from kaneflex.plots.outlines import VIEW
 from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
-from kaneflex.scene import read_scene, scene_of
 
 DOCS = Path(__file__).parents[1] / "docs"
 SWINGING = """
 schema = 1
 like = "four-bar"
-[drives]
-main = {speed = "none", cycle = "none", law = "1.5 + 0.3 * sin(2 * pi * t)", period = "1 s"}
-[solve]
-preset = "rigid"
-start = "periodic"
-steps = 144
+drives.main = {speed = "none", cycle = "none", law = "1.5 + 0.3 * sin(2 * pi * t)", period = "1 s"}
+solve = {preset = "rigid", start = "periodic", steps = 144}
 """
 
 
@@ -87,18 +83,12 @@ def test_points_beside_the_bodies_are_in_the_pictures():
 
 INCLINED = """
 schema = 1
-[bodies]
-arm = {length = "0.5 m", mass = "1 kg", inertia = [1e-3, 0.02, 0.02]}
-[joints]
-hub = {revolute = ["ground", "arm.start"], axis = [0, 3, 4]}
-[drives]
-hub = {speed = "20 rad/s", cycle = "360 deg"}
-[sensors]
-tip = {position = "arm.end", component = "x"}
-pivot = {velocity = "arm.start", component = "z"}
-[solve]
-preset = "rigid"
-steps = 72
+bodies.arm = {length = "0.5 m", mass = "1 kg", inertia = [1e-3, 0.02, 0.02]}
+joints.hub = {revolute = ["ground", "arm.start"], axis = [0, 3, 4]}
+drives.hub = {speed = "20 rad/s", cycle = "360 deg"}
+sensors.tip = {position = "arm.end", component = "x"}
+sensors.pivot = {velocity = "arm.start", component = "z"}
+solve = {preset = "rigid", steps = 72}
 """
 
 
@@ -121,21 +111,15 @@ def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
 # A motor that runs up a fan, and beside it a slide that a damper on a moving guide slows down.
 MOTOR = """
 schema = 1
-[bodies]
-fan = {mass = "3 kg", inertia = "0.05 kg m^2"}
-slide = {mass = "1 kg"}
-[joints]
-shaft = {revolute = ["ground", "fan"]}
-bore = {prismatic = ["fan", "slide"], direction = [0.6, 0.8]}
-[drives]
-shaft = {free = true}
-bore = {free = true, initial_speed = "2 m/s"}
-[loads]
-motor = {torque_at = "shaft", law = "20 * (1 - shaft_speed / 150)"}
-damper = {force_on = "slide", axes = "body", direction = [0.6, 0.8], law = "-3 * bore_speed"}
-[solve]
-duration = "0.3 s"
-steps = 60
+bodies.fan = {mass = "3 kg", inertia = "0.05 kg m^2"}
+bodies.slide = {mass = "1 kg"}
+joints.shaft = {revolute = ["ground", "fan"]}
+joints.bore = {prismatic = ["fan", "slide"], direction = [0.6, 0.8]}
+drives.shaft = {free = true}
+drives.bore = {free = true, initial_speed = "2 m/s"}
+loads.motor = {torque_at = "shaft", law = "20 * (1 - shaft_speed / 150)"}
+loads.damper = {force_on = "slide", axes = "body", direction = [0.6, 0.8], law = "-3 * bore_speed"}
+solve = {duration = "0.3 s", steps = 60}
 """
 
 

@@ -14,9 +14,10 @@ import pytest
 from matplotlib.collections import LineCollection
 from PIL import Image
 
+from kaneflex import Solution, draw_all, figures, load, read_scene, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import animation, draw_all, figures, modes, style
+from kaneflex.plots import animation, modes, style
 from kaneflex.plots import enlarged as enlarged_module
 from kaneflex.plots.deformed import LinkColours, stress_field
 from kaneflex.plots.deformed import figures as figures_of_worst
@@ -27,10 +28,7 @@ from kaneflex.plots.outlines import ALONG_LINK, VIEW, Outline
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import FRAMES, View, view
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.solution import Solution
 
 SETTINGS = {
     "engine": ("solve.steps=720",),
@@ -124,9 +122,7 @@ def test_modes_have_a_legend_and_their_frequencies_in_the_titles():
     )
     assert titles(figure)[0] == "Mode 1: 3038.9 Hz"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [
-        "mode shape",
-        "half a period later",
-        "undeformed",
+        "mode shape", "half a period later", "undeformed",
     ]
 
 
@@ -317,17 +313,14 @@ def test_round_down(value, expected):
     assert round_down(value) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize(
-    ("unit", "largest", "expected"),
-    [
-        ("m", 1.46e-4, "mm"),
-        ("m", 3e-6, "µm"),
-        ("m", 1e-9, "nm"),
-        ("N", 33e3, "kN"),
-        ("N", 2.3, "N"),
-        ("rad", 0.3, "deg"),
-    ],
-)
+@pytest.mark.parametrize(("unit", "largest", "expected"), [
+    ("m", 1.46e-4, "mm"),
+    ("m", 3e-6, "µm"),
+    ("m", 1e-9, "nm"),
+    ("N", 33e3, "kN"),
+    ("N", 2.3, "N"),
+    ("rad", 0.3, "deg"),
+])  # fmt: skip
 def test_units_are_those_that_people_read(unit, largest, expected):
     assert readable(unit, np.array([0.0, -largest]))[1] == expected
 

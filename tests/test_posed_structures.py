@@ -4,30 +4,19 @@ import numpy as np
 import pytest
 from runs import solved
 
-from kaneflex.scene.read import scene_of
-from kaneflex.solve.loading import load
-from kaneflex.support.errors import SceneError
+from kaneflex import SceneError, load, scene_of
 
 L_FRAME = """
 schema = 1
-[bodies]
-post = {length = "1 m", %sbeam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"}}
-bar = {length = "0.5 m", %sbeam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"}}
-[joints]
-foot = {weld = ["ground", "post.start"]%s}
-corner = {weld = ["post.end", "bar.start"]%s}
-[loads]
-push = {force_on = "bar.end", direction = [0.6, -0.8], value = %s}
-[sensors]
-x = {displacement = "bar.end", axes = "global", component = "x"}
-y = {displacement = "bar.end", axes = "global", component = "y"}
-place = {position = "bar.end", component = "y"}
-[solve]
-preset = "coupled"
-start = "quasistatic"
-duration = "10 ms"
-steps = 20
-errors = "none"
+bodies.post = {length = "1 m", %sbeam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"}}
+bodies.bar = {length = "0.5 m", %sbeam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"}}
+joints.foot = {weld = ["ground", "post.start"]%s}
+joints.corner = {weld = ["post.end", "bar.start"]%s}
+loads.push = {force_on = "bar.end", direction = [0.6, -0.8], value = %s}
+sensors.x = {displacement = "bar.end", axes = "global", component = "x"}
+sensors.y = {displacement = "bar.end", axes = "global", component = "y"}
+sensors.place = {position = "bar.end", component = "y"}
+solve = {preset = "coupled", start = "quasistatic", duration = "10 ms", steps = 20, errors = "none"}
 """
 POSED = 'pose = {angle = "90 deg"}, ', 'pose = {at = [0, "1 m"]}, ', "", ""
 TURNED = "", "", ', relative_angle = "90 deg"', ', relative_angle = "-90 deg"'

@@ -7,11 +7,10 @@ from runs import at_instant, model, peaks, run
 from scipy.linalg import eigh, null_space
 from scipy.sparse import issparse
 
+from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.response.deformation import deform
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.validity import validity_warnings
-from kaneflex.support.errors import SceneError
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
 ROD_RHO_A, PISTON = 0.153 / L, 0.214
@@ -287,12 +286,7 @@ def test_craig_bampton_converges_with_its_modes(modes, bound):
     full, reduced = run("engine", *settings), run("engine", *settings, f"solve.modes={modes}")
     assert len(reduced.model.coordinates) == modes + 1
     for name in (
-        "tip_axial",
-        "mid_transverse",
-        "rod_force_piston",
-        "rod_mid_strain",
-        "crank_pin_force_y",
-        "crank_torque",
+        "tip_axial", "mid_transverse", "rod_force_piston", "rod_mid_strain", "crank_pin_force_y", "crank_torque",
     ):
         expected = full.series[name].values
         assert np.abs(reduced.series[name].values - expected).max() < bound * np.abs(expected).max(), name
@@ -348,28 +342,24 @@ def test_numbers_that_nothing_reads_are_said():
     assert model("engine", "solve.integrator=generalised-alpha", "solve.rho_infinity=0.5").warnings == ()
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings", "said"),
-    [
-        ("engine", ["quasistatic", "solve.modes=2", "solve.reduction=none"],
-         "solve.reduction = none keeps all modes: solve.modes = 2 has no effect"),
-        ("engine", ["quasistatic", "solve.start=zero"],
-         "preset quasistatic has no initial state: solve.start = zero has no effect"),
-        ("engine", ["quasistatic", "solve.tolerance=1e-9"],
-         "solve.tolerance = 1e-09 has no effect: only preset coupled and integrator spectral use it"),
-        ("spatial-slider-crank-elastic", ["quasistatic", "solve.tolerance=1e-9"],
-         "solve.tolerance = 1e-09 has no effect: only preset coupled and integrator spectral use it"),
-        ("engine", ["linear", "solve.bounded=['speeds']"],
-         "solve.bounded = speeds has no effect: only preset coupled uses it"),
-        ("engine", ["paper"], "preset paper starts from rest: solve.start = periodic has no effect"),
-        ("mathieu", ["rigid"], "no body is elastic: solve.reduction = modal has no effect"),
-        ("double-pendulum", ["rigid", "solve.start=quasistatic", "solve.duration=1 ms"],
-         "under preset rigid, free joints start as given in drives: solve.start = quasistatic has no effect"),
-        ("spatial-slider-crank", ["coupled", "solve.forward.tolerance=1e-7"],
-         "solve.forward has no effect: preset coupled integrates them with the links"),
-    ],
-    ids=lambda part: part[0] if isinstance(part, list) else "",
-)  # fmt: skip
+@pytest.mark.parametrize(("scene", "settings", "said"), [
+    ("engine", ["quasistatic", "solve.modes=2", "solve.reduction=none"],
+     "solve.reduction = none keeps all modes: solve.modes = 2 has no effect"),
+    ("engine", ["quasistatic", "solve.start=zero"],
+     "preset quasistatic has no initial state: solve.start = zero has no effect"),
+    ("engine", ["quasistatic", "solve.tolerance=1e-9"],
+     "solve.tolerance = 1e-09 has no effect: only preset coupled and integrator spectral use it"),
+    ("spatial-slider-crank-elastic", ["quasistatic", "solve.tolerance=1e-9"],
+     "solve.tolerance = 1e-09 has no effect: only preset coupled and integrator spectral use it"),
+    ("engine", ["linear", "solve.bounded=['speeds']"],
+     "solve.bounded = speeds has no effect: only preset coupled uses it"),
+    ("engine", ["paper"], "preset paper starts from rest: solve.start = periodic has no effect"),
+    ("mathieu", ["rigid"], "no body is elastic: solve.reduction = modal has no effect"),
+    ("double-pendulum", ["rigid", "solve.start=quasistatic", "solve.duration=1 ms"],
+     "under preset rigid, free joints start as given in drives: solve.start = quasistatic has no effect"),
+    ("spatial-slider-crank", ["coupled", "solve.forward.tolerance=1e-7"],
+     "solve.forward has no effect: preset coupled integrates them with the links"),
+], ids=lambda part: part[0] if isinstance(part, list) else "")  # fmt: skip
 def test_settings_that_nothing_takes_up_are_said(scene, settings, said):
     preset, *others = settings
     assert said in model(scene, f"solve.preset={preset}", *others).warnings

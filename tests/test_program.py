@@ -11,13 +11,7 @@ import sympy as sm
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, determinant, solve_blocks
 from kaneflex.derive.generate import derive_equations
-from kaneflex.derive.ir.program import (
-    Program,
-    expanded_operation_count,
-    operation_count,
-    prune,
-    share,
-)
+from kaneflex.derive.ir.program import Program, expanded_operation_count, operation_count, prune, share
 from kaneflex.derive.ir.steps import Steps
 from kaneflex.derive.printers import functions_text
 from kaneflex.derive.printers.bracketed import bracketed
@@ -134,16 +128,13 @@ def test_order_is_executable_however_deep_the_chain():
     assert [symbol for symbol, _ in shared.assignments] == [symbol for symbol, _ in steps]
 
 
-@pytest.mark.parametrize(
-    ("assignments", "outputs", "message"),
-    [
-        (((x, y + 1), (y, a)), (), "x uses y before it is assigned"),
-        (((x, z + y),), (), "x uses y, z before it is assigned"),
-        ((), (("out[0]", x),), r"out\[0\] uses x before it is assigned"),
-        (((x, a), (x, b)), (), "x is assigned twice"),
-        (((a, b + 1),), (), "a is assigned twice"),
-    ],
-)
+@pytest.mark.parametrize(("assignments", "outputs", "message"), [
+    (((x, y + 1), (y, a)), (), "x uses y before it is assigned"),
+    (((x, z + y),), (), "x uses y, z before it is assigned"),
+    ((), (("out[0]", x),), r"out\[0\] uses x before it is assigned"),
+    (((x, a), (x, b)), (), "x is assigned twice"),
+    (((a, b + 1),), (), "a is assigned twice"),
+])  # fmt: skip
 def test_a_program_that_cannot_be_executed_is_refused(assignments, outputs, message):
     with pytest.raises(ValueError, match=f"program p: {message}"):
         Program("p", INPUTS, assignments, outputs)
@@ -153,26 +144,11 @@ def test_a_program_that_cannot_be_executed_is_refused(assignments, outputs, mess
 
 EXPRESSIONS = [
     *(a**n for n in (-8, -3, -2, -1, 2, 3, 8, 9)),
-    *(sm.Abs(a) ** sm.Rational(p, q) for p, q in ((1, 2), (-1, 2), (3, 2), (1, 3))),
-    a / b,
-    1 / (a * b),
-    -1 / a,
-    -a / (b * c),
-    a * b / c**2,
-    sm.Rational(-3, 7) * a / b,
-    sm.Rational(1, 3) + a,
-    -((a + b) ** 2),
-    (a - b) ** -2,
-    (a + b) ** 3 / (a - c) ** 2,
-    a / sm.sqrt(2 + b),
-    sm.sqrt(2) * a + sm.pi * b,
-    sm.Float(0.12345678901234567) * a,
-    sm.sin(a + b) ** 2 * sm.cos(a) / sm.tan(c),
-    sm.exp(-a) + sm.log(2 + b) - sm.tanh(c),
-    a - b - c,
-    -a - b,
-    a * (b + c) - (b - c) * a,
-    (-a) ** 3,
+    *(sm.Abs(a) ** sm.Rational(p, q) for p, q in ((1, 2), (-1, 2), (3, 2), (1, 3))), a / b, 1 / (a * b), -1 / a,
+    -a / (b * c), a * b / c**2, sm.Rational(-3, 7) * a / b, sm.Rational(1, 3) + a, -((a + b) ** 2), (a - b) ** -2,
+    (a + b) ** 3 / (a - c) ** 2, a / sm.sqrt(2 + b), sm.sqrt(2) * a + sm.pi * b, sm.Float(0.12345678901234567) * a,
+    sm.sin(a + b) ** 2 * sm.cos(a) / sm.tan(c), sm.exp(-a) + sm.log(2 + b) - sm.tanh(c), a - b - c, -a - b,
+    a * (b + c) - (b - c) * a, (-a) ** 3,
 ]
 
 

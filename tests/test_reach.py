@@ -7,11 +7,9 @@ import pytest
 from command_line import cli
 from machines import four_bar
 
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.mechanism.closure import courses_of, followed, reach_lines
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.scene import read_scene, scene_of, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.support.errors import SceneError
 
 
 def test_strokes_and_ranges_are_those_of_the_closed_forms():

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from runs import run, solved
 
+from kaneflex import Solution, scene_of
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform
 from kaneflex.response.reactions import least_squares
-from kaneflex.scene import scene_of
-from kaneflex.solve.solution import Solution
 
 R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214
 
@@ -109,27 +108,21 @@ def test_damping_is_a_force_on_the_whole_mechanism_of_its_mass_part_alone():
 
 SWINGING = """
 schema = 1
-[ground]
-pivot = ["100 mm", "40 mm"]
-[bodies]
-arm = {length = "200 mm", mass = "1 kg"}
-block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-rod = {length = "250 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 1}}
-[joints]
-main = {revolute = ["ground", "arm.start"]}
-wrist = {revolute = ["rod.end", "block"]}
-foot = {revolute = ["ground.pivot", "rod.start"]}
-slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
-[drives]
-main = {speed = "20 rad/s", cycle = "360 deg"}
-[sensors]
-torque = {drive_torque = "main"}
-bearing = {joint_force = "main", component = "x"}
-slot = {joint_force = "slot", component = "y"}
-slot_x = {joint_force = "slot", component = "x"}
-foot = {joint_force = "foot", component = "y"}
-[solve]
-preset = "quasistatic"
+ground.pivot = ["100 mm", "40 mm"]
+bodies.arm = {length = "200 mm", mass = "1 kg"}
+bodies.block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+bodies.rod = {length = "250 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 1}}
+joints.main = {revolute = ["ground", "arm.start"]}
+joints.wrist = {revolute = ["rod.end", "block"]}
+joints.foot = {revolute = ["ground.pivot", "rod.start"]}
+joints.slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
+drives.main = {speed = "20 rad/s", cycle = "360 deg"}
+sensors.torque = {drive_torque = "main"}
+sensors.bearing = {joint_force = "main", component = "x"}
+sensors.slot = {joint_force = "slot", component = "y"}
+sensors.slot_x = {joint_force = "slot", component = "x"}
+sensors.foot = {joint_force = "foot", component = "y"}
+solve.preset = "quasistatic"
 """
 
 

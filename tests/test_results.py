@@ -287,14 +287,11 @@ SWINGS = ("drives.main.speed=none", "drives.main.cycle=none", "drives.main.perio
           "drives.main.law='0.5 * sin(200 * pi * t)'")  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings"),
-    [
-        ("engine", [*SWINGS, "solve.steps=36"]),
-        ("engine", ["solve.duration=0.03 s", "solve.steps=90", "solve.start=zero"]),  # one and a half cycles
-        ("robot-arm", ["solve.steps=20"]),  # three drives
-    ],
-)
+@pytest.mark.parametrize(("scene", "settings"), [
+    ("engine", [*SWINGS, "solve.steps=36"]),
+    ("engine", ["solve.duration=0.03 s", "solve.steps=90", "solve.start=zero"]),  # one and a half cycles
+    ("robot-arm", ["solve.steps=20"]),  # three drives
+])  # fmt: skip
 def test_an_angle_that_does_not_name_one_instant_gives_way_to_the_time(scene, settings):
     solution = run(scene, "solve.preset=rigid", *settings)
     assert drive_degrees(solution) is None

@@ -76,8 +76,7 @@ def minimal_coordinates():
     system.add_joints(
         PinJoint("main", ground, crank, q_1, u_1, child_point=-d_1 * crank.x, joint_axis=ground.z),
         PinJoint(
-            "pin", crank, rod, q_2, u_2,
-            parent_point=(r - d_1) * crank.x, child_point=-d_2 * rod.x, joint_axis=crank.z,
+            "pin", crank, rod, q_2, u_2, parent_point=(r - d_1) * crank.x, child_point=-d_2 * rod.x, joint_axis=crank.z,
         ),
         PrismaticJoint("bore", ground, piston, x, v, joint_axis=ground.x),
     )  # fmt: skip
@@ -148,8 +147,7 @@ def test_motion_and_reactions_are_the_closed_forms(seed):
     a_x, a_y = -r * speed**2 * np.cos(ANGLES), -r * speed**2 * np.sin(ANGLES)
     pairs |= {
         "rod.link.P_0": -(c * forces["crank_pin_force_x"] + s * forces["crank_pin_force_y"]),
-        "rod.link.a_x": c * a_x + s * a_y,
-        "rod.link.a_y": -s * a_x + c * a_y,
+        "rod.link.a_x": c * a_x + s * a_y, "rod.link.a_y": -s * a_x + c * a_y,
     }
     for name, expected in pairs.items():
         assert close(rigid[name], expected, 1e-11), name
@@ -204,12 +202,10 @@ def test_a_tilted_engine_is_the_same_engine_turned(upright):
     alpha = math.atan2(0.8, 0.6)
     scene = with_settings(
         read_scene("engine"),
-        [
-            "joints.bore.direction=[0.6, 0.8]",
-            "loads.gas.direction=[-0.6, -0.8]",
-            f"main.angle={alpha!r} rad",
-            f"loads.gas.offset={alpha!r} rad",
-        ],
+        ["joints.bore.direction=[0.6, 0.8]",
+         "loads.gas.direction=[-0.6, -0.8]",
+         f"main.angle={alpha!r} rad",
+         f"loads.gas.offset={alpha!r} rad"],
     )
     tilted = motion_of(scene)
     assert imbalance(scene, tilted) < 1e-10
@@ -225,11 +221,9 @@ def test_a_joint_may_name_its_bodies_in_either_order(upright):
     """The force is that on the second body: it changes its sign, and nothing else does."""
     scene = with_settings(
         read_scene("engine"),
-        [
-            "joints.pin={revolute=['rod.start', 'crank.end']}",
-            "joints.wrist={revolute=['piston', 'rod.end']}",
-            "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}",
-        ],
+        ["joints.pin={revolute=['rod.start', 'crank.end']}",
+         "joints.wrist={revolute=['piston', 'rod.end']}",
+         "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}"],
     )
     other = motion_of(scene)
     assert imbalance(scene, other) < 1e-10
@@ -243,12 +237,7 @@ def test_the_other_branch_is_the_mirrored_engine(upright):
     """Piston on the left, crank half a turn ahead, gas to the right: the engine turned by 180 degrees."""
     scene = with_settings(
         read_scene("engine"),
-        [
-            "joints.bore.branch=-",
-            "loads.gas.direction=[1, 0]",
-            "main.angle=180 deg",
-            "loads.gas.offset=180 deg",
-        ],
+        ["joints.bore.branch=-", "loads.gas.direction=[1, 0]", "main.angle=180 deg", "loads.gas.offset=180 deg"],
     )
     other = motion_of(scene)
     assert imbalance(scene, other) < 1e-10

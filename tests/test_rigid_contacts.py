@@ -8,11 +8,10 @@ import pytest
 from machines import WEIGHT, pendulum
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
-from kaneflex import SceneError, load
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.presentation import parts, printed
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.simulation import solve
 
 __all__ = ["scenes"]
@@ -93,17 +92,15 @@ def test_what_does_not_bounce_sticks_at_once_and_what_loses_nothing_bounces_for_
 
 
 @pytest.fixture(scope="module")
-def row_of_balls(tmp_path_factory):
+def row_of_balls():
     """Three bodies of mass 1 that slide along one line."""
     lines = [
-        'schema = 1\n[solve]\npreset = "coupled"\nduration = "1 s"\n[ground]\nbase = [0, 0]\n[bodies]',
-        *(f'body_{k} = {{mass = "1 kg"}}' for k in range(3)), "[joints]",
-        *(f'slide_{k} = {{prismatic = ["ground.base", "body_{k}"], direction = [1, 0]}}' for k in range(3)),
-        "[drives]", *(f"slide_{k} = {{free = true, position = {k}}}" for k in range(3)),
+        'schema = 1\nsolve = {preset = "coupled", duration = "1 s"}\nground.base = [0, 0]',
+        *(f'bodies.body_{k} = {{mass = "1 kg"}}' for k in range(3)),
+        *(f'joints.slide_{k} = {{prismatic = ["ground.base", "body_{k}"], direction = [1, 0]}}' for k in range(3)),
+        *(f"drives.slide_{k} = {{free = true, position = {k}}}" for k in range(3)),
     ]  # fmt: skip
-    path = tmp_path_factory.mktemp("row") / "row.toml"
-    path.write_text("\n".join(lines))
-    return read_scene(path)
+    return scene_of("\n".join(lines))
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
@@ -206,27 +203,17 @@ def test_extremes_of_restitution_and_gap(scenes, integrator):
 BALL = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-ball = {mass = "1 kg"}
-table = {mass = "2 kg"}
-[joints]
-fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-lift = {prismatic = ["ground", "table"], direction = [0, 1]}
-[drives]
-fall = {free = true, position = "0 mm"}
-lift = {law = "0.01 * (1 - cos(50 * t))", period = "125.6637061435917 ms"}
-[contacts.floor]
-point_on_line = ["ball", "table"]
-normal = [0, 1]
-contact = {law = "newton", restitution = 0.5}
-[sensors]
-push = {contact_force = "floor"}
-air = {contact_gap = "floor"}
-height = {position = "fall"}
-[solve]
-preset = "coupled"
-duration = "2 s"
-steps = 400
+bodies.ball = {mass = "1 kg"}
+bodies.table = {mass = "2 kg"}
+joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
+joints.lift = {prismatic = ["ground", "table"], direction = [0, 1]}
+drives.fall = {free = true, position = "0 mm"}
+drives.lift = {law = "0.01 * (1 - cos(50 * t))", period = "125.6637061435917 ms"}
+contacts.floor = {point_on_line = ["ball", "table"], normal = [0, 1], contact = {law = "newton", restitution = 0.5}}
+sensors.push = {contact_force = "floor"}
+sensors.air = {contact_gap = "floor"}
+sensors.height = {position = "fall"}
+solve = {preset = "coupled", duration = "2 s", steps = 400}
 """
 
 
@@ -253,7 +240,7 @@ def test_a_ball_leaves_a_shaken_table_where_its_force_would_pull():
 
 
 def test_what_a_scene_says_of_newtons_law_is_in_its_check_summary_and_results():
-    law = BALL[BALL.index("lift = {law") : BALL.index("[contacts")]
+    law = BALL[BALL.index("lift = {law") : BALL.index("contacts.")]
     text = BALL.replace(law, "lift = {speed = 0}\n")
     solution = solved(text, "fall.position=1 m", "floor.contact.restitution=0.2")
     summary, last = summarise(solution).contacts["floor"], solution.impacts[-1]
@@ -291,19 +278,13 @@ def test_a_slider_in_a_wide_guide_rests_between_its_knocks():
 
 PLAY = """
 schema = 1
-[bodies]
-wheel = {inertia = 0.02, mass = 1}
-arm = {inertia = 0.01, mass = 1}
-[joints]
-axle = {revolute = ["ground", "wheel"]}
-hub = {revolute = ["wheel", "arm"], clearance = {angle = "2 deg", contact = {law = "newton", restitution = 0.5}}}
-[drives]
-axle = {free = true}
-hub = {free = true, initial_speed = 3}
-[solve]
-preset = "coupled"
-duration = "0.2 s"
-steps = 50
+bodies.wheel = {inertia = 0.02, mass = 1}
+bodies.arm = {inertia = 0.01, mass = 1}
+joints.axle = {revolute = ["ground", "wheel"]}
+joints.hub = {revolute = ["wheel", "arm"], clearance = {angle = "2 deg", contact = {law = "newton", restitution = 0.5}}}
+drives.axle = {free = true}
+drives.hub = {free = true, initial_speed = 3}
+solve = {preset = "coupled", duration = "0.2 s", steps = 50}
 """
 
 
@@ -311,11 +292,10 @@ BAR = pendulum(
     'length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}',
     'free = true, angle = "2 deg"', gravity=WEIGHT, ground={"stop": ["0.5 m", "-10 mm"]},
     contacts="""
-[contacts.stop]
-point_on_line = ["bar.end", "ground.stop"]
-normal = [0, 1]
-radius = "10 mm"
-contact = {law = "newton", restitution = 0.3}""",
+stop.point_on_line = ["bar.end", "ground.stop"]
+stop.normal = [0, 1]
+stop.radius = "10 mm"
+stop.contact = {law = "newton", restitution = 0.3}""",
     damping='rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}',
     sensors='tip = {position = "bar.end", component = "y"}',
     solve={"preset": "coupled", "duration": "1 s", "steps": 1000},

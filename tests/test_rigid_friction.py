@@ -15,23 +15,14 @@ G = 9.81
 DISC = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies.disc]
-mass = "2 kg"
-inertia = "0.01 kg m^2"
-centre = [0, 0]
-free = {at = [0, "0.6 m"], velocity = [2, 0]}
-[contacts.floor]
-point_on_line = ["disc", "ground"]
-normal = [0, 1]
-radius = "0.1 m"
-contact = {law = "newton", restitution = 0.5}
-friction = {mu = 0.1}
-[sensors]
-x = {position = "disc", component = "x"}
-[solve]
-preset = "coupled"
-duration = "0.4 s"
-steps = 40
+bodies.disc = {mass = "2 kg", inertia = "0.01 kg m^2", centre = [0, 0], free = {at = [0, "0.6 m"], velocity = [2, 0]}}
+contacts.floor.point_on_line = ["disc", "ground"]
+contacts.floor.normal = [0, 1]
+contacts.floor.radius = "0.1 m"
+contacts.floor.contact = {law = "newton", restitution = 0.5}
+contacts.floor.friction = {mu = 0.1}
+sensors.x = {position = "disc", component = "x"}
+solve = {preset = "coupled", duration = "0.4 s", steps = 40}
 """
 
 
@@ -73,28 +64,20 @@ def test_a_disc_bounces_alike_in_any_unit_of_length(law):
 BLOCK = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-carriage = {mass = "1 kg"}
-block = {mass = "2 kg"}
-[joints]
-way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
-fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
-[drives]
-way = {free = true, initial_speed = 2}
-fall = {free = true}
-[contacts.floor]
-point_on_line = ["block", "ground"]
-normal = [0, 1]
-contact = {law = "newton", restitution = 0.4}
-friction = {mu = 0.3}
-[sensors]
-x = {position = "way"}
-drag = {friction_force = "floor"}
-push = {contact_force = "floor"}
-[solve]
-preset = "coupled"
-duration = "2 s"
-steps = 100
+bodies.carriage = {mass = "1 kg"}
+bodies.block = {mass = "2 kg"}
+joints.way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
+joints.fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
+drives.way = {free = true, initial_speed = 2}
+drives.fall = {free = true}
+contacts.floor.point_on_line = ["block", "ground"]
+contacts.floor.normal = [0, 1]
+contacts.floor.contact = {law = "newton", restitution = 0.4}
+contacts.floor.friction = {mu = 0.3}
+sensors.x = {position = "way"}
+sensors.drag = {friction_force = "floor"}
+sensors.push = {contact_force = "floor"}
+solve = {preset = "coupled", duration = "2 s", steps = 100}
 """
 
 
@@ -126,30 +109,19 @@ STOPPED = """
 schema = 1
 description = "A weight pulls a block over a pulley; the block stops at the pulley"
 gravity = [0, "-9.81 m/s^2"]
-[ground]
-top = [0, "1 m"]
-[bodies]
-block = {mass = "1 kg"}
-weight = {mass = "1 kg"}
-[joints]
-table = {prismatic = ["ground.top", "block"], direction = [1, 0]}
-fall = {prismatic = ["ground.top", "weight"], direction = [0, -1]}
-[drives]
-table = {free = true, position = "-0.5 m"}
-fall = {free = true, position = "0.5 m"}
-[loads]
-rope_block = {force_on = "block", direction = [1, 0], law = "ROPE"}
-rope_weight = {force_on = "weight", direction = [0, 1], law = "ROPE"}
-[contacts]
-stop = {point_on_line = ["block", "ground.top"], normal = [-1, 0], contact = {law = "newton", restitution = 0}}
-[sensors]
-x = {position = "table", component = "x"}
-[events]
-arrive = {sensor = "x", value = -1e-9, direction = "up"}
-[solve]
-preset = "coupled"
-duration = "0.6 s"
-steps = 300
+ground.top = [0, "1 m"]
+bodies.block = {mass = "1 kg"}
+bodies.weight = {mass = "1 kg"}
+joints.table = {prismatic = ["ground.top", "block"], direction = [1, 0]}
+joints.fall = {prismatic = ["ground.top", "weight"], direction = [0, -1]}
+drives.table = {free = true, position = "-0.5 m"}
+drives.fall = {free = true, position = "0.5 m"}
+loads.rope_block = {force_on = "block", direction = [1, 0], law = "ROPE"}
+loads.rope_weight = {force_on = "weight", direction = [0, 1], law = "ROPE"}
+contacts.stop = {point_on_line = ["block", "ground.top"], normal = [-1, 0], contact = {law = "newton", restitution = 0}}
+sensors.x = {position = "table", component = "x"}
+events.arrive = {sensor = "x", value = -1e-9, direction = "up"}
+solve = {preset = "coupled", duration = "0.6 s", steps = 300}
 """.replace("ROPE", "max(0, 1e6*(fall - table - 1) + 300*(fall_speed - table_speed))")
 
 
@@ -188,25 +160,15 @@ def test_a_block_rests_on_an_incline_without_a_creep_or_slides_down(mu, static):
 
 STRUCK = """
 schema = 1
-[bodies]
-block = {mass = "2 kg"}
-ball = {mass = "1 kg", inertia = "0.001 kg m^2", free = {at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]}}
-[joints.guide]
-prismatic = ["ground", "block"]
-direction = [1, 0]
-friction = {mu = 0.5}
-[drives]
-guide = {free = true}
-[contacts.hit]
-circle_on_circle = ["ball", "block"]
-radii = ["0.1 m", "0.1 m"]
-contact = {law = "newton", restitution = 0.6}
-[sensors]
-x = {position = "guide"}
-[solve]
-preset = "coupled"
-duration = "0.1 s"
-steps = 10
+bodies.block = {mass = "2 kg"}
+bodies.ball = {mass = "1 kg", inertia = "0.001 kg m^2", free = {at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]}}
+joints.guide = {prismatic = ["ground", "block"], direction = [1, 0], friction = {mu = 0.5}}
+drives.guide = {free = true}
+contacts.hit.circle_on_circle = ["ball", "block"]
+contacts.hit.radii = ["0.1 m", "0.1 m"]
+contacts.hit.contact = {law = "newton", restitution = 0.6}
+sensors.x = {position = "guide"}
+solve = {preset = "coupled", duration = "0.1 s", steps = 10}
 """
 
 
@@ -226,22 +188,15 @@ def test_a_guide_that_is_hit_rubs_by_its_own_impulse_or_jams(mu):
 
 def test_a_pin_that_is_hit_rubs_by_its_own_impulse():
     """The rod turns by I w = p a - mu r |L|, L = M (l/2) w - p is what the pin has."""
-    text = STRUCK[: STRUCK.index("[joints")].replace(
+    text = STRUCK[: STRUCK.index("joints.")].replace(
         'block = {mass = "2 kg"}', 'rod = {length = "1 m", mass = "3 kg", inertia = "0.25 kg m^2", centre = [0.5, 0]}'
     ).replace('at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]', 'at = ["0.4 m", "-0.1 m"], velocity = [0, 5]')
     text += """
-[joints.pin]
-revolute = ["ground", "rod"]
-friction = {mu = 0.5, radius = "0.2 m"}
-[drives]
-pin = {free = true}
-[contacts.hit]
-point_on_line = ["ball", "rod"]
-normal = [0, -1]
-contact = {law = "newton", restitution = 0.6}
-[sensors]
-turn = {position = "pin", component = "angle"}
-""" + STRUCK[STRUCK.index("[solve]") :]
+joints.pin = {revolute = ["ground", "rod"], friction = {mu = 0.5, radius = "0.2 m"}}
+drives.pin = {free = true}
+contacts.hit = {point_on_line = ["ball", "rod"], normal = [0, -1], contact = {law = "newton", restitution = 0.6}}
+sensors.turn = {position = "pin", component = "angle"}
+""" + STRUCK[STRUCK.index("solve =") :]
     found = solved(text)
     torque, a, inertia, moment = 0.5 * 0.2, 0.4, 1.0, 3 * 0.5
     per_p = (a - torque) / (inertia - torque * moment)
@@ -261,24 +216,19 @@ turn = {position = "pin", component = "angle"}
 BOX = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies.box]
-mass = "1 kg"
-inertia = "0.02 kg m^2"
-centre = [0, 0]
-points = {a = [-0.2, -0.1], b = [0.2, -0.1], c = [0.2, 0.1], d = [-0.2, 0.1]}
-free = {at = [0, "0.5 m"], angle = "20 deg", velocity = [2, 0], angular_speed = 3}
-""" + "".join(f"""[contacts.{corner}]
-point_on_line = ["box.{corner}", "ground"]
-normal = [0, 1]
-contact = {{law = "newton", restitution = 0.5}}
-friction = {{mu = 0.5}}
+bodies.box.mass = "1 kg"
+bodies.box.inertia = "0.02 kg m^2"
+bodies.box.centre = [0, 0]
+bodies.box.points = {a = [-0.2, -0.1], b = [0.2, -0.1], c = [0.2, 0.1], d = [-0.2, 0.1]}
+bodies.box.free = {at = [0, "0.5 m"], angle = "20 deg", velocity = [2, 0], angular_speed = 3}
+""" + "".join(f"""
+contacts.{corner}.point_on_line = ["box.{corner}", "ground"]
+contacts.{corner}.normal = [0, 1]
+contacts.{corner}.contact = {{law = "newton", restitution = 0.5}}
+contacts.{corner}.friction = {{mu = 0.5}}
 """ for corner in "abcd") + """
-[sensors]
-x = {position = "box", component = "x"}
-[solve]
-preset = "coupled"
-duration = "3 s"
-steps = 300
+sensors.x = {position = "box", component = "x"}
+solve = {preset = "coupled", duration = "3 s", steps = 300}
 """
 
 
@@ -298,7 +248,7 @@ def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution():
 @pytest.mark.parametrize(("mu", "e"), [*itertools.product((0.05, 0.3, 2.0), (0.0, 0.5))])
 def test_a_disc_jams_between_two_steep_walls(mu, e):
     """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""
-    wall = DISC[DISC.index("[contacts") : DISC.index("[sensors]")]
+    wall = DISC[DISC.index("contacts.") : DISC.index("sensors.")]
     sides = ("left", 1), ("right", -1)
     walls = [wall.replace("floor", name).replace("[0, 1]", f"[{way}, 0.3]") for name, way in sides]
     text = DISC.replace(wall, "".join(walls)).replace("[2, 0]}", "[0.3, 0], angular_speed = 5}")
@@ -311,18 +261,20 @@ def test_a_disc_jams_between_two_steep_walls(mu, e):
     assert up == pytest.approx(2 * G, rel=1e-9) and push.min() > 0
 
 
+KNOCKED = CRANK + """
+bodies.ball.mass = "1 kg"
+joints.lane = {prismatic = ["ground", "ball"], direction = [1, 0]}
+drives.lane = {free = true, position = "0.42 m", initial_speed = -1}
+contacts.hit.circle_on_circle = ["ball", "piston"]
+contacts.hit.radii = ["10 mm", "10 mm"]
+contacts.hit.contact = {law = "newton", restitution = 0.6}
+"""
+
+
 def test_a_mechanism_whose_joints_rub_is_hit_until_it_stands():
     """A ball in a lane knocks on the piston, which has no inertia of its own, without end of one, or by jamming."""
-    text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
-    text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
-    text = text.replace("[sensors]", """lane = {free = true, position = "0.42 m", initial_speed = -1}
-[contacts.hit]
-circle_on_circle = ["ball", "piston"]
-radii = ["10 mm", "10 mm"]
-contact = {law = "newton", restitution = 0.6}
-[sensors]""")
     for mu in (0.1, 1.0):
-        found = solved(text, "solve.duration=1 s", f"wrist.friction.mu={mu}", f"bore.friction.mu={mu}")
+        found = solved(KNOCKED, "solve.duration=1 s", f"wrist.friction.mu={mu}", f"bore.friction.mu={mu}")
         record = found.trajectory.frictions
         assert len(found.impacts) > 1 and (np.diff(record.lost, axis=0) > -1e-9).all()
         assert (record.force * record.speed <= 1e-9).all()
@@ -410,18 +362,17 @@ def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests():
 
 def test_a_block_on_its_corners_hangs_on_its_bristles():
     """Pulled by half of what makes it slide, it stays within its bristles' reach, its weight on two corners."""
-    corner = '[contacts.NAME]\npoint_on_line = ["block.NAME", "ground"]\nnormal = [0, 1]\n'
-    corner += f'contact = {{law = "newton", restitution = 0}}\nfriction = {{{bristly(0.5, 600)}}}\n'
-    text = DISC[: DISC.index("[bodies")] + """
-[bodies.block]
-mass = "2 kg"
-inertia = "0.01 kg m^2"
-centre = [0, 0]
-points = {left = [-0.1, -0.05], right = [0.1, -0.05]}
-free = {at = [0, "0.05 m"]}
-[loads]
-pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
-""" + corner.replace("NAME", "left") + corner.replace("NAME", "right") + DISC[DISC.index("[sensors]") :].replace(
+    corner = 'contacts.NAME.point_on_line = ["block.NAME", "ground"]\ncontacts.NAME.normal = [0, 1]\n'
+    corner += 'contacts.NAME.contact = {law = "newton", restitution = 0}\n'
+    corner += f"contacts.NAME.friction = {{{bristly(0.5, 600)}}}\n"
+    text = DISC[: DISC.index("bodies.")] + """
+bodies.block.mass = "2 kg"
+bodies.block.inertia = "0.01 kg m^2"
+bodies.block.centre = [0, 0]
+bodies.block.points = {left = [-0.1, -0.05], right = [0.1, -0.05]}
+bodies.block.free = {at = [0, "0.05 m"]}
+loads.pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
+""" + corner.replace("NAME", "left") + corner.replace("NAME", "right") + DISC[DISC.index("sensors.") :].replace(
         'position = "disc"', 'position = "block"'
     )
     found = solved(text, "solve.duration=1 s")
@@ -437,16 +388,8 @@ pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
 
 @pytest.mark.parametrize("mu", [0.1, 1.0])
 def test_a_mechanism_of_bristles_is_hit(mu):
-    text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
-    text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
-    text = text.replace("mu = 0.15", bristly(mu, 0))
+    text = KNOCKED.replace("mu = 0.15", bristly(mu, 0))
     text = text.replace("{mu = 0.1,", f"{{{bristly(mu, 0).replace('N/m', 'N m/rad').replace('N s/m', 'N m s/rad')},")
-    text = text.replace("[sensors]", """lane = {free = true, position = "0.42 m", initial_speed = -1}
-[contacts.hit]
-circle_on_circle = ["ball", "piston"]
-radii = ["10 mm", "10 mm"]
-contact = {law = "newton", restitution = 0.6}
-[sensors]""")
     found = solved(text, "solve.duration=0.5 s")
     assert found.impacts and np.isfinite(found.trajectory.q).all() and found.trajectory.contacts.gap.min() > -1e-12
 
@@ -454,25 +397,19 @@ contact = {law = "newton", restitution = 0.6}
 LANDS = """
 schema = 1
 gravity = GRAVITY
-[bodies.bar]
-length = 0.5
-beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}
-free = {at = AT, angle = ANGLE, angular_speed = 5}
-""" + "".join(f"""[contacts.at_{end}]
-point_on_line = ["bar.{end}", "ground"]
-normal = UP
-contact = {{law = "newton", restitution = 0}}
-friction = {{mu = 2}}
+bodies.bar.length = 0.5
+bodies.bar.beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}
+bodies.bar.free = {at = AT, angle = ANGLE, angular_speed = 5}
+""" + "".join(f"""
+contacts.at_{end}.point_on_line = ["bar.{end}", "ground"]
+contacts.at_{end}.normal = UP
+contacts.at_{end}.contact = {{law = "newton", restitution = 0}}
+contacts.at_{end}.friction = {{mu = 2}}
 """ for end in ("start", "end")) + """
-[damping]
-rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
-[sensors]
-x = {position = "bar.start", component = "x"}
-y = {position = "bar.start", component = "y"}
-[solve]
-preset = "coupled"
-duration = "0.11 s"
-steps = 20
+damping.rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
+sensors.x = {position = "bar.start", component = "x"}
+sensors.y = {position = "bar.start", component = "y"}
+solve = {preset = "coupled", duration = "0.11 s", steps = 20}
 """
 
 

@@ -23,8 +23,7 @@ FLOORS = (
 FLOOR = {room: number for number, rooms in enumerate(FLOORS, start=1) for room in rooms}
 FOLDERS = {
     **{path.name: path for path in (ROOT / "src/kaneflex").iterdir() if any(path.glob("*.py"))},
-    "derive": ROOT / "derive",
-    "generated": ROOT / "generated",
+    "derive": ROOT / "derive", "generated": ROOT / "generated",
 }
 FACES = {"scenes"}
 """Packages of data alone."""

@@ -5,12 +5,9 @@ import pytest
 from machines import pendulum
 from runs import solved
 
+from kaneflex import UserError, load, read_scene, scene_of, with_settings
 from kaneflex.integrate import by_scipy
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.scene.read import scene_of
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import UserError
 
 PLANE = pendulum(
     "mass = 1, inertia = 1", "free = true, initial_speed = 1", "wheel", "axle",

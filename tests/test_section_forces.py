@@ -110,24 +110,18 @@ def at_joints(scene):
 
 GUIDE = """
 schema = 1
-[ground]
-pivot = ["100 mm", "40 mm"]
-[bodies]
-arm = {length = "400 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 2}}
-block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-rod = {length = "250 mm", mass = "1 kg"}
-[joints]
-main = {revolute = ["ground", "arm.start"]}
-wrist = {revolute = ["rod.end", "block"]}
-foot = {revolute = ["ground.pivot", "rod.start"]}
-slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
-[drives]
-main = {speed = "20 rad/s", cycle = "360 deg"}
-[sensors]
-free_end = {bending_moment = "arm.end"}
-torque = {drive_torque = "main"}
-[solve]
-preset = "rigid"
+ground.pivot = ["100 mm", "40 mm"]
+bodies.arm = {length = "400 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 2}}
+bodies.block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+bodies.rod = {length = "250 mm", mass = "1 kg"}
+joints.main = {revolute = ["ground", "arm.start"]}
+joints.wrist = {revolute = ["rod.end", "block"]}
+joints.foot = {revolute = ["ground.pivot", "rod.start"]}
+joints.slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
+drives.main = {speed = "20 rad/s", cycle = "360 deg"}
+sensors.free_end = {bending_moment = "arm.end"}
+sensors.torque = {drive_torque = "main"}
+solve.preset = "rigid"
 """
 
 
@@ -187,30 +181,22 @@ def accelerated_by_its_equations(solution):
 LEVER = """
 schema = 1
 gravity = [0, 0]
-[bodies]
-lever = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
-[joints]
-pivot = {revolute = ["ground", "lever.mid"]}
-[drives]
-pivot = {law = "0 * t"}
-[loads]
-push = {force_on = "lever.end", direction = [0.6, 0.8], value = 20}
-[sensors]
-force_x = {joint_force = "pivot", component = "x"}
-force_y = {joint_force = "pivot", component = "y"}
-torque = {drive_torque = "pivot"}
-moment = {joint_force = "pivot", component = "angle"}
-N = {axial_force = "lever.mid"}
-V = {shear_force = "lever.mid"}
-M = {bending_moment = "lever.mid"}
-N_behind = {axial_force = "lever.mid", cut = "after"}
-V_behind = {shear_force = "lever.mid", cut = "after"}
-M_behind = {bending_moment = "lever.mid", cut = "after"}
-bent = {strain = "lever.mid", fibre = "10 mm", cut = "after"}
-[solve]
-start = "quasistatic"
-duration = "1 s"
-steps = 4
+bodies.lever = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
+joints.pivot = {revolute = ["ground", "lever.mid"]}
+drives.pivot = {law = "0 * t"}
+loads.push = {force_on = "lever.end", direction = [0.6, 0.8], value = 20}
+sensors.force_x = {joint_force = "pivot", component = "x"}
+sensors.force_y = {joint_force = "pivot", component = "y"}
+sensors.torque = {drive_torque = "pivot"}
+sensors.moment = {joint_force = "pivot", component = "angle"}
+sensors.N = {axial_force = "lever.mid"}
+sensors.V = {shear_force = "lever.mid"}
+sensors.M = {bending_moment = "lever.mid"}
+sensors.N_behind = {axial_force = "lever.mid", cut = "after"}
+sensors.V_behind = {shear_force = "lever.mid", cut = "after"}
+sensors.M_behind = {bending_moment = "lever.mid", cut = "after"}
+sensors.bent = {strain = "lever.mid", fibre = "10 mm", cut = "after"}
+solve = {start = "quasistatic", duration = "1 s", steps = 4}
 """
 IN_SPACE = {
     "gravity = [0, 0]": "gravity = [0, 0, 0]", "[0.6, 0.8]": "[0.6, 0.8, 0]",
@@ -250,21 +236,17 @@ def test_a_force_beside_the_axis_of_a_rigid_beam_bends_it_by_its_arm():
     section = '{rectangle = ["20 mm", "20 mm"]}}'
     text = LEVER.replace(section, f'{section}, points = {{side = ["750 mm", "100 mm"]}}').replace(
         'force_on = "lever.end"', 'force_on = "lever.side"'
-    ).replace("[solve]", 'tip = {bending_moment = "lever.end"}\n[solve]\npreset = "rigid"')
+    ).replace("solve = {", 'sensors.tip = {bending_moment = "lever.end"}\nsolve = {preset = "rigid", ')
     found = {name: series.values for name, series in run(scene_of(text)).series.items()}
     np.testing.assert_allclose(found["tip"], 0.0, atol=1e-12)
     np.testing.assert_allclose(found["M_behind"], 2.8, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("sensor", "place", "words"),
-    [
-        ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has a section on one side only"),
-        ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "does not apply to displacement"),
-    ],
-    ids=["end", "displacement"],
-)  # fmt: skip
+@pytest.mark.parametrize(("sensor", "place", "words"), [
+    ('{shear_force = "lever.end", cut = "after"}', "sensors.odd.cut", "the end has a section on one side only"),
+    ('{displacement = "lever.mid", cut = "after"}', "sensors.odd.cut", "does not apply to displacement"),
+], ids=["end", "displacement"])  # fmt: skip
 def test_a_cut_that_means_nothing_is_refused(sensor, place, words):
     with pytest.raises(kaneflex.SceneError, match=words) as raised:
-        scene_of(LEVER.replace("[solve]", f"odd = {sensor}\n[solve]"))
+        scene_of(f"{LEVER}sensors.odd = {sensor}")
     assert place in str(raised.value)

@@ -5,30 +5,23 @@ import math
 import pytest
 from scipy.integrate import quad
 
-from kaneflex.scene import read_scene
+from kaneflex import SceneError, scene_of
 from kaneflex.scene.sections import Shape, torsion_constant
-from kaneflex.support.errors import SceneError
 
 SCENE = """
 schema = 1
-[bodies.arm]
-length = "1 m"
-beam = {{{beam}}}
-[joints]
-clamp = {{weld = ["ground", "arm.start"]}}
-[solve]
-duration = "1 s"
+bodies.arm = {{length = "1 m", beam = {{{beam}}}}}
+joints.clamp = {{weld = ["ground", "arm.start"]}}
+solve.duration = "1 s"
 """
 
 
 @pytest.fixture
-def arm(tmp_path):
+def arm():
     """The body of a scene with one beam, whose keys are given as TOML."""
 
     def read(beam: str):
-        file = tmp_path / "scene.toml"
-        file.write_text(SCENE.format(beam=beam))
-        return read_scene(str(file)).bodies["arm"]
+        return scene_of(SCENE.format(beam=beam)).bodies["arm"]
 
     return read
 
@@ -76,14 +69,11 @@ def test_the_reference_engines_rod_is_an_i_section(arm):
     assert body.E_I / 2.1e11 == pytest.approx(7008e-12, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("given", "E_over_G"),
-    [
-        ('material = "aluminium", ', 2.66),
-        ("E = 7e10, rho = 2700, G = 2.8e10, ", 2.5),
-        ("E = 1, rho = 1, nu = 0.2, ", 2.4),
-    ],
-)
+@pytest.mark.parametrize(("given", "E_over_G"), [
+    ('material = "aluminium", ', 2.66),
+    ("E = 7e10, rho = 2700, G = 2.8e10, ", 2.5),
+    ("E = 1, rho = 1, nu = 0.2, ", 2.4),
+])  # fmt: skip
 def test_shear_modulus(arm, given, E_over_G):
     here = arm(given + 'section = {circle = 0.01}, kappa = 0.9, theory = "timoshenko"').profile.at(0.0)
     assert here.E_A * 0.9 / here.G_A_y == pytest.approx(E_over_G, rel=1e-12)
@@ -181,25 +171,20 @@ def test_equal_segments_are_the_uniform_beam(arm):
     assert pieces.inertia == pytest.approx(uniform.inertia, rel=1e-12)
 
 
-def test_a_given_mass_is_the_beams_mass_exactly(arm, tmp_path):
+def test_a_given_mass_is_the_beams_mass_exactly(arm):
     """Within the tolerance of mass against area the mass wins, so that both stages agree."""
-    text = SCENE.format(beam=STEEL + "A = 2e-4, I = 1e-9").replace('"1 m"', '"1 m"\nmass = 1.5700005')
-    file = tmp_path / "given.toml"
-    file.write_text(text)
-    body = read_scene(str(file)).bodies["arm"]
+    text = SCENE.format(beam=STEEL + "A = 2e-4, I = 1e-9").replace('"1 m"', '"1 m", mass = 1.5700005')
+    body = scene_of(text).bodies["arm"]
     assert body.profile.inertia(1.0).mass == pytest.approx(1.5700005, rel=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("beam", "entry"),
-    [
-        ("section = {circle = 0.01}", {}),
-        ('section = {circle = 0.01}, theory = "rayleigh"', {"theory": "rayleigh"}),
-        ('section = {circle = 0.01}, theory = "timoshenko"', {"theory": "timoshenko"}),
-        ("section = {circle = 0.01}, taper = {circle = 0.005}", {"varying": True}),
-        ("section = {circle = 0.01}, axially_rigid = true, elements = 9", {}),
-    ],
-)
+@pytest.mark.parametrize(("beam", "entry"), [
+    ("section = {circle = 0.01}", {}),
+    ('section = {circle = 0.01}, theory = "rayleigh"', {"theory": "rayleigh"}),
+    ('section = {circle = 0.01}, theory = "timoshenko"', {"theory": "timoshenko"}),
+    ("section = {circle = 0.01}, taper = {circle = 0.005}", {"varying": True}),
+    ("section = {circle = 0.01}, axially_rigid = true, elements = 9", {}),
+])  # fmt: skip
 def test_structure_holds_what_the_equations_depend_on(arm, beam, entry):
     """A uniform Euler-Bernoulli beam adds nothing, whatever its shape."""
     assert arm(STEEL + beam).beam.structure() == entry
@@ -273,8 +258,7 @@ BAD = {
         "bodies.arm.beam.section: every segment gives its own. Leave section out, or the segments.",
     ),
     "segment without section": (
-        "segments = {a = {A = 1e-4}}",
-        "bodies.arm.beam.segments.a: no section. Give section, or both A and I.",
+        "segments = {a = {A = 1e-4}}", "bodies.arm.beam.segments.a: no section. Give section, or both A and I.",
     ),
     "segments in disorder": (
         "segments = {a = {to = 0.5, A = 1, I = 1}, b = {to = 0.4, A = 1, I = 1}, c = {A = 1, I = 1}}",
@@ -305,15 +289,12 @@ def test_shear_without_a_modulus(arm):
         arm('E = 1, rho = 1, section = {circle = 0.01}, theory = "timoshenko"')
 
 
-def test_an_axially_rigid_beam_between_two_joints(tmp_path):
+def test_an_axially_rigid_beam_between_two_joints():
     text = SCENE.format(beam=STEEL + "section = {circle = 0.01}, axially_rigid = true")
-    file = tmp_path / "held.toml"
-    file.write_text(text.replace("[solve]", 'hold = {revolute = ["ground", "arm.end"]}\n[solve]'))
     with pytest.raises(SceneError) as caught:
-        read_scene(str(file))
+        scene_of(text + 'joints.hold = {revolute = ["ground", "arm.end"]}')
     assert str(caught.value) == (
-        "bodies.arm.beam.axially_rigid = True: its length would couple the displacements of "
-        "the joints at end, start. "
+        "bodies.arm.beam.axially_rigid = True: its length would couple the displacements of the joints at end, start. "
         "Leave axially_rigid out, or join the beam at one point only."
     )
 

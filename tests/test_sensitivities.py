@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from runs import model, run
 
+from kaneflex import SceneError, sensitivities
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
-from kaneflex.study.sensitivity.report import sensitivities
 from kaneflex.study.sensitivity.slopes import neighbour_at
-from kaneflex.support.errors import SceneError
 
 STEP = 1e-3  # larger than the package's own, with differences of a higher order
 WEIGHTS = {-3: -1 / 60, -2: 9 / 60, -1: -45 / 60, 1: 45 / 60, 2: -9 / 60, 3: 1 / 60}
@@ -130,13 +129,10 @@ def test_one_number_of_a_list():
     check("four-bar", ("solve.steps=120",), "ground.right.0")
 
 
-@pytest.mark.parametrize(
-    ("scene", "name", "written", "settings"),
-    [
-        ("engine", "bore.direction", (10.0, 1.0), ("loads.gas=none", "solve.steps=60")),
-        ("rotating-blade", "push.direction", (0.0, 3.0, 4.0), ("solve.steps=24",)),
-    ],
-)
+@pytest.mark.parametrize(("scene", "name", "written", "settings"), [
+    ("engine", "bore.direction", (10.0, 1.0), ("loads.gas=none", "solve.steps=60")),
+    ("rotating-blade", "push.direction", (0.0, 3.0, 4.0), ("solve.steps=24",)),
+])  # fmt: skip
 def test_a_component_of_a_direction_is_the_number_that_is_written(scene, name, written, settings):
     """Whatever its length: against differences of the user's own numbers."""
 

@@ -12,11 +12,9 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
+from kaneflex import SceneError, read_scene, sensitivities, with_settings
 from kaneflex.plots import studies
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.sensitivity.parameters import find_parameters
-from kaneflex.study.sensitivity.report import sensitivities
-from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "sensitivities.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -105,25 +103,22 @@ def test_a_study_has_the_derivatives_of_a_point(tmp_path):
     refused(cli("sweep", tmp_path / "wrong.toml", "-o", tmp_path / "none"), "rod.F", "no such entry")
 
 
-@pytest.mark.parametrize(
-    ("scene", "name", "words"),
-    [
-        ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Use preset linear, stiffened, quasistatic or coupled")),
-        ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Use gauss")),
-        ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
-        ("engine", "rod.elements", ("rod.elements = '4'", "not a real number")),
-        ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "for example bore.direction.0")),
-        ("engine", "bore.direction.0", ("bore.direction.0 = 1.0", "no sensor depends on it")),
-        ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Choose one of its 2")),
-        ("engine", "rod.length.0", ("rod.length.0 = 0.137", "not a list")),
-        ("engine", "main.angle", ("main.angle = 0.0", "zero")),
-        ("engine", "rod.E,", ("sensitivities = '': an empty path",)),
-        ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
-        ("engine", "solve.mode_angle", ("solve.mode_angle", "not a number of the mechanism")),
-        ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),
-        ("engine", "rod.E,bodies.rod.beam.E", ("given twice, first as rod.E",)),
-    ],
-)
+@pytest.mark.parametrize(("scene", "name", "words"), [
+    ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Use preset linear, stiffened, quasistatic or coupled")),
+    ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Use gauss")),
+    ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
+    ("engine", "rod.elements", ("rod.elements = '4'", "not a real number")),
+    ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "for example bore.direction.0")),
+    ("engine", "bore.direction.0", ("bore.direction.0 = 1.0", "no sensor depends on it")),
+    ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Choose one of its 2")),
+    ("engine", "rod.length.0", ("rod.length.0 = 0.137", "not a list")),
+    ("engine", "main.angle", ("main.angle = 0.0", "zero")),
+    ("engine", "rod.E,", ("sensitivities = '': an empty path",)),
+    ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
+    ("engine", "solve.mode_angle", ("solve.mode_angle", "not a number of the mechanism")),
+    ("engine", "rod.nu", ("rod.nu = 0.3", "no sensor depends on it")),
+    ("engine", "rod.E,bodies.rod.beam.E", ("given twice, first as rod.E",)),
+])  # fmt: skip
 def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):
     refused(cli("run", *shlex.split(scene), "-o", tmp_path / "out", "--no-plots", "--sensitivities", name), *words)
     assert not (tmp_path / "out").exists()
@@ -141,17 +136,14 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
         sensitivities(solution.at(solution.times[:5]), ["rod.E"])
 
 
-@pytest.mark.parametrize(
-    ("scene", "name", "unit"),
-    [
-        ("engine", "rod.length", "m"), ("engine", "main.speed", "rad/s"), ("engine", "rod.beam.I", "m^4"),
-        ("engine", "gas.period", "rad"), ("rotating-cantilever", "push.value", "N"),
-        ("four-bar", "masses.at_first.mass", "kg"), ("spin-up", "hub.spin_up", "s"),
-        ("engine", "damping.rayleigh.ratio", "1"), ("engine", "rod_mid_strain.fibre", "m"),
-        ("engine", "damping.rayleigh.at.1", "Hz"), ("four-bar", "ground.right.0", "m"),
-        ("robot-arm", "column.inertia.0", "kg m^2"), ("spinning-top", "tip.angular_velocity.0", "rad/s"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("scene", "name", "unit"), [
+    ("engine", "rod.length", "m"), ("engine", "main.speed", "rad/s"), ("engine", "rod.beam.I", "m^4"),
+    ("engine", "gas.period", "rad"), ("rotating-cantilever", "push.value", "N"),
+    ("four-bar", "masses.at_first.mass", "kg"), ("spin-up", "hub.spin_up", "s"),
+    ("engine", "damping.rayleigh.ratio", "1"), ("engine", "rod_mid_strain.fibre", "m"),
+    ("engine", "damping.rayleigh.at.1", "Hz"), ("four-bar", "ground.right.0", "m"),
+    ("robot-arm", "column.inertia.0", "kg m^2"), ("spinning-top", "tip.angular_velocity.0", "rad/s"),
+])  # fmt: skip
 def test_units_of_parameters(scene, name, unit):
     (parameter,) = find_parameters(read_scene(scene), [name])
     assert parameter.unit == unit

@@ -10,9 +10,7 @@ import transformed
 from machines import pendulum
 from runs import STENCIL, derived_on_the_fly, waving
 
-from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import read_scene
-from kaneflex.solve.loading import load
+from kaneflex import Model, load, read_scene
 from kaneflex.solve.simulation import solve
 
 MOVING = {  # scene -> a time in which it moves by about a radian [s]
@@ -76,34 +74,24 @@ def test_an_arm_that_is_turned_faster_bends_by_its_sections_rotary_inertia_too(t
 
 HAND = """
 schema = 1
-[bodies]
-bar = {length = "1 m", beam = {E = "200 GPa", rho = 7850, A = "100 mm^2", I = "800 mm^4", elements = 16}}
-hand = {length = "300 mm", mass = "1 kg"}
-[joints]
-wall = {weld = ["ground", "bar.start"]}
-grip = {weld = ["bar.end", "hand.start"]}
-[loads]
-pull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}
-push = {force_on = "hand.end", direction = [0, -1], value = "20 N"}
-[sensors]
-tip = {displacement = "bar.end", component = "y"}
-turn = {displacement = "bar.end", component = "angle"}
-grip_moment = {joint_force = "grip", component = "angle"}
-wall_moment = {joint_force = "wall", component = "angle"}
-top = {strain = "bar.start", fibre = "5 mm"}
-[solve]
-preset = "quasistatic"
-duration = "1 s"
-steps = 2
+bodies.bar = {length = "1 m", beam = {E = "200 GPa", rho = 7850, A = "100 mm^2", I = "800 mm^4", elements = 16}}
+bodies.hand = {length = "300 mm", mass = "1 kg"}
+joints.wall = {weld = ["ground", "bar.start"]}
+joints.grip = {weld = ["bar.end", "hand.start"]}
+loads.pull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}
+loads.push = {force_on = "hand.end", direction = [0, -1], value = "20 N"}
+sensors.tip = {displacement = "bar.end", component = "y"}
+sensors.turn = {displacement = "bar.end", component = "angle"}
+sensors.grip_moment = {joint_force = "grip", component = "angle"}
+sensors.wall_moment = {joint_force = "wall", component = "angle"}
+sensors.top = {strain = "bar.start", fibre = "5 mm"}
+solve = {preset = "quasistatic", duration = "1 s", steps = 2}
 """
 
 
 SPRING = """
-[ground]
-far = [1e6, 0]
-[springs]
-pull = {between = ["hand.end", "ground.far"], stiffness = 4e-4}
-[loads]
+ground.far = [1e6, 0]
+springs.pull = {between = ["hand.end", "ground.far"], stiffness = 4e-4}
 """
 
 
@@ -114,7 +102,7 @@ def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deforma
     The pull has an arm about the grip as the body turns: the grip holds F b + P b theta, theta < 0, a third less than
     F b. At the wall the upper fibre is pulled by both forces.
     """
-    force = '[loads]\npull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}\n'
+    force = 'loads.pull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}\n'
     assert force in HAND
     text = HAND if pulled == "by a force" else HAND.replace(force, SPRING.lstrip())
     solution = solve(derived_on_the_fly(text, tmp_path))
@@ -194,32 +182,23 @@ def test_an_axially_rigid_beam_is_pulled_by_what_the_mass_at_its_end_feels(laden
 
 HOLDING = """
 schema = 1
-[bodies]
-arm = {length = "1 m", beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", I = "67500 mm^4", elements = 4}}
-[bodies.hand]
-length = "300 mm"
-mass = "2 kg"
-inertia = "0.05 kg m^2"
-centre = ["200 mm", "100 mm"]
-points = {knob = ["100 mm", "-250 mm"]}
-[joints]
-hub = {revolute = ["ground", "arm.start"]}
-grip = {weld = ["arm.end", "hand.start"]}
-[masses]
-ball = {at = "hand.knob", mass = "1 kg"}
-[drives]
-hub = {law = "5 * t**2"}
-[sensors]
-N = {axial_force = "arm.end"}
-V = {shear_force = "arm.end"}
-M = {bending_moment = "arm.end"}
-grip_x = {joint_force = "grip", component = "x", axes = "body"}
-grip_y = {joint_force = "grip", component = "y", axes = "body"}
-grip_moment = {joint_force = "grip", component = "angle"}
-[solve]
-preset = "quasistatic"
-duration = "0.5 s"
-steps = 4
+bodies.arm = {length = "1 m", beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", I = "67500 mm^4", elements = 4}}
+bodies.hand.length = "300 mm"
+bodies.hand.mass = "2 kg"
+bodies.hand.inertia = "0.05 kg m^2"
+bodies.hand.centre = ["200 mm", "100 mm"]
+bodies.hand.points = {knob = ["100 mm", "-250 mm"]}
+joints.hub = {revolute = ["ground", "arm.start"]}
+joints.grip = {weld = ["arm.end", "hand.start"]}
+masses.ball = {at = "hand.knob", mass = "1 kg"}
+drives.hub = {law = "5 * t**2"}
+sensors.N = {axial_force = "arm.end"}
+sensors.V = {shear_force = "arm.end"}
+sensors.M = {bending_moment = "arm.end"}
+sensors.grip_x = {joint_force = "grip", component = "x", axes = "body"}
+sensors.grip_y = {joint_force = "grip", component = "y", axes = "body"}
+sensors.grip_moment = {joint_force = "grip", component = "angle"}
+solve = {preset = "quasistatic", duration = "0.5 s", steps = 4}
 """
 
 

@@ -156,9 +156,7 @@ def cube_by_hand(dm, N, G, q, v, b, motion):
     # d/dt of g_j(q) omega less the derivative of omega g_k(q) q_k' by q_j
     rows += np.array([sum((turned_by[j, k] - turned_by[k, j]) @ omega * v[k] for k in shapes) for j in shapes])
     arm = np.array([[0, -S_0[2], S_0[1]], [S_0[2], 0, -S_0[0]], [-S_0[1], S_0[0], 0]])
-    mass = np.block([
-        [m * unit, -arm, by_q.T], [arm, inertia, turned.T], [by_q, turned, own],
-    ])  # fmt: skip
+    mass = np.block([[m * unit, -arm, by_q.T], [arm, inertia, turned.T], [by_q, turned, own]])
     return np.array([*force, *moment, *rows]), mass
 
 

@@ -11,71 +11,56 @@ from command_line import cli, refused
 from PIL import Image
 from runs import model, run, short
 
+from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, show, with_settings
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import closures, drive_rates, place
-from kaneflex.plots import show
 from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scenery
 from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
-from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.solve.free_motion import integrated
-from kaneflex.support.errors import SceneError
 
 SCENES = tuple(name for name in shipped_scenes() if not read_scene(name).is_spatial)  # those have tests of their own
 
 QUICK_RETURN = """
 schema = 1
 ground = {low = [0, "-100 mm"]}
-[bodies]
-crank = {length = "40 mm", mass = "0.2 kg"}
-block = {mass = "0.1 kg"}
-arm = {length = "200 mm", mass = "0.5 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-pin = {revolute = ["crank.end", "block"]}
-foot = {revolute = ["ground.low", "arm.start"]}
-slot = {prismatic = ["arm", "block"], direction = [1, 0], branch = "BRANCH"}
-[drives]
-main = {speed = "60 rpm", cycle = "360 deg"}
-[solve]
-preset = "rigid"
+bodies.crank = {length = "40 mm", mass = "0.2 kg"}
+bodies.block = {mass = "0.1 kg"}
+bodies.arm = {length = "200 mm", mass = "0.5 kg"}
+joints.main = {revolute = ["ground", "crank.start"]}
+joints.pin = {revolute = ["crank.end", "block"]}
+joints.foot = {revolute = ["ground.low", "arm.start"]}
+joints.slot = {prismatic = ["arm", "block"], direction = [1, 0], branch = "BRANCH"}
+drives.main = {speed = "60 rpm", cycle = "360 deg"}
+solve.preset = "rigid"
 """
 WELDED = """
 schema = 1
-[bodies]
-arm = {length = "1 m", mass = "1 kg"}
-knee = {length = "1 m", mass = "1 kg"}
-[joints]
-root = {revolute = ["ground", "arm.start"]}
-seam = {weld = ["arm.end", "knee.start"], relative_angle = "90 deg"}
-[drives]
-root = {law = "0.5 + 2*t"}
-[solve]
-preset = "rigid"
-duration = "1 s"
+bodies.arm = {length = "1 m", mass = "1 kg"}
+bodies.knee = {length = "1 m", mass = "1 kg"}
+joints.root = {revolute = ["ground", "arm.start"]}
+joints.seam = {weld = ["arm.end", "knee.start"], relative_angle = "90 deg"}
+drives.root = {law = "0.5 + 2*t"}
+solve = {preset = "rigid", duration = "1 s"}
 """
 GALLOWS = """
 schema = 1
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-post = {length = "1 m", pose = {at = [0, 0], angle = "90 deg"}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
-beam = {length = "0.5 m", pose = {at = [0, 1]}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
-[joints]
-foot = {weld = ["ground", "post.start"]}
-corner = {weld = ["post.end", "beam.start"], relative_angle = "-90 deg"}
-[solve]
-preset = "linear"
-duration = "1 s"
+bodies.post.length = "1 m"
+bodies.post.pose = {at = [0, 0], angle = "90 deg"}
+bodies.post.beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}
+bodies.beam = {length = "0.5 m", pose = {at = [0, 1]}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
+joints.foot = {weld = ["ground", "post.start"]}
+joints.corner = {weld = ["post.end", "beam.start"], relative_angle = "-90 deg"}
+solve = {preset = "linear", duration = "1 s"}
 """
 
 
 def written(folder: Path, text: str):
-    path = folder / "scene.toml"
-    path.write_text(text)
-    return read_scene(path)
+    return scene_of(text)
 
 
 # ---- places -------------------------------------------------------------------------------------------------------

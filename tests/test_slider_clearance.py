@@ -17,7 +17,7 @@ import pytest
 from runs import solved
 from test_contact_motion import SLIDING
 
-from kaneflex.scene import read_scene, scene_of
+from kaneflex.scene import scene_of
 
 PUBLISHED = json.loads((Path(__file__).parent / "data/slider_clearance.json").read_text())
 MODEL, POINTS = PUBLISHED["model"], PUBLISHED["values"]
@@ -136,7 +136,7 @@ def test_newtons_law_is_the_limit_of_shorter_steps(mu):
     assert crank / (2 * math.pi) == pytest.approx(published, abs=2e-3)
 
 
-def test_later_impacts_are_as_many_as_hard_and_as_costly_as_those_of_time_stepping(tmp_path):
+def test_later_impacts_are_as_many_as_hard_and_as_costly_as_those_of_time_stepping():
     """To 0.1 s, a turn and a half: energy left, impacts a turn and the distribution of their speeds of approach.
 
     Slow ones, of corners that come to rest, are as many as steps resolve, and left out; of two knocks in one step time
@@ -147,9 +147,8 @@ def test_later_impacts_are_as_many_as_hard_and_as_costly_as_those_of_time_steppi
     *speeds, left, angle = stepping
     text = SLIDING.replace("stiffness = 1e13", 'law = "newton"').replace("steps = 90", "steps = 200")
     text = text.replace("18 ms", "100 ms").replace("restitution = 0.4}", "restitution = 0.4}\nfriction = {mu = 0.01}")
-    path = tmp_path / "slider.toml"
-    path.write_text(text.replace("[sensors]", '[sensors]\ncrank = {position = "main", component = "angle"}'))
-    solution = solved(read_scene(path))
+    text = text.replace("[sensors]", '[sensors]\ncrank = {position = "main", component = "angle"}')
+    solution = solved(scene_of(text))
     first, turned = energy(np.zeros(3), np.array([150.0, -75.0, 0.0])), solution.series["crank"].values[-1]
     assert turned == pytest.approx(angle, rel=2e-3)
     assert solution.trajectory.energy.dissipated[-1] / turned == pytest.approx((first - left) / angle, rel=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_c import HEADS, SHARED, built
 
-from kaneflex import load
+from kaneflex import load, scene_of
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile.addresses import C_TYPES, by_address
 from kaneflex.multibody.dynamics import reduction, spatial_entries
@@ -16,7 +16,6 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.run import TABLES
-from kaneflex.scene import scene_of
 
 ENTRIES = {
     "project": spatial_entries.project, "basis": reduction.basis, "reduced_demand": reduction.reduced_demand,
@@ -28,10 +27,7 @@ like = "spatial-slider-crank-elastic"
 bodies.bob = {mass = 0.02, inertia = [2e-6, 2e-6, 1e-6], centre = [0.01, 0, -0.03]}
 joints.hanger = {spherical = ["rod.end", "bob.start"]}
 drives.hanger = {free = true}
-[solve]
-preset = "coupled"
-modes = 2
-start = "zero"
+solve = {preset = "coupled", modes = 2, start = "zero"}
 """
 """With a bob, as the tree goes through the universal joint and not through the rod's ball."""
 STEPS = 40

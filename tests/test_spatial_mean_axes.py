@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from runs import solved
+from runs import alike, solved
 
 import kaneflex
 from kaneflex.fem.spatial_links import link_of_scene
@@ -16,48 +16,34 @@ from kaneflex.scene.sections import torsion_constant
 ROD = """
 schema = 1
 gravity = [0, 0, 0]
-[ground]
-far = [0.8, 0, 0]
-[bodies]
-rod = {{length = "0.8 m", beam = {{material = "steel", section = {{{section}}}, elements = 12}}}}
-block = {{mass = "1 kg"}}
-[joints]
-near = {{spherical = ["ground", "rod.start"]}}
-ball = {{spherical = ["rod.end", "block"]}}
-guide = {{prismatic = ["ground.far", "block"], direction = [1, 0, 0]}}
-[drives]
-near = {{free = true, angular_velocity = [{speed}, 0, 0]}}
-[solve]
-preset = "coupled"
-modes = 8
-duration = "1 ms"
-steps = 2
+ground.far = [0.8, 0, 0]
+bodies.rod = {{length = "0.8 m", beam = {{material = "steel", section = {{{section}}}, elements = 12}}}}
+bodies.block = {{mass = "1 kg"}}
+joints.near = {{spherical = ["ground", "rod.start"]}}
+joints.ball = {{spherical = ["rod.end", "block"]}}
+joints.guide = {{prismatic = ["ground.far", "block"], direction = [1, 0, 0]}}
+drives.near = {{free = true, angular_velocity = [{speed}, 0, 0]}}
+solve = {{preset = "coupled", modes = 8, duration = "1 ms", steps = 2}}
 """
 STRIP = """
 schema = 1
 gravity = {gravity}
-[bodies]
-{stub}strip = {{{turned}length = "1 m", beam = {{material = "steel", section = {{rectangle = ["1.5 mm", "10 mm"]}}}}}}
-{joints}
-[drives]
-hinge = {{free = true{start}}}
-[sensors]
-height = {{position = "strip.end", component = "y"}}
-bend = {{displacement = "strip.end", component = "y"}}
+drives.hinge = {{free = true{start}}}
+bodies.strip = {{{turned}length = "1 m", beam = {{material = "steel", section = {{rectangle = ["1.5 mm", "10 mm"]}}}}}}
+{stub}
+{joint}
+sensors.height = {{position = "strip.end", component = "y"}}
+sensors.bend = {{displacement = "strip.end", component = "y"}}
+solve = {{preset = "coupled", modes = {modes}, duration = "0.1 s", steps = 40}}
 {more}
-[solve]
-preset = "coupled"
-modes = {modes}
-duration = "0.1 s"
-steps = 40
 """
-PIN = 'hinge = {revolute = ["ground", "strip.start"], axis = [0, 0, 1]}'
+PIN = 'joints.hinge = {revolute = ["ground", "strip.start"], axis = [0, 0, 1]}'
 TILTED = 'rotation = {x = [0.866025403784, -0.5, 0]}, '
 ASKEW = 'rotation = {x = [0.96, 0, 0.28]}, '
-ANGLE = 'angle = {position = "hinge", component = "angle"}\n'
-SLID = 'slid = {position = "hinge", component = "x"}\n'
-COIL = '[springs.coil]\ntorsional_at = "hinge"\nstiffness = 0.02\ndamping = 0.002\n'
-HELPED = '[loads.help]\ntorque_at = "hinge"\nlaw = "0.05 * sin(3 * hinge) - 0.01 * hinge_speed"\n'
+ANGLE = 'sensors.angle = {position = "hinge", component = "angle"}\n'
+SLID = 'sensors.slid = {position = "hinge", component = "x"}\n'
+COIL = 'springs.coil = {torsional_at = "hinge", stiffness = 0.02, damping = 0.002}'
+HELPED = 'loads.help = {torque_at = "hinge", law = "0.05 * sin(3 * hinge) - 0.01 * hinge_speed"}'
 
 
 def frequencies(text: str) -> np.ndarray:
@@ -95,7 +81,7 @@ def strip(joint: str = PIN, turned: str = "", modes: int = 6, more: str = ANGLE,
     """A run of a pendulum that bends by 4 % of its length."""
     start = ', angle = "-30 deg"' if "revolute" in joint else ""
     values = {"gravity": "[0, -9.81, 0]", "stub": "", "start": start} | given
-    return solved(scene_of(STRIP.format(joints=f"[joints]\n{joint}", turned=turned, modes=modes, more=more, **values)))
+    return solved(scene_of(STRIP.format(joint=joint, turned=turned, modes=modes, more=more, **values)))
 
 
 def in_the_plane(more: str = ANGLE):
@@ -112,10 +98,8 @@ def in_the_plane(more: str = ANGLE):
 def test_a_strip_on_whatever_turns_swings_as_in_the_plane(joint, of_bend):
     """However many its shapes, which would take the place of what the joint lets it turn. Where this may hold the
     section it has a shape more that turns that, and modes held there; the bend is measured from its turn."""
-    flat, deep = in_the_plane(), strip(f"hinge = {{{joint}}}", TILTED, more="")
-    for name, close in (("height", 2e-5), ("bend", of_bend)):
-        expected = flat.series[name].values
-        assert abs(deep.series[name].values - expected).max() < close * abs(expected).max(), name
+    flat, deep = in_the_plane(), strip(f"joints.hinge = {{{joint}}}", TILTED, more="")
+    alike(deep, flat, {"height": 2e-5, "bend": of_bend})
     assert deep.model.energy.drift < 1e-6 and not deep.warnings
 
 
@@ -124,15 +108,13 @@ def test_a_strip_on_whatever_turns_swings_as_in_the_plane(joint, of_bend):
 def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
     """The strip's axes follow its mean turn there as well; with its tangent there six modes stopped the run."""
     flat, deep = in_the_plane(more), strip(more=more)
-    for name in ("angle", "height"):
-        expected = flat.series[name].values
-        assert abs(deep.series[name].values - expected).max() < 1e-4 * abs(expected).max(), name
+    alike(deep, flat, 1e-4, ("angle", "height"))
     assert deep.model.energy.drift < 2e-6
 
 
 def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
     """Energy is kept by a strip that bends far."""
-    stiff = COIL.replace("stiffness = 0.02\ndamping = 0.002", "stiffness = 2\ndamping = 0")
+    stiff = COIL.replace("stiffness = 0.02, damping = 0.002", "stiffness = 2, damping = 0")
     found = strip(modes=3, more=ANGLE + stiff, gravity="[0, -40, 0]")
     assert abs(found.series["bend"].values).max() > 0.3 and found.model.energy.drift < 2e-6
 
@@ -140,8 +122,9 @@ def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
 @pytest.mark.exhaustive(group="axes", share=3)
 def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
     """On a stub that next to nothing weighs, which turns with the section; both with as many shapes as one likes."""
-    stub = f"stub = {{{ASKEW}mass = 1e-6, inertia = [1e-9, 1e-9, 1e-9]}}\n"
-    on_stub = 'hinge = {revolute = ["ground", "stub"], axis = [0, 0, 1]}\nroot = {weld = ["stub", "strip.start"]}'
+    stub = f"bodies.stub = {{{ASKEW}mass = 1e-6, inertia = [1e-9, 1e-9, 1e-9]}}\n"
+    on_stub = 'joints.hinge = {revolute = ["ground", "stub"], axis = [0, 0, 1]}\n' \
+              'joints.root = {weld = ["stub", "strip.start"]}'
     few, many = strip(turned=ASKEW, modes=3), strip(turned=ASKEW)
     others = [strip(on_stub, ASKEW, modes, stub=stub) for modes in (3, 6)]
     for name in ("angle", "height"):
@@ -156,9 +139,7 @@ def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
 def test_springs_and_laws_at_a_pin_along_and_across_a_strip_know_how_its_section_stands(more):
     """With as many modes as one likes: in axes held at that section six modes stopped the run."""
     few, many = (strip(turned=ASKEW, modes=modes, more=more) for modes in (6, 8))
-    for name in ("angle", "height"):
-        expected = many.series[name].values
-        assert abs(few.series[name].values - expected).max() < 1e-3 * abs(expected).max(), name
+    alike(few, many, 1e-3, ("angle", "height"))
     assert many.model.energy.drift < 1e-6 and not many.warnings
 
 
@@ -167,26 +148,19 @@ SOFT = 'beam = {{material = "steel", section = {{circle = "6 mm"}}, elements = 2
 FLUNG = """
 schema = 1
 gravity = [0, 0, -9.81]
-[bodies]
-post = {{length = "0.4 m", mass = "2 kg", rotation = {{x = [0, 0, 1]}}}}
-rod = {{length = "0.5 m", rotation = {{x = [0.6, 0, -0.8]}}, BODY}}
-[joints]
-turn = {{revolute = ["ground", "post.start"], axis = [0, 0, 1]}}
-hinge = {{{joint}}}
-[drives]
-turn = {{speed = "90 rpm"}}
-hinge = {{free = true, {start}}}
-[sensors]
-tip_x = {{position = "rod.end", component = "x"}}
-tip_z = {{position = "rod.end", component = "z"}}
-pull = {{joint_force = "hinge", component = "z"}}
-tilting = {{joint_force = "hinge", component = "angle_x"}}
-twisting = {{joint_force = "hinge", component = "angle_z"}}
-torque = {{drive_torque = "turn"}}
-[solve]
-preset = "{preset}"
-duration = "0.3 s"
-steps = 30
+bodies.post = {{length = "0.4 m", mass = "2 kg", rotation = {{x = [0, 0, 1]}}}}
+bodies.rod = {{length = "0.5 m", rotation = {{x = [0.6, 0, -0.8]}}, BODY}}
+joints.turn = {{revolute = ["ground", "post.start"], axis = [0, 0, 1]}}
+joints.hinge = {{{joint}}}
+drives.turn = {{speed = "90 rpm"}}
+drives.hinge = {{free = true, {start}}}
+sensors.tip_x = {{position = "rod.end", component = "x"}}
+sensors.tip_z = {{position = "rod.end", component = "z"}}
+sensors.pull = {{joint_force = "hinge", component = "z"}}
+sensors.tilting = {{joint_force = "hinge", component = "angle_x"}}
+sensors.twisting = {{joint_force = "hinge", component = "angle_z"}}
+sensors.torque = {{drive_torque = "turn"}}
+solve = {{preset = "{preset}", duration = "0.3 s", steps = 30}}
 """
 
 
@@ -207,7 +181,7 @@ def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
     rigid = f"mass = {mass!r}, inertia = [{mass * 0.01**2 / 2!r}, {across!r}, {across!r}]"
     stiff, hard = (
         solved(scene_of(FLUNG.replace("BODY", body).format(joint=joint, start=start, preset=preset)))
-        for body, preset in ((rod, 'coupled"\nmodes = 1\ntolerance = 1e-9\nstart = "quasistatic'), (rigid, "rigid"))
+        for body, preset in ((rod, 'coupled", modes = 1, tolerance = 1e-9, start = "quasistatic'), (rigid, "rigid"))
     )
     for name, series in stiff.series.items():
         expected = hard.series[name].values
@@ -219,7 +193,8 @@ def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
 @pytest.mark.exhaustive(group="axes", share=3)
 def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
     sides = ('["ground", "strip.start"], axis = [0, 0, 1]', '["strip.start", "ground"], axis = [0.28, 0, 0.96]')
-    one, back = (strip(f"hinge = {{cylindrical = {of}}}", ASKEW, gravity="[0, -9.81, -3]", more=SLID) for of in sides)
+    joints = (f"joints.hinge = {{cylindrical = {of}}}" for of in sides)
+    one, back = (strip(joint, ASKEW, gravity="[0, -9.81, -3]", more=SLID) for joint in joints)
     for name in ("height", "bend"):
         assert apart(one, back, name) < 1e-5, name
     assert abs(one.series["slid"].values + back.series["slid"].values).max() < 1e-7
@@ -227,7 +202,7 @@ def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
 
 def test_the_rigid_mechanism_beside_a_motion_goes_as_its_sections_do():
     """On a ball, whose axes turn by less than these."""
-    found = strip('hinge = {spherical = ["ground", "strip.start"]}', TILTED, 3, more="")
+    found = strip('joints.hinge = {spherical = ["ground", "strip.start"]}', TILTED, 3, more="")
     h, twin = 1e-5, found.model.motion.rigid
     before, here, after = (twin.at(0.07 + step) for step in (-h, 0.0, h))
     rate = (after["strip.axes_xx"] - before["strip.axes_xx"]) / (2.0 * h)
@@ -236,7 +211,7 @@ def test_the_rigid_mechanism_beside_a_motion_goes_as_its_sections_do():
 
 def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     """About this axis alone the section there turns in the link's axes; the joint's point stays where it is."""
-    text = STRIP.format(joints=f"[joints]\n{PIN}", turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
+    text = STRIP.format(joint=PIN, turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
     scene = scene_of(text)
     link = link_of_scene(scene, "strip", 4)
     basis, M = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), "z").basis, link.part.matrices["M"].value({})

@@ -10,36 +10,25 @@ from command_line import cli, refused
 from runs import solved
 
 import kaneflex
+from kaneflex import SceneError, read_scene, scene_of
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.shape_bases import spatial_shapes
-from kaneflex.scene import read_scene, scene_of
 from kaneflex.scene.modal_data import SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
-from kaneflex.support.errors import SceneError
 
 PAGE = (Path(__file__).parent.parent / "docs" / "modal-data.md").read_text(encoding="utf-8")
 SCENE = """
 schema = 1
 gravity = [0, -9.81, 0]
-[bodies]
-rod = {{{of}{free}}}
-{joints}
-{drives}
-[loads]
-push = {{{push}}}
-{damping}
-[sensors]
-y = {{displacement = "rod.end", component = "y"}}
-z = {{displacement = "rod.end", component = "z"}}
-turn = {{displacement = "rod.mid", component = "angle_z"}}
-height = {{position = "rod.end", component = "y"}}
-kick = {{acceleration = "rod.mid", component = "z"}}
-{sensors}
-[solve]
-preset = "coupled"
-duration = "0.02 s"
-steps = 10
+bodies.rod = {{{of}{free}}}
+loads.push = {{{push}}}
+sensors.y = {{displacement = "rod.end", component = "y"}}
+sensors.z = {{displacement = "rod.end", component = "z"}}
+sensors.turn = {{displacement = "rod.mid", component = "angle_z"}}
+sensors.height = {{position = "rod.end", component = "y"}}
+sensors.kick = {{acceleration = "rod.mid", component = "z"}}
+solve = {{preset = "coupled", duration = "0.02 s", steps = 10}}
 """
 PUSH = 'force_on = "rod.end", direction = [0.1, 0.6, 0.8], value = "2 N"'
 BEAM = (
@@ -47,23 +36,21 @@ BEAM = (
     'theory = "timoshenko"}'
 )
 DATA = 'modal_data = "data/rod.npz"'
-PIN = '[joints]\npin = {revolute = ["ground", "rod.start"], axis = %s}'
-FORCE = 'force = {joint_force = "pin", component = "y"}'
-DAMPED = '[damping]\nrayleigh = {ratio = 0.01, at = ["20 Hz", "80 Hz"]}'
+PIN = 'joints.pin = {revolute = ["ground", "rod.start"], axis = %s}'
+FORCE = 'sensors.force = {joint_force = "pin", component = "y"}'
+DAMPED = 'damping.rayleigh = {ratio = 0.01, at = ["20 Hz", "80 Hz"]}'
 HELD = {
-    "driven": ("", PIN % [0, 0.6, 0.8], '[drives]\npin = {speed = "8 rad/s", spin_up = "0.05 s"}', FORCE),
-    "pinned": ("", PIN % [0, 0, 1], '[drives]\npin = {free = true, angle = "-30 deg"}', FORCE),
+    "driven": ("", PIN % [0, 0.6, 0.8], 'drives.pin = {speed = "8 rad/s", spin_up = "0.05 s"}', FORCE),
+    "pinned": ("", PIN % [0, 0, 1], 'drives.pin = {free = true, angle = "-30 deg"}', FORCE),
     "free": (", free = {at = [0, 0, 0], angular_velocity = [3, 20, 15]}", "", "", ""),
 }
 """How the body's axes are held: with the section, but about the pin in the mean, all in the mean."""
 
 
 def written(folder, of, how="driven", damping="", more=""):
-    free, joints, drives, sensors = HELD[how]
+    free, *held = HELD[how]
     path = folder / f"{'data' if of == DATA else 'beam'}.toml"
-    path.write_text(SCENE.format(
-        of=of, push=PUSH, free=free, joints=joints, drives=drives, damping=damping, sensors=f"{sensors}\n{more}"
-    ))  # fmt: skip
+    path.write_text(SCENE.format(of=of, push=PUSH, free=free) + "\n".join([*held, damping, more]))
     return path
 
 
@@ -81,9 +68,7 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
     """But for the error of the steps, which don't end alike: damped and with twist that couples bending."""
     beam = written(tmp_path, BEAM, how, DAMPED)
     assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
-    there, here = (
-        solved(read_scene(path)).series for path in (beam, written(tmp_path, DATA, how))
-    )
+    there, here = (solved(read_scene(path)).series for path in (beam, written(tmp_path, DATA, how)))
     assert abs(there["z"].values).max() > 1e-4
     for name, series in there.items():
         assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
@@ -94,11 +79,11 @@ def test_data_fed_back_give_the_same_motion(tmp_path, how):
 def test_section_forces_of_data_are_as_good_as_the_mesh(tmp_path, elements, moment, shear):
     """Beside the beam's own, by balance; more modes with few elements change little."""
     kinds = [(kind, component) for kind in ("bending_moment", "shear_force") for component in "yz"]
-    more = [f'{kind}_{c}_{at} = {{{kind} = "rod.{at}", component = "{c}"}}'
+    more = [f'sensors.{kind}_{c}_{at} = {{{kind} = "rod.{at}", component = "{c}"}}'
             for kind, c in kinds for at in ("start", "mid")]  # fmt: skip
     finer = BEAM.replace("elements = 4", f"elements = {elements}")
     beam = written(tmp_path, finer, more="\n".join(more))
-    beam.write_text(beam.read_text().replace("[solve]", "[solve]\nmodes = 4"))
+    beam.write_text(beam.read_text().replace("steps = 10", "steps = 10, modes = 4"))
     assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
     data = written(tmp_path, DATA, more="\n".join(more))
     there, here = (solved(read_scene(path)).series for path in (beam, data))
@@ -174,9 +159,11 @@ def test_free_axes_have_no_momentum_of_shapes(exported):
 
 def test_beams_and_data_in_one_scene(exported):
     """A beam welded to the data's end sways with it, and a mass there weighs on both."""
-    more = f'[bodies.tip]\n{BEAM.replace(", beam", chr(10) + "beam").replace("1 m", "0.2 m")}\n'
-    text = (exported / "beam.toml").read_text() + more + "[masses]\nlump = {at = \"rod.mid\", mass = \"50 g\"}\n"
-    text = text.replace("[drives]", 'weld = {weld = ["rod.end", "tip.start"]}\n[drives]').replace(DAMPED, "")
+    text = (exported / "beam.toml").read_text().replace(DAMPED, "") + f"""
+bodies.tip = {{{BEAM.replace("1 m", "0.2 m")}}}
+joints.weld = {{weld = ["rod.end", "tip.start"]}}
+masses.lump = {{at = "rod.mid", mass = "50 g"}}
+"""
     found = []
     for of in (BEAM, DATA):
         found.append(solved(scene_of(text.replace(BEAM, of, 1), exported)).series)
@@ -204,19 +191,16 @@ def test_check_says_where_the_shapes_come_from(exported):
     assert "elastic by modal data, 1000 mm" in result.output
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda data: data.pop("mass_r_G"), "the file has no array mass_r_G"),
-        (lambda data: data.update(N=data["N"][:, :2]), "N has the shape (3, 2, "),
-        (lambda data: data["mass_G"].__setitem__((0, 0, 1), 1.0), "mass_G[0, 0, 1] = 1 is not symmetric to"),
-        (lambda data: data["mass_N_N"].__setitem__((0, 1, 0, 1), 1.0), "mass_N_N[0, 1, 0, 1] = 1 is not symmetric to"),
-        (lambda data: data["cubic"].__setitem__((0, 1, 2), 1e9), "is not symmetric to"),
-        (lambda data: data["mass_N_N"].__imul__(1e-3), "mass_N_N with the body's mass and first moments is not"),
-        (lambda data: data["stiffness"].__imul__(-1.0), "is not above zero"),
-        (lambda data: data["damping"].__imul__(-1.0), "damping has the eigenvalue -"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda data: data.pop("mass_r_G"), "the file has no array mass_r_G"),
+    (lambda data: data.update(N=data["N"][:, :2]), "N has the shape (3, 2, "),
+    (lambda data: data["mass_G"].__setitem__((0, 0, 1), 1.0), "mass_G[0, 0, 1] = 1 is not symmetric to"),
+    (lambda data: data["mass_N_N"].__setitem__((0, 1, 0, 1), 1.0), "mass_N_N[0, 1, 0, 1] = 1 is not symmetric to"),
+    (lambda data: data["cubic"].__setitem__((0, 1, 2), 1e9), "is not symmetric to"),
+    (lambda data: data["mass_N_N"].__imul__(1e-3), "mass_N_N with the body's mass and first moments is not"),
+    (lambda data: data["stiffness"].__imul__(-1.0), "is not above zero"),
+    (lambda data: data["damping"].__imul__(-1.0), "damping has the eigenvalue -"),
+])  # fmt: skip
 def test_what_a_file_must_be(exported, tmp_path, change, message):
     data = dict(np.load(exported / "data" / "rod.npz"))
     change(data)
@@ -227,16 +211,13 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
     assert str(error.value).startswith("bodies.rod.modal_data = ") and message in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ('displacement = "rod.mid"', 'displacement = "rod.mark"', "does not have this point; its points are start"),
-        ('{acceleration = "rod.mid", component = "z"}', '{strain = "rod.mid", fibre = [0, 0]}', "do not contain area"),
-        ("[sensors]", "[damping]\nviscous = {mu = 0.1}\n[sensors]", "the file of modal data gives the damping"),
-        (PUSH, 'spread_on = "rod", direction = [0, 0, 1], value = "2 N/m"', "contain only its points"),
-        ('preset = "coupled"', 'preset = "stiffened"', "finite elements, not modal data"),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "message"), [
+    ('displacement = "rod.mid"', 'displacement = "rod.mark"', "does not have this point; its points are start"),
+    ('{acceleration = "rod.mid", component = "z"}', '{strain = "rod.mid", fibre = [0, 0]}', "do not contain area"),
+    ("solve =", "damping.viscous = {mu = 0.1}\nsolve =", "the file of modal data gives the damping"),
+    (PUSH, 'spread_on = "rod", direction = [0, 0, 1], value = "2 N/m"', "contain only its points"),
+    ('preset = "coupled"', 'preset = "stiffened"', "finite elements, not modal data"),
+])  # fmt: skip
 def test_what_a_scene_must_not_ask(exported, before, after, message):
     marked = f'{DATA}, points = {{mark = ["0.1 m", 0, 0]}}'
     text = written(exported, marked).read_text()
@@ -250,6 +231,6 @@ def test_planar_and_spatial_data_are_told_apart(exported, tmp_path):
     planar = cli("modes", "slider-crank-150-coupled", "--export", str(tmp_path / "data"))
     assert planar.exit_code == 0
     refused(cli("check", str(written(tmp_path, DATA))), "the file describes a planar link")
-    flat = f'schema = 1\n[bodies]\nrod = {{{DATA}}}\n[joints]\npin = {{revolute = ["ground", "rod.start"]}}\n'
-    (exported / "flat.toml").write_text(flat + '[drives]\npin = {speed = "1 rad/s"}\n[solve]\npreset = "coupled"\n')
+    flat = f'schema = 1\nbodies.rod = {{{DATA}}}\njoints.pin = {{revolute = ["ground", "rod.start"]}}\n'
+    (exported / "flat.toml").write_text(flat + 'drives.pin = {speed = "1 rad/s"}\nsolve.preset = "coupled"\n')
     refused(cli("check", str(exported / "flat.toml")), "the file describes a body in space. Give vectors three")

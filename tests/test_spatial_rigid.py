@@ -9,7 +9,8 @@ import pytest
 from lifting import TURN, lifted
 from runs import solved
 
-from kaneflex import load, read_scene, simulate
+import kaneflex
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.model.layout import WHAT
@@ -17,19 +18,15 @@ from kaneflex.multibody.model.spatial_layout import ROWS
 from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.time import spatial_curves
-from kaneflex.scene import with_settings
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
-from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 SEED = 20261122
 
 
-def scene_of(tmp_path, text, name="scene.toml"):
-    path = tmp_path / name
-    path.write_text("schema = 1\n" + text)
-    return read_scene(path)
+def scene_of(text):
+    return kaneflex.scene_of("schema = 1\n" + text)
 
 
 def test_a_body_asks_for_what_newton_and_euler_say():
@@ -70,7 +67,7 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("turned", [False, True])
-def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(tmp_path, kind, turned):
+def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(kind, turned):
     """The same joint twice: the second one, a cut, holds nothing more, wherever the first lets the body go.
 
     Both hang on a body whose axes are turned against those of the ground.
@@ -78,26 +75,22 @@ def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(tmp_path
     given, held = KINDS[kind]
     sides = '["base.away", "block.corner"]' if not turned else '["block.corner", "base.away"]'
     joint = f"{{{kind} = {sides}, {given}}}".replace(", }", "}")
-    drives = "" if kind == "weld" else "[drives]\nfirst = {free = true}"
-    scene = scene_of(tmp_path, f"""
+    drives = "" if kind == "weld" else "drives.first = {free = true}"
+    scene = scene_of(f"""
 gravity = [0, 0, -9.81]
-[bodies.base]
-mass = 1
-inertia = [1, 1, 1]
-rotation = {{axis = [0.5, -1, 2], angle = 0.9}}
-points = {{away = [0.3, -0.2, 0.1]}}
-[bodies.block]
-mass = 1
-inertia = [1, 1, 1]
-rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
-points = {{corner = [0.1, 0.2, 0.3]}}
-[joints]
-held = {{weld = ["ground", "base.start"]}}
-first = {joint}
-second = {joint}
+bodies.base.mass = 1
+bodies.base.inertia = [1, 1, 1]
+bodies.base.rotation = {{axis = [0.5, -1, 2], angle = 0.9}}
+bodies.base.points = {{away = [0.3, -0.2, 0.1]}}
+bodies.block.mass = 1
+bodies.block.inertia = [1, 1, 1]
+bodies.block.rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
+bodies.block.points = {{corner = [0.1, 0.2, 0.3]}}
+joints.held = {{weld = ["ground", "base.start"]}}
+joints.first = {joint}
+joints.second = {joint}
 {drives}
-[solve]
-duration = 1
+solve.duration = 1
 """)
     mechanism = spatial_mechanism_of(scene)
     tables, _ = build_tables(mechanism)
@@ -118,29 +111,24 @@ duration = 1
 
 
 GUIDED = """
-[ground]
-o = [0.3, -0.2, 0.1]
-[bodies]
-base = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], pin = [0.2, -0.4, 0.7]}}
-once = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-twice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-thrice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-block = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], corner = [0.5, 0.3, -0.6]}}
-[joints]
-hub = {revolute = ["ground.o", "base.o"], axis = [1, 2, 2]}
-along_y = {prismatic = ["base.o", "once.o"], direction = [0, 1, 0]}
-along_z = {prismatic = ["once.o", "twice.o"], direction = [0, 0, 1]}
-on_x = {cylindrical = ["twice.o", "thrice.o"], axis = [1, 0, 0]}
-cardan = {universal = ["thrice.o", "block.o"], axes = [[0, 1, 0], [0, 0, 1]]}
-tested = {%s = ["base.pin", "block.corner"]%s}
-[drives]
-hub = {free = true}
-along_y = {free = true}
-along_z = {free = true}
-on_x = {free = true}
-cardan = {free = true}
-[solve]
-duration = 1
+ground.o = [0.3, -0.2, 0.1]
+bodies.base = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], pin = [0.2, -0.4, 0.7]}}
+bodies.once = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+bodies.twice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+bodies.thrice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
+bodies.block = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], corner = [0.5, 0.3, -0.6]}}
+joints.hub = {revolute = ["ground.o", "base.o"], axis = [1, 2, 2]}
+joints.along_y = {prismatic = ["base.o", "once.o"], direction = [0, 1, 0]}
+joints.along_z = {prismatic = ["once.o", "twice.o"], direction = [0, 0, 1]}
+joints.on_x = {cylindrical = ["twice.o", "thrice.o"], axis = [1, 0, 0]}
+joints.cardan = {universal = ["thrice.o", "block.o"], axes = [[0, 1, 0], [0, 0, 1]]}
+joints.tested = {%s = ["base.pin", "block.corner"]%s}
+drives.hub = {free = true}
+drives.along_y = {free = true}
+drives.along_z = {free = true}
+drives.on_x = {free = true}
+drives.cardan = {free = true}
+solve.duration = 1
 """
 AXES = {
     "revolute": ", axis = [0, 0, 1]", "cylindrical": ", axis = [0, 0, 1]", "prismatic": ", direction = [0, 0, 1]",
@@ -193,9 +181,9 @@ def joint_by_hand(kind, q):
 
 
 @pytest.mark.parametrize("kind", AXES)
-def test_rows_of_joints_by_hand(tmp_path, kind):
+def test_rows_of_joints_by_hand(kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
-    scene = scene_of(tmp_path, GUIDED % (kind, AXES[kind]))
+    scene = scene_of(GUIDED % (kind, AXES[kind]))
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     assert len(system.state_coordinates) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
@@ -287,18 +275,16 @@ def test_rows_of_a_loop_move_as_their_jacobian_says():
 def test_bricard_against_the_reference():
     """IFToMM A04, solved by Exudyn with a step of 5e-4 s, whose own step error may be 1e-4: both agree to 1e-6."""
     solution = solved(read_scene("bricard"))
-    t, *corner = json.loads((DATA / "bricard.json").read_text())["values"][
-        "P3 is the point that starts at (1,-1,1)"
-    ][0]
+    t, *corner = json.loads((DATA / "bricard.json").read_text())["values"]["P3 is the point that starts at (1,-1,1)"][0]
     found = [float(solution[f"corner_{axis}"].interp(time=t)) for axis in "xyz"]
     assert found == pytest.approx(corner, abs=1e-6)
     assert solution.model.energy.drift < 1e-8
 
 
-def test_bricards_shared_forces_are_not_numbers(tmp_path):
-    scene = '\nlike = "bricard"\n[sensors]\nshared = {joint_force = "second", component = "x"}\n'
+def test_bricards_shared_forces_are_not_numbers():
+    scene = '\nlike = "bricard"\nsensors.shared = {joint_force = "second", component = "x"}\n'
     with pytest.raises(Exception, match=r"sensors.shared.joint_force.*second.force_x is statically indeterminate"):
-        load(scene_of(tmp_path, scene))
+        load(scene_of(scene))
     model = load(read_scene("bricard"))
     assert np.isnan(model.motion.at(0.0)["second.force_x"]).all()
 
@@ -326,28 +312,24 @@ def test_the_slider_crank_moves_as_the_reference():
 
 DEAD_CENTRE = """
 gravity = [0, -9.81, 0]
-[bodies]
-crank = {length = "1 m", mass = "2 kg", inertia = [0.01, 0.2, 0.2], rotation = {axis = [0, 0, 1], angle = 0.958}}
-rod = {length = "2 m", mass = "3 kg", inertia = [0.01, 1.0, 1.0], rotation = {axis = [0, 0, 1], angle = -0.421}}
-piston = {mass = "1 kg"}
-[joints]
-shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
-pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
-wrist = {revolute = ["rod.end", "piston"], axis = [0, 0, 1]}
-slide = {prismatic = ["ground", "piston"], direction = [1, 0, 0]}
-[drives]
-slide = {law = "2.4 + 0.5985*sin(2*pi*t)"}
-[solve]
-duration = 1
+bodies.crank = {length = "1 m", mass = "2 kg", inertia = [0.01, 0.2, 0.2], rotation = {axis = [0, 0, 1], angle = 0.958}}
+bodies.rod = {length = "2 m", mass = "3 kg", inertia = [0.01, 1.0, 1.0], rotation = {axis = [0, 0, 1], angle = -0.421}}
+bodies.piston = {mass = "1 kg"}
+joints.shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
+joints.pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
+joints.wrist = {revolute = ["rod.end", "piston"], axis = [0, 0, 1]}
+joints.slide = {prismatic = ["ground", "piston"], direction = [1, 0, 0]}
+drives.slide = {law = "2.4 + 0.5985*sin(2*pi*t)"}
+solve.duration = 1
 """
 
 
-def test_a_loop_is_followed_close_to_where_its_speeds_grow(tmp_path, monkeypatch):
+def test_a_loop_is_followed_close_to_where_its_speeds_grow(monkeypatch):
     """A piston drives its crank to 0.05 rad from the dead centre: speeds are chosen anew there. Rows at instants in any
     order, and one by one, are by the cosine law."""
     anew, choose_anew = [], spatial_curves.choose_anew
     monkeypatch.setattr(spatial_curves, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
-    motion = load(scene_of(tmp_path, DEAD_CENTRE)).motion
+    motion = load(scene_of(DEAD_CENTRE)).motion
     times = np.random.default_rng(SEED).permutation(np.linspace(0.0, 1.0, 301))
     together, alone = motion.at(times), np.vstack([motion.table(times[k : k + 1]) for k in range(40)])
     x = 2.4 + 0.5985 * np.sin(2.0 * np.pi * times)
@@ -358,10 +340,10 @@ def test_a_loop_is_followed_close_to_where_its_speeds_grow(tmp_path, monkeypatch
     assert abs((alone - together[:40]) / np.maximum(abs(together).max(axis=0), 1e-3)).max() < 1e-8
 
 
-def test_a_loop_that_does_not_close_is_named(tmp_path):
+def test_a_loop_that_does_not_close_is_named():
     beyond = DEAD_CENTRE.replace("0.5985", "0.7")
     with pytest.raises(SceneError, match=r"joints = 'slide': a loop does not close.*at t = 0\.1.*limit the drives"):
-        load(scene_of(tmp_path, beyond)).motion.at(np.linspace(0.0, 1.0, 11))
+        load(scene_of(beyond)).motion.at(np.linspace(0.0, 1.0, 11))
 
 
 def test_the_tolerance_of_coupled_bounds_rigid_bodies_in_space():
@@ -401,18 +383,15 @@ def test_the_top_nutates_between_its_two_angles():
     assert exact == pytest.approx(u_1, abs=1e-8)
 
 
-def test_a_free_body_flips_and_keeps_its_momentum(tmp_path):
+def test_a_free_body_flips_and_keeps_its_momentum():
     """Dzhanibekov's flip: about its middle principal axis a rotation is unstable; energy and momentum stay."""
-    scene = scene_of(tmp_path, """
+    scene = scene_of("""
 gravity = [0, 0, 0]
-[bodies.nut]
-mass = 1
-inertia = [3, 2, 1.2]
-free = {at = [1, 2, 3], velocity = [0.1, 0.2, 0.3], angular_velocity = [0.001, 5, 0.002]}
-[sensors]
-spin = {velocity = "nut", component = "angle_y"}
-[solve]
-duration = 30
+bodies.nut.mass = 1
+bodies.nut.inertia = [3, 2, 1.2]
+bodies.nut.free = {at = [1, 2, 3], velocity = [0.1, 0.2, 0.3], angular_velocity = [0.001, 5, 0.002]}
+sensors.spin = {velocity = "nut", component = "angle_y"}
+solve.duration = 30
 """)
     solution = solved(scene)
     rigid = solution.motion.rigid
@@ -427,15 +406,11 @@ duration = 30
 
 
 @pytest.mark.parametrize("name", ["engine-3", "four-bar", "quick-return", "six-bar"])
-def test_a_planar_mechanism_moves_the_same_in_space(tmp_path, name):
+def test_a_planar_mechanism_moves_the_same_in_space(name):
     """Lifted into space and turned by any rotation, where redundant constraints hold it: places, rates, drive."""
-    import tomlkit
-
     planar = read_scene(name)
     planar = planar.model_copy(update={"loads": {}, "masses": {}, "sensors": {}, "damping": None, "events": {}})
-    path = tmp_path / "lifted.toml"
-    path.write_text(tomlkit.dumps(lifted(planar) | {"solve": {"preset": "rigid"}}))
-    model = load(read_scene(path))
+    model = load(kaneflex.scene_of(lifted(planar) | {"solve": {"preset": "rigid"}}))
     flat = load(planar.model_copy(update={"solve": planar.solve.model_copy(update={"preset": "rigid"})}))
     times = np.linspace(0.0, 0.7 * planar.horizon, 23)
     here, there = model.motion.at(times), flat.motion.at(times)

@@ -7,81 +7,63 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from command_line import unrendered
+from machines import changed
 from runs import solved
 
-from kaneflex import SceneError, load, read_scene, with_settings
+from kaneflex import SceneError, draw_all, load, read_scene, scene_of, with_settings
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top_laws
-from kaneflex.plots import draw_all
 from kaneflex.report.checked import description
 from kaneflex.response.time_statistics import between_steps
-from kaneflex.scene import scene_of as inline
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.repeated_motion import harmonics_of
 
 PENDULUM = """
 schema = 1
 gravity = [0, 0, "-9.81 m/s^2"]
-[bodies.bar]
-length = "1 m"
-mass = "1 kg"
-inertia = [0.001, 0.08, 0.08]
-[joints]
-hinge = {revolute = ["ground", "bar.start"], axis = [0, 1, 0]}
-[drives]
-hinge = {free = true}
-[sensors]
-angle = {position = "hinge", component = "angle"}
-[solve]
-preset = "rigid"
-duration = "1 s"
+bodies.bar = {length = "1 m", mass = "1 kg", inertia = [0.001, 0.08, 0.08]}
+joints.hinge = {revolute = ["ground", "bar.start"], axis = [0, 1, 0]}
+drives.hinge = {free = true}
+sensors.angle = {position = "hinge", component = "angle"}
+solve = {preset = "rigid", duration = "1 s"}
 """
 
 
-def scene_of(tmp_path, *changes):
-    text = PENDULUM
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path = tmp_path / "scene.toml"
-    path.write_text(text)
-    return read_scene(path)
+def pendulum(*changes, text=PENDULUM):
+    return scene_of(changed(text, *changes))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('[0, 0, "-9.81 m/s^2"]', "[0, -9.81]", r"gravity.*two components, where joints.hinge.axis has three"),
-        (", axis = [0, 1, 0]", "", r"joints.hinge: in space a revolute joint needs an axis"),
-        ("inertia = [0.001, 0.08, 0.08]", "inertia = 0.08", r"bodies.bar.inertia = 0.08.*three principal moments"),
-        ("[0.001, 0.08, 0.08]", "[0.5, 0.08, 0.08]", r"bodies.bar.inertia.*no body has the principal moments"),
-        ("[0.001, 0.08, 0.08]", "[1, 2]", r"bodies.bar.inertia.*not the inertia of a body in space"),
-        ("[drives]\nhinge = {free = true}\n", "", r"drives: 1 degree of freedom has no drive, at hinge"),
-        ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
-        ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not a coordinate of this joint"),
-        ("[sensors]", '[sensors]\nmotor = {drive_torque = "hinge"}',
-         r"sensors.motor.drive_torque = 'hinge': a free joint has no drive force: drives.hinge is free"),
-        ("{revolute", "{universal", r"joints.hinge.axis = .*has no axis"),
-        ("hinge", "in", r"joints.in: a keyword of Python, which generated modules can't use. Choose another name"),
-        ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
-         'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
-         r"joints.hinge.axes.*not at right angles"),
-        ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
-         'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 0, 1]]',
-         r"sensors.angle.position = 'hinge': a universal joint has no single coordinate to measure"),
-        ('{position = "hinge", component = "angle"}', '{velocity = "hinge", component = "angle_y"}',
-         r"sensors.angle.component = 'angle_y'.*not a coordinate of this joint"),
-        ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
-        ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
-         r"sensors.gauge.fibre = 0.005.*Give both, like"),
-        ("[joints]", '[bodies.loose]\nmass = 1\n[joints]', r"bodies.loose: it has neither a joint nor a position"),
-        ("[joints]", "[joints]\nother = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}",
-         r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_named(tmp_path, old, new, said):
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ('[0, 0, "-9.81 m/s^2"]', "[0, -9.81]", r"gravity.*two components, where joints.hinge.axis has three"),
+    (", axis = [0, 1, 0]", "", r"joints.hinge: in space a revolute joint needs an axis"),
+    ("inertia = [0.001, 0.08, 0.08]", "inertia = 0.08", r"bodies.bar.inertia = 0.08.*three principal moments"),
+    ("[0.001, 0.08, 0.08]", "[0.5, 0.08, 0.08]", r"bodies.bar.inertia.*no body has the principal moments"),
+    ("[0.001, 0.08, 0.08]", "[1, 2]", r"bodies.bar.inertia.*not the inertia of a body in space"),
+    ("drives.hinge = {free = true}\n", "", r"drives: 1 degree of freedom has no drive, at hinge"),
+    ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
+    ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not a coordinate of this joint"),
+    ("", 'sensors.motor = {drive_torque = "hinge"}',
+     r"sensors.motor.drive_torque = 'hinge': a free joint has no drive force: drives.hinge is free"),
+    ("{revolute", "{universal", r"joints.hinge.axis = .*has no axis"),
+    ("hinge", "in", r"joints.in: a keyword of Python, which generated modules can't use. Choose another name"),
+    ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
+     'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
+     r"joints.hinge.axes.*not at right angles"),
+    ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
+     'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 0, 1]]',
+     r"sensors.angle.position = 'hinge': a universal joint has no single coordinate to measure"),
+    ('{position = "hinge", component = "angle"}', '{velocity = "hinge", component = "angle_y"}',
+     r"sensors.angle.component = 'angle_y'.*not a coordinate of this joint"),
+    ("", 'contacts.stop = {between = ["ground", "bar.end"], kind = "point-line"}', r"contacts"),
+    ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
+     r"sensors.gauge.fibre = 0.005.*Give both, like"),
+    ("", "bodies.loose.mass = 1", r"bodies.loose: it has neither a joint nor a position"),
+    ("joints.hinge", "joints.other = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}\njoints.hinge",
+     r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),
+])  # fmt: skip
+def test_what_is_wrong_is_named(old, new, said):
     with pytest.raises(SceneError, match=said):
-        load(scene_of(tmp_path, (old, new)))
+        load(pendulum((old, new)))
 
 
 PLANAR = (
@@ -91,112 +73,95 @@ PLANAR = (
 )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bar.rotation.*joints give the angles"),
-        ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"hinge.axis.*planar joints turn about the plane's normal"),
-        ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
-        ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
-         r"sensors.gauge.fibre.*a planar beam bends in one plane"),
-        ("free = true", "free = true, initial_speeds = [1, 2]", r"initial_speeds: a planar joint has one speed"),
-        ("[bodies.bar]", "[bodies.rod]\nlength = 1\n"
-         "beam = {material = 'steel', A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}\n[bodies.bar]",
-         r"^bodies.rod.beam.J = 2e-09: planar beams don't twist. Give I, or give vectors three components"),
-    ],
-)  # fmt: skip
-def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, new, said):
-    assert old in PLANAR
-    path = tmp_path / "planar.toml"
-    path.write_text(PLANAR.replace(old, new))
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("mass", "rotation = {axis = [0, 1], angle = 1}, mass", r"bar.rotation.*joints give the angles"),
+    ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"hinge.axis.*planar joints turn about the plane's normal"),
+    ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
+    ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
+     r"sensors.gauge.fibre.*a planar beam bends in one plane"),
+    ("free = true", "free = true, initial_speeds = [1, 2]", r"initial_speeds: a planar joint has one speed"),
+    ("bodies.bar", "bodies.rod = {length = 1, "
+     "beam = {material = 'steel', A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}\nbodies.bar",
+     r"^bodies.rod.beam.J = 2e-09: planar beams don't twist. Give I, or give vectors three components"),
+])  # fmt: skip
+def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(old, new, said):
     with pytest.raises(SceneError, match=said):
-        load(read_scene(path))
+        load(pendulum((old, new), text=PLANAR))
 
 
-@pytest.mark.parametrize("entry, said", [
-    ("[bodies.bar]\nrotation = {axis = [0, 0, 1]}",
+@pytest.mark.parametrize("change, said", [
+    (("length", "rotation = {axis = [0, 0, 1]}, length"),
      r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
-    ('[loads]\npush = {force_on = "bar.end", value = 1}\n[bodies.bar]',
+    (("", 'loads.push = {force_on = "bar.end", value = 1}'),
      r"^loads\.push\.direction: the force has no direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
-    ('[joints.rail]\nprismatic = ["ground", "bar.end"]\n[bodies.bar]',
+    (("", 'joints.rail.prismatic = ["ground", "bar.end"]'),
      r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
 ])  # fmt: skip
-def test_what_is_missing_in_space_is_named_with_what_fits_there(tmp_path, entry, said):
+def test_what_is_missing_in_space_is_named_with_what_fits_there(change, said):
     """A rotation about an axis alone turned nothing, silently."""
     with pytest.raises(SceneError, match=said):
-        scene_of(tmp_path, ("[bodies.bar]", entry))
+        pendulum(change)
 
 
-def test_a_rotation_by_no_angle_is_one(tmp_path):
-    scene = scene_of(tmp_path, ("[bodies.bar]", "[bodies.bar]\nrotation = {axis = [0, 0, 1], angle = 0}"))
+def test_a_rotation_by_no_angle_is_one():
+    scene = pendulum(("length", "rotation = {axis = [0, 0, 1], angle = 0}, length"))
     assert (scene.bodies["bar"].rotation.matrix == np.eye(3)).all()
 
 
-def test_a_freedom_that_moves_nothing_heavy_is_named(tmp_path):
+def test_a_freedom_that_moves_nothing_heavy_is_named():
     """A thin bar on a ball, whose inertia about itself is left out, resists no spin."""
-    scene = scene_of(
-        tmp_path, ("inertia = [0.001, 0.08, 0.08]\n", ""), ("{revolute", "{spherical"), (", axis = [0, 1, 0]", ""),
+    scene = pendulum(
+        (", inertia = [0.001, 0.08, 0.08]", ""), ("{revolute", "{spherical"), (", axis = [0, 1, 0]", ""),
         ('angle = {position = "hinge", component = "angle"}', 'tip = {position = "bar.end", component = "z"}'),
     )  # fmt: skip
     with pytest.raises(SceneError, match=r"drives.hinge: .*singular: hinge.omega_x carries no inertia"):
         load(scene)
 
 
-def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction(tmp_path):
-    spring = '[springs]\ncoil = {between = ["ground", "bar.start"], stiffness = 10}\n[sensors]'
-    alone = solved(scene_of(tmp_path))
-    assert solved(scene_of(tmp_path, ("[sensors]", spring)))["angle"].values == pytest.approx(
-        alone["angle"].values, abs=1e-9
-    )
+def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction():
+    spring = 'springs.coil = {between = ["ground", "bar.start"], stiffness = 10}'
+    alone, pulled = (solved(pendulum(*more))["angle"].values for more in ((), [("", spring)]))
+    assert pulled == pytest.approx(alone, abs=1e-9)
     damped = spring.replace("10}", "10, damping = 1}")
     with pytest.raises(SceneError, match=r"springs.coil.between.*joint hinge keeps its points together"):
-        scene_of(tmp_path, ("[sensors]", damped))
-    seat = "[ground]\nseat = [0, 0, 0]\n" + damped.replace('"ground"', '"ground.seat"')
+        pendulum(("", damped))
+    seat = "ground.seat = [0, 0, 0]\n" + damped.replace('"ground"', '"ground.seat"')
     with pytest.raises(SceneError, match=r"springs.coil.between.*its points coincide"):
-        load(scene_of(tmp_path, ("[sensors]", seat)))
+        load(pendulum(("", seat)))
 
 
 FOUR_BAR = """
 schema = 1
 gravity = [0, 0, "-9.81 m/s^2"]
-[ground]
-far = [1, 0, 0]
-[bodies]
-crank = {length = "0.3 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
-rod = {length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}
-rocker = {length = "0.5 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
-[joints]
-shaft = {revolute = ["ground", "crank.start"], axis = [0, 1, 0]}
-knee = {revolute = ["crank.end", "rod.start"], axis = [0, 1, 0]}
-wrist = {revolute = ["rod.end", "rocker.end"], axis = [0, 1, 0]}
-foot = {revolute = ["ground.far", "rocker.start"], axis = [0, 1, 0]}
-[drives]
-shaft = {free = true, initial_speed = "5 rad/s"}
-[sensors]
-turn = {position = "shaft", component = "angle"}
-[solve]
-duration = "0.4 s"
+ground.far = [1, 0, 0]
+bodies.crank = {length = "0.3 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
+bodies.rod = {length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}
+bodies.rocker = {length = "0.5 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
+joints.shaft = {revolute = ["ground", "crank.start"], axis = [0, 1, 0]}
+joints.knee = {revolute = ["crank.end", "rod.start"], axis = [0, 1, 0]}
+joints.wrist = {revolute = ["rod.end", "rocker.end"], axis = [0, 1, 0]}
+joints.foot = {revolute = ["ground.far", "rocker.start"], axis = [0, 1, 0]}
+drives.shaft = {free = true, initial_speed = "5 rad/s"}
+sensors.turn = {position = "shaft", component = "angle"}
+solve.duration = "0.4 s"
 """
 
 
-def test_a_law_knows_speeds_that_depend_on_others(tmp_path):
+def test_a_law_knows_speeds_that_depend_on_others():
     """A torque -k phi - c phi' at a joint whose speed the loop ties is a spring with its damper."""
-    path, found = tmp_path / "four_bar.toml", []
-    for said in ('[loads]\ncoil = {torque_at = "foot", law = "-4 * foot - 0.7 * foot_speed"}\n',
-                 '[springs]\ncoil = {torsional_at = "foot", stiffness = 4, damping = 0.7}\n'):  # fmt: skip
-        path.write_text(FOUR_BAR.replace("[solve]", said + "[solve]"))
-        found.append(solved(read_scene(path)))
+    found = [solved(scene_of(FOUR_BAR + said)) for said in (
+        'loads.coil = {torque_at = "foot", law = "-4 * foot - 0.7 * foot_speed"}',
+        'springs.coil = {torsional_at = "foot", stiffness = 4, damping = 0.7}')]  # fmt: skip
     law, spring = (solution["turn"].values for solution in found)
     assert law == pytest.approx(spring, abs=1e-8)
     assert found[1].model.energy.dissipated[-1] > 0.1
 
 
-def test_a_coordinate_too_many_in_a_loop_is_named(tmp_path):
-    path = tmp_path / "four_bar.toml"
-    asked = "".join(f'coil_{name} = {{torsional_at = "{name}", stiffness = 1}}\n' for name in ("knee", "wrist", "foot"))
-    path.write_text(FOUR_BAR.replace("[solve]", f"[springs]\n{asked}[solve]"))
+def test_a_coordinate_too_many_in_a_loop_is_named():
+    loop = "knee", "wrist", "foot"
+    asked = (f'springs.coil_{name} = {{torsional_at = "{name}", stiffness = 1}}\n' for name in loop)
     with pytest.raises(SceneError, match=r"joints\..*use the coordinates of all joints of its loop"):
-        load(read_scene(path))
+        load(scene_of(FOUR_BAR + "".join(asked)))
 
 
 RATES = {"position": "", "velocity": "_rate", "acceleration": "_accel"}
@@ -204,26 +169,23 @@ RATES = {"position": "", "velocity": "_rate", "acceleration": "_accel"}
 
 def rates_of(names, component="angle"):
     """Sensors of joints' coordinates and of their rates."""
-    return "".join(f'{name}{tail} = {{{kind} = "{name}", component = "{component}"}}\n'
+    return "".join(f'sensors.{name}{tail} = {{{kind} = "{name}", component = "{component}"}}\n'
                    for name in names for kind, tail in RATES.items())  # fmt: skip
 
 
-def test_a_drive_that_runs_away_is_named(tmp_path):
+def test_a_drive_that_runs_away_is_named():
     """No steps lead over a pole: each is shorter than the one before."""
     with pytest.raises(SceneError, match=r"drives\.hinge = 'tan.*: its motion is unbounded at t = 0\.0785398 s"):
-        load(scene_of(tmp_path, ("{free = true}", '{law = "tan(20 * t)"}')))
+        load(pendulum(("{free = true}", '{law = "tan(20 * t)"}')))
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("last", ["knee", "wrist", "foot"])
-def test_all_joints_of_a_loop_are_read(tmp_path, last):
+def test_all_joints_of_a_loop_are_read(last):
     """Whichever closes it: angles around the loop add up, turns and all, and rates are those of what is read."""
-    path = tmp_path / "four_bar.toml"
     text = FOUR_BAR.replace("5 rad/s", "15 rad/s").replace('"0.4 s"', '"2 s"')
-    line = next(line for line in text.splitlines() if line.startswith(last))
-    text = text.replace(line + "\n", "").replace("[drives]", f"{line}\n[drives]")
-    path.write_text(text.replace("[solve]", rates_of(("knee", "wrist", "foot")) + "[solve]"))
-    solution = solved(read_scene(path))
+    line = next(line for line in text.splitlines(True) if line.startswith(f"joints.{last}"))
+    solution = solved(scene_of(text.replace(line, "") + line + rates_of(("knee", "wrist", "foot"))))
     assert list(solution.model.module.system.layout.cuts) == [last]
     found = {name: solution[name].values for name in solution.series}
     assert found["turn"][-1] > 30.0 and found["knee"][-1] < -30.0
@@ -240,7 +202,7 @@ def test_all_joints_of_a_loop_are_read(tmp_path, last):
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "cylindrical"])
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(tmp_path, kind, turned):
+def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(kind, turned):
     """The same joint twice: one in the tree, one a cut."""
     sides = '["carrier.away", "block.corner"]' if not turned else '["block.corner", "carrier.away"]'
     axis = "direction" if kind == "prismatic" else "axis"
@@ -249,33 +211,25 @@ def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(tmp_path, kind,
     joint = f"{{{kind} = {sides}, {axis} = [1, 2, 2]}}"
     components = {"revolute": ["angle"], "prismatic": ["x"], "cylindrical": ["x", "angle"]}[kind]
     sensors = "".join(rates_of(("first", "second"), c).replace(" = {", f"_{c} = {{") for c in components)
-    path = tmp_path / "twice.toml"
-    path.write_text(f"""
+    solution = solved(scene_of(f"""
 schema = 1
 gravity = [0, 0, -9.81]
-[bodies.carrier]
-mass = 1
-inertia = [1, 1, 1]
-points = {{away = [0.3, -0.2, 0.1]}}
-rotation = {{axis = [1, 0, 1], angle = 1}}
-[bodies.block]
-mass = 1
-inertia = [1, 1.2, 0.9]
-rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
-points = {{corner = [0.1, 0.2, 0.3]}}
-[joints]
-base = {{revolute = ["ground", "carrier.start"], axis = [0, 1, 0]}}
-first = {joint}
-second = {joint}
-[drives]
-base = {{law = "sin(3 * t)"}}
-first = {{{drive}}}
-[sensors]
+bodies.carrier.mass = 1
+bodies.carrier.inertia = [1, 1, 1]
+bodies.carrier.points = {{away = [0.3, -0.2, 0.1]}}
+bodies.carrier.rotation = {{axis = [1, 0, 1], angle = 1}}
+bodies.block.mass = 1
+bodies.block.inertia = [1, 1.2, 0.9]
+bodies.block.rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
+bodies.block.points = {{corner = [0.1, 0.2, 0.3]}}
+joints.base = {{revolute = ["ground", "carrier.start"], axis = [0, 1, 0]}}
+joints.first = {joint}
+joints.second = {joint}
+drives.base = {{law = "sin(3 * t)"}}
+drives.first = {{{drive}}}
+solve.duration = 1
 {sensors}
-[solve]
-duration = 1
-""")
-    solution = solved(read_scene(path))
+"""))
     assert list(solution.model.module.system.layout.cuts) == ["second"]
     for name in (name for name in solution.series if name.startswith("first")):
         wanted = solution[name].values
@@ -292,19 +246,19 @@ duration = 1
 
 
 TURNED = (
-    ("mass = \"1 kg\"", 'mass = "1 kg"\nrotation = {axis = [1, 2, 2], angle = 0.8}'),
+    ('mass = "1 kg"', 'mass = "1 kg", rotation = {axis = [1, 2, 2], angle = 0.8}'),
     ('angle = {position = "hinge", component = "angle"}', 'tip = {position = "bar.end", component = "z"}'),
 )
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_universal_joint_starts_with_two_speeds(tmp_path, turned):
+def test_a_universal_joint_starts_with_two_speeds(turned):
     """Its first axis is fixed in the first body and its second in the second one: at zero both stand as given."""
     axes = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     sides = '"bar.start", "ground"' if turned else '"ground", "bar.start"'
-    scene = scene_of(
-        tmp_path, *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
-                            f"universal = [{sides}], axes = {axes.tolist()}"),
+    scene = pendulum(
+        *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
+                  f"universal = [{sides}], axes = {axes.tolist()}"),
         ("free = true", 'free = true, initial_speeds = ["2 rad/s", "-30 rpm"]'),
     )  # fmt: skip
     model = load(scene)
@@ -316,50 +270,43 @@ def test_a_universal_joint_starts_with_two_speeds(tmp_path, turned):
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_spherical_joint_starts_with_the_angular_velocity_of_its_second_body(tmp_path, turned):
+def test_a_spherical_joint_starts_with_the_angular_velocity_of_its_second_body(turned):
     omega = np.array([1.0, -2.0, 3.0])
     sides = '"bar.start", "ground"' if turned else '"ground", "bar.start"'
-    scene = scene_of(
-        tmp_path, *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]', f"spherical = [{sides}]"),
+    scene = pendulum(
+        *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]', f"spherical = [{sides}]"),
         ("free = true", f"free = true, angular_velocity = {omega.tolist()}"),
     )  # fmt: skip
     found = [load(scene).motion.at(0.0)[f"bar.omega_{axis}"][0] for axis in "xyz"]
     assert found == pytest.approx(-omega if turned else scene.bodies["bar"].rotation.matrix @ omega, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("joint", "given", "said"),
-    [
-        ("cylindrical", 'initial_speeds = ["2 rad/s", "1 rad/s"]', r"speeds.0.*the first speed .* is along its axis"),
-        ("cylindrical", "initial_speed = 1", r"drives.hinge.initial_speed: this is a cylindrical joint. Give initial"),
-        ("revolute", "initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: this is a revolute joint. Give initial"),
-        ("revolute", "angular_velocity = [1, 2, 3]", r"drives.hinge.angular_velocity: this is a revolute joint"),
-        ("cylindrical", "initial_speeds = [1, 2, 3]", r"drives.hinge.initial_speeds.*not two speeds"),
-    ],
-)
-def test_speeds_that_a_joint_does_not_have_are_named(tmp_path, joint, given, said):
+@pytest.mark.parametrize(("joint", "given", "said"), [
+    ("cylindrical", 'initial_speeds = ["2 rad/s", "1 rad/s"]', r"speeds.0.*the first speed .* is along its axis"),
+    ("cylindrical", "initial_speed = 1", r"drives.hinge.initial_speed: this is a cylindrical joint. Give initial"),
+    ("revolute", "initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: this is a revolute joint. Give initial"),
+    ("revolute", "angular_velocity = [1, 2, 3]", r"drives.hinge.angular_velocity: this is a revolute joint"),
+    ("cylindrical", "initial_speeds = [1, 2, 3]", r"drives.hinge.initial_speeds.*not two speeds"),
+])  # fmt: skip
+def test_speeds_that_a_joint_does_not_have_are_named(joint, given, said):
     with pytest.raises(SceneError, match=said):
-        load(scene_of(tmp_path, ("{revolute", f"{{{joint}"), ("free = true", f"free = true, {given}")))
+        load(pendulum(("{revolute", f"{{{joint}"), ("free = true", f"free = true, {given}")))
 
 
-def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):
+def test_a_start_where_the_loops_do_not_close_is_named():
     """The crank reaches its far dead centre before it reaches what is asked."""
-    path = tmp_path / "four_bar.toml"
-    text = FOUR_BAR.replace("[solve]", 'foot = {position = "foot", component = "angle"}\n[solve]')
     shaft = 'shaft = {free = true, initial_speed = "5 rad/s"}'
-    path.write_text(text.replace(shaft, "foot = {free = true, angle = 0.3}"))
+    text = FOUR_BAR.replace(shaft, "foot = {free = true, angle = 0.3}")
     with pytest.raises(SceneError, match=r"drives.foot.angle = 0.3.*the loops don't close at this position, but at"):
-        load(read_scene(path))
+        load(scene_of(text + 'sensors.foot = {position = "foot", component = "angle"}'))
 
 
 @pytest.mark.parametrize(("free", "cut"), [("", "ball"), ("ball", "cross"), ("ball cross", "guide")])
-def test_every_body_is_in_balance_with_its_joints(tmp_path, free, cut):
+def test_every_body_is_in_balance_with_its_joints(free, cut):
     """Newton and Euler for each body, by hand: m a_centre and J e + w x J w are what joints and weight exert on it,
     whichever joint closes the loop; and each joint exerts the same then."""
-    path = tmp_path / "balance.toml"
-    drives = "".join(f"{name} = {{free = true}}\n" for name in free.split())
-    path.write_text(f'schema = 1\nlike = "spatial-slider-crank"\n[drives]\n{drives}[solve]\nduration = 0.3\n')
-    model = integrated(load(read_scene(path)))
+    drives = "".join(f"drives.{name}.free = true\n" for name in free.split())
+    model = integrated(load(scene_of(f'schema = 1\nlike = "spatial-slider-crank"\n{drives}solve.duration = 0.3')))
     assert list(model.module.system.layout.cuts) == [cut]
     times = np.linspace(0.01, 0.29, 5)
     rigid, scene = model.motion.at(times), model.scene
@@ -393,35 +340,29 @@ def test_every_body_is_in_balance_with_its_joints(tmp_path, free, cut):
             assert rigid[f"{joint}.{part}"] == pytest.approx(plain[f"{joint}.{part}"], abs=2e-5)
 
 
-def test_the_spin_of_a_rod_between_balls_is_named(tmp_path):
+def test_the_spin_of_a_rod_between_balls_is_named():
     """Neither ball holds it; with a universal joint for one of them nothing is open."""
     balls = read_scene("spatial-slider-crank").raw["joints"]["cross"]
-    text = 'schema = 1\nlike = "spatial-slider-crank"\n[joints]\ncross = {universal = "none", axes = "none", '
-    path = tmp_path / "balls.toml"
-    path.write_text(text + f"spherical = {balls['universal']}}}\n")
+    text = 'schema = 1\nlike = "spatial-slider-crank"\njoints.cross = {universal = "none", axes = "none", '
     with pytest.raises(SceneError, match=r"1 degree of freedom has no drive, at (ball|cross)"):
-        load(read_scene(path))
+        load(scene_of(text + f"spherical = {balls['universal']}}}"))
 
 
-def test_drives_that_a_loop_holds_are_named(tmp_path):
-    path = tmp_path / "held.toml"
-    path.write_text(
-        'schema = 1\nlike = "spatial-slider-crank"\n[drives]\n'
-        'shaft = {speed = 1, free = "none", initial_speed = "none"}\nguide = {speed = 1}\n'
-    )
+def test_drives_that_a_loop_holds_are_named():
+    text = 'schema = 1\nlike = "spatial-slider-crank"\ndrives.guide.speed = 1\n'
+    text += 'drives.shaft = {speed = 1, free = "none", initial_speed = "none"}'
     with pytest.raises(SceneError, match=r"drives\.(shaft|guide).*the loops and the other drives already determine"):
-        load(read_scene(path))
+        load(scene_of(text))
 
 
-def test_a_torsional_spring_swings_as_it_must(tmp_path):
+def test_a_torsional_spring_swings_as_it_must():
     """J phi'' + c phi' + k phi = 0 about the axis: (k/J - (c/2J)^2)^(1/2), decay c/2J."""
     J, k, c = 0.08 + 0.25, 40.0, 0.6
-    scene = scene_of(
-        tmp_path, ('[0, 0, "-9.81 m/s^2"]', "[0, 0, 0]"), ("{free = true}", '{free = true, angle = "20 deg"}'),
-        ("[sensors]", f'[springs]\ncoil = {{torsional_at = "hinge", stiffness = {k}, damping = {c}}}\n[sensors]\n'
-         'torque = {spring_torque = "coil"}'),
-    )  # fmt: skip
-    solution = solved(scene)
+    solution = solved(pendulum(
+        ('[0, 0, "-9.81 m/s^2"]', "[0, 0, 0]"), ("{free = true}", '{free = true, angle = "20 deg"}'),
+        ("", f'springs.coil = {{torsional_at = "hinge", stiffness = {k}, damping = {c}}}'),
+        ("", 'sensors.torque = {spring_torque = "coil"}'),
+    ))  # fmt: skip
     t, decay = solution.times, c / (2 * J)
     omega = math.sqrt(k / J - decay**2)
     exact = math.radians(20) * np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
@@ -431,14 +372,13 @@ def test_a_torsional_spring_swings_as_it_must(tmp_path):
     assert solution.model.energy.drift < 1e-7
 
 
-def test_a_force_and_a_spring_between_points_do_their_work(tmp_path):
-    scene = scene_of(
-        tmp_path,
-        ("[sensors]", '[ground]\nhook = [1, 0.5, 0]\n[loads]\npush = {force_on = "bar.end", direction = [0, 0, 1], '
-         'axes = "body", law = "3 + 2 * sin(5 * t) * hinge"}\n[springs]\npull = {between = ["ground.hook", "bar.end"], '
-         'stiffness = 30, damping = 0.4, length = 0.3}\n[sensors]\ntension = {spring_force = "pull"}'),
-    )  # fmt: skip
-    solution = solved(scene)
+def test_a_force_and_a_spring_between_points_do_their_work():
+    solution = solved(scene_of(PENDULUM + """
+ground.hook = [1, 0.5, 0]
+loads.push = {force_on = "bar.end", direction = [0, 0, 1], axes = "body", law = "3 + 2 * sin(5 * t) * hinge"}
+springs.pull = {between = ["ground.hook", "bar.end"], stiffness = 30, damping = 0.4, length = 0.3}
+sensors.tension = {spring_force = "pull"}
+"""))
     gap = solution.motion.place("bar", (1.0, 0.0, 0.0)) - np.array([[1.0], [0.5], [0.0]])
     length = np.linalg.norm(gap, axis=0)
     rate = np.gradient(length, solution.times, edge_order=2)
@@ -447,40 +387,39 @@ def test_a_force_and_a_spring_between_points_do_their_work(tmp_path):
     assert energy.drift < 1e-8 and np.ptp(energy.supplied) > 0.1 and np.ptp(energy.dissipated) > 0.005
 
 
-def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
+def test_constant_loads_are_not_looked_at_between_steps(monkeypatch):
     def never(*arguments):
         raise AssertionError("looked between the steps")
 
-    push = '[loads]\npush = {force_on = "bar.end", direction = [0, 0, 1], value = 3}\n[sensors]'
-    model = integrated(load(scene_of(tmp_path, ("[sensors]", push))))
+    push = 'loads.push = {force_on = "bar.end", direction = [0, 0, 1], value = 3}'
+    model = integrated(load(scene_of(PENDULUM + push)))
     monkeypatch.setattr("kaneflex.response.time_statistics._instants_of_rows", never)
     assert between_steps(model) == []
 
 
-def test_loads_between_steps_are_those_of_the_motion(tmp_path):
+def test_loads_between_steps_are_those_of_the_motion():
     """On curves through the steps; one that changes and returns within a step is told."""
-    push = """[loads]
-push = {{force_on = "bar.end", direction = [0, 0, 1], law = "{}"}}
-brake = {{torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}}
-[sensors]"""
-    model = integrated(load(scene_of(tmp_path, ("[sensors]", push.format("3 * sin(7 * t) + hinge**2")))))
+    loaded = PENDULUM + """
+loads.push = {force_on = "bar.end", direction = [0, 0, 1], law = "LAW"}
+loads.brake = {torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}
+"""
+    model = integrated(load(scene_of(loaded.replace("LAW", "3 * sin(7 * t) + hinge**2"))))
     times = np.linspace(0.0, 1.0, 357)
     found = model.motion.acting(times, model.motion.at(model.step * np.arange(model.options.steps + 1)))
     wanted = model.motion.at(times)
     for name in ("push", "brake"):
         assert found[name] == pytest.approx(wanted[name], abs=1e-7 * abs(wanted[name]).max())
     assert between_steps(model) == []
-    knock = integrated(load(scene_of(tmp_path, ("[sensors]", push.format("3 * exp(-((t - 0.50025) / 0.0001)**2)")))))
+    knock = integrated(load(scene_of(loaded.replace("LAW", "3 * exp(-((t - 0.50025) / 0.0001)**2)"))))
     assert any("loads.push changes and returns within a step" in said for said in between_steps(knock))
 
 
-def test_a_drive_asks_for_the_moment_that_the_weight_takes(tmp_path):
+def test_a_drive_asks_for_the_moment_that_the_weight_takes():
     """A bar that turns steadily about a level axis: m g l/2 cos(phi); the force at its pivot m (g + a)."""
-    scene = scene_of(
-        tmp_path, ("{free = true}", '{speed = "60 rpm"}'),
-        ("[sensors]", '[sensors]\nmotor = {drive_torque = "hinge"}\npivot = {joint_force = "hinge", component = "z"}'),
-    )  # fmt: skip
-    solution = solved(scene)
+    solution = solved(pendulum(
+        ("{free = true}", '{speed = "60 rpm"}'), ("", 'sensors.motor = {drive_torque = "hinge"}'),
+        ("", 'sensors.pivot = {joint_force = "hinge", component = "z"}'),
+    ))  # fmt: skip
     phi = 2 * math.pi * solution.times
     # about +y the bar's end goes down: z = -sin(phi)
     assert solution["motor"].values == pytest.approx(-9.81 * 0.5 * np.cos(phi), abs=1e-9)
@@ -488,29 +427,23 @@ def test_a_drive_asks_for_the_moment_that_the_weight_takes(tmp_path):
     assert solution["pivot"].values == pytest.approx(9.81 + lift, abs=1e-9)
 
 
-def test_a_slider_passes_its_dead_centres_in_free_motion(tmp_path):
+def test_a_slider_passes_its_dead_centres_in_free_motion():
     """Where crank and rod are in line the slider's speed says nothing of the crank's: other speeds are chosen there."""
-    path = tmp_path / "crank.toml"
-    path.write_text("""
+    solution = solved(scene_of("""
 schema = 1
 gravity = [0, 0, 0]
+joints.shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
+joints.pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
+joints.wrist = {revolute = ["rod.end", "slider.start"], axis = [0, 0, 1]}
+joints.guide = {prismatic = ["ground", "slider.start"], direction = [1, 0, 0]}
+drives.guide = {free = true, position = "300 mm", initial_speed = "3 m/s"}
+sensors.turn = {position = "shaft", component = "angle"}
+solve.duration = "1 s"
 [bodies]
 crank = {length = "100 mm", mass = "0.2 kg", inertia = [1e-5, 2e-4, 2e-4], rotation = {axis = [0, 0, 1], angle = 0.9}}
 rod = {length = "250 mm", mass = "0.3 kg", inertia = [1e-5, 2e-3, 2e-3], rotation = {axis = [0, 0, 1], angle = -0.3}}
 slider = {mass = "1 kg"}
-[joints]
-shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
-pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
-wrist = {revolute = ["rod.end", "slider.start"], axis = [0, 0, 1]}
-guide = {prismatic = ["ground", "slider.start"], direction = [1, 0, 0]}
-[drives]
-guide = {free = true, position = "300 mm", initial_speed = "3 m/s"}
-[sensors]
-turn = {position = "shaft", component = "angle"}
-[solve]
-duration = "1 s"
-""")
-    solution = solved(read_scene(path))
+"""))
     assert abs(solution["turn"].values[-1]) > 4 * math.pi  # it goes around, past eight dead centres and more
     kinetic = solution.model.energy.kinetic
     assert np.ptp(kinetic) < 1e-6 * kinetic[0]
@@ -536,29 +469,22 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
     assert done.exit_code == 2 and "only planar scenes so far" in done.output
 
 
-def test_a_bead_flies_outwards_along_a_turning_rod(tmp_path):
+def test_a_bead_flies_outwards_along_a_turning_rod():
     """r'' = Omega^2 r: r = r_0 cosh(Omega t), and the rod pushes it sideways with 2 m Omega r' (Coriolis 1835)."""
     omega, mass = 5.0, 0.3
-    path = tmp_path / "bead.toml"
-    path.write_text(f"""
+    solution = solved(scene_of(f"""
 schema = 1
 gravity = [0, 0, 0]
-[bodies]
-rod = {{length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}}
-bead = {{mass = {mass}, inertia = [0.001, 0.001, 0.001]}}
-[joints]
-shaft = {{revolute = ["ground", "rod.start"], axis = [0, 1, 0]}}
-guide = {{prismatic = ["rod", "bead"], direction = [1, 0, 0]}}
-[drives]
-shaft = {{speed = {omega}}}
-guide = {{free = true, position = "0.2 m"}}
-[sensors]
-out = {{position = "guide", component = "x"}}
-side = {{joint_force = "guide", component = "z", axes = "body"}}
-[solve]
-duration = "0.5 s"
-""")
-    solution = solved(read_scene(path))
+bodies.rod = {{length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}}
+bodies.bead = {{mass = {mass}, inertia = [0.001, 0.001, 0.001]}}
+joints.shaft = {{revolute = ["ground", "rod.start"], axis = [0, 1, 0]}}
+joints.guide = {{prismatic = ["rod", "bead"], direction = [1, 0, 0]}}
+drives.shaft = {{speed = {omega}}}
+drives.guide = {{free = true, position = "0.2 m"}}
+sensors.out = {{position = "guide", component = "x"}}
+sensors.side = {{joint_force = "guide", component = "z", axes = "body"}}
+solve.duration = "0.5 s"
+"""))
     assert solution["out"].values == pytest.approx(0.2 * np.cosh(omega * solution.times), abs=1e-8)
     rate = 0.2 * omega * np.sinh(omega * solution.times)
     # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
@@ -568,17 +494,12 @@ duration = "0.5 s"
 RAIL = """
 schema = 1
 gravity = [0, -9.81, 0]
-[bodies]
-bar = {length = 1, beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}}
-block = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
-[joints]
-hold = {weld = ["ground", "bar.start"]}
-slide = {KIND = ["bar.start", "block"], WAY = [1, 0, 0]}
-[drives]
-slide = {free = true}
-[solve]
-preset = "coupled"
-duration = "1 ms"
+bodies.bar = {length = 1, beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}}
+bodies.block = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
+joints.hold = {weld = ["ground", "bar.start"]}
+joints.slide = {KIND = ["bar.start", "block"], WAY = [1, 0, 0]}
+drives.slide = {free = true}
+solve = {preset = "coupled", duration = "1 ms"}
 """
 
 
@@ -588,58 +509,44 @@ def test_no_body_slides_along_an_elastic_one_that_bends(kind, way):
     text = RAIL.replace("KIND", kind).replace("WAY", way)
     said = rf"joints\.slide\.{kind} = 'bar\.start': the body is elastic, but its sliding line would stay straight"
     with pytest.raises(SceneError, match=said):
-        inline(text)
-    assert inline(text.replace("coupled", "rigid")).joints["slide"].kind == kind
+        scene_of(text)
+    assert scene_of(text.replace("coupled", "rigid")).joints["slide"].kind == kind
 
 
 CARDAN = """
 schema = 1
-[ground]
-rear = [RIGHT, UP, 0]
-[bodies]
-input = {length = "200 mm", mass = "2 kg"}
-output = {length = "200 mm", mass = "2 kg"}
-[bodies.middle]
-length = "1 m"
-rotation = {axis = [0, 0, 1], angle = "25 deg"}
-beam = {material = "steel", section = {tube = ["60 mm", "2 mm"]}, elements = 2}
-[joints]
-front = {revolute = ["ground", "input.start"], axis = [1, 0, 0]}
-first = {universal = ["input.end", "middle.start"], axes = [[0, 0, 1], [-SINE, COSINE, 0]]}
-second = {universal = ["middle.end", "output.start"], axes = [[0, 1, 0], [0, 0, 1]]}
-shaft = {cylindrical = ["ground.rear", "output.start"], axis = [1, 0, 0]}
-[drives]
-front = {speed = "6 rpm", cycle = "360 deg"}
-[loads]
-brake = {torque_at = "shaft", value = "-200 N m"}
-[sensors]
-torque = {drive_torque = "front"}
-twist = {torsional_moment = "middle.mid"}
-bend = {bending_moment = "middle.start", component = "z"}
-speed = {velocity = "middle", component = "angle_x", axes = "body"}
-turned = {position = "shaft", component = "angle"}
-[solve]
-start = "periodic"
-steps = 72
+ground.rear = [RIGHT, UP, 0]
+bodies.input = {length = "200 mm", mass = "2 kg"}
+bodies.output = {length = "200 mm", mass = "2 kg"}
+bodies.middle.length = "1 m"
+bodies.middle.rotation = {axis = [0, 0, 1], angle = "25 deg"}
+bodies.middle.beam = {material = "steel", section = {tube = ["60 mm", "2 mm"]}, elements = 2}
+joints.front = {revolute = ["ground", "input.start"], axis = [1, 0, 0]}
+joints.first = {universal = ["input.end", "middle.start"], axes = [[0, 0, 1], [-SINE, COSINE, 0]]}
+joints.second = {universal = ["middle.end", "output.start"], axes = [[0, 1, 0], [0, 0, 1]]}
+joints.shaft = {cylindrical = ["ground.rear", "output.start"], axis = [1, 0, 0]}
+drives.front = {speed = "6 rpm", cycle = "360 deg"}
+loads.brake = {torque_at = "shaft", value = "-200 N m"}
+sensors.torque = {drive_torque = "front"}
+sensors.twist = {torsional_moment = "middle.mid"}
+sensors.bend = {bending_moment = "middle.start", component = "z"}
+sensors.speed = {velocity = "middle", component = "angle_x", axes = "body"}
+sensors.turned = {position = "shaft", component = "angle"}
+solve = {start = "periodic", steps = 72}
 """
 
 
-def cardan(tmp_path, *changes):
+def cardan(*changes):
     sine, cosine = math.sin(math.radians(25)), math.cos(math.radians(25))
     text = CARDAN.replace("RIGHT", str(0.2 + cosine)).replace("UP", str(sine))
-    path = tmp_path / "cardan.toml"
-    path.write_text(text.replace("COSINE", str(cosine)).replace("SINE", str(sine)))
-    return with_settings(read_scene(path), list(changes))
+    return with_settings(scene_of(text.replace("COSINE", str(cosine)).replace("SINE", str(sine))), list(changes))
 
 
-@pytest.mark.parametrize(
-    ("preset", "changes"),
-    [
-        ("rigid", ()), ("linear", ()), ("stiffened", ()),
-        ("coupled", ("solve.start=quasistatic", "solve.duration=1 ms", "solve.steps=2")),
-    ],
-)  # fmt: skip
-def test_a_brake_twists_and_bends_a_double_cardan_shaft(tmp_path, preset, changes):
+@pytest.mark.parametrize(("preset", "changes"), [
+    ("rigid", ()), ("linear", ()), ("stiffened", ()),
+    ("coupled", ("solve.start=quasistatic", "solve.duration=1 ms", "solve.steps=2")),
+])  # fmt: skip
+def test_a_brake_twists_and_bends_a_double_cardan_shaft(preset, changes):
     """omega_2 / omega_1 = cos(beta) / (1 - s^2), s = sin(beta) sin(phi), phi from where the input's fork stands across
     both shafts' plane; torques go the other way round (Seherr-Thoss, Schmelz & Aucktor 2006, 1.2). A cross passes on
     no moment about its pins: across the middle shaft acts its torque T times tan(alpha) = s / sqrt(1 - s^2), the same
@@ -647,7 +554,7 @@ def test_a_brake_twists_and_bends_a_double_cardan_shaft(tmp_path, preset, change
 
     All ends of shafts stay where they are: their accelerations are rounding's.
     """
-    solution = solved(cardan(tmp_path, f"solve.preset={preset}", *changes))
+    solution = solved(cardan(f"solve.preset={preset}", *changes))
     brake, beta, phi = 200.0, math.radians(25), 2 * math.pi * 0.1 * solution.times
     s = math.sin(beta) * np.sin(phi)
     ratio, tangent, J = math.cos(beta) / (1 - s**2), s / np.sqrt(1 - s**2), math.pi / 32 * (0.06**4 - 0.056**4)
@@ -662,15 +569,15 @@ def test_a_brake_twists_and_bends_a_double_cardan_shaft(tmp_path, preset, change
         assert lag == pytest.approx(brake / ratio**2 * (2.6 + 2.0 * tangent**2) / (210e9 * J), rel=1e-4)
 
 
-def test_what_is_wrong_with_a_cardan_shaft_is_said(tmp_path):
+def test_what_is_wrong_with_a_cardan_shaft_is_said():
     with pytest.raises(SceneError, match=r"'first': a universal joint turns about several axes. Name a revolute or"):
-        cardan(tmp_path, "loads.brake.torque_at=first")
+        cardan("loads.brake.torque_at=first")
     with pytest.raises(SceneError, match=r"start: a gap of [\d.e-]+ of the mechanism's size, or of 1 rad, remains"):
-        load(cardan(tmp_path, "ground.rear=[1, 2, 0]", "solve.preset=rigid"))
+        load(cardan("ground.rear=[1, 2, 0]", "solve.preset=rigid"))
 
 
-def test_c_takes_a_motion_whose_shafts_rest_but_for_rounding(tmp_path):
-    model = load(cardan(tmp_path, "solve.preset=linear"))
+def test_c_takes_a_motion_whose_shafts_rest_but_for_rounding():
+    model = load(cardan("solve.preset=linear"))
     harmonics = harmonics_of(model, range(len(model.module.SCALARS)), "C")
     names = [name for name, *_ in model.module.SCALARS]
     resting = [names[column] for column in harmonics.columns].index("output.link.a_x")
@@ -682,35 +589,22 @@ def test_an_unbalanced_disc_whirls_about_its_sag_and_is_drawn(tmp_path, monkeypa
     about that by m e Omega^2 / (k - M Omega^2), towards the unbalance (Jeffcott 1919)."""
     unrendered(monkeypatch)
     omega, m, e, M = 100 * math.pi, 0.01, 0.05, 5.0
-    path = tmp_path / "rotor.toml"
-    path.write_text(f"""
+    solution = solved(scene_of(f"""
 schema = 1
 gravity = [0, 0, "-9.81 m/s^2"]
-[ground]
-rear = [0.6, 0, 0]
-[bodies.shaft]
-length = 0.6
-beam = {{E = "210 GPa", nu = 0.3, rho = 1e-3, section = {{circle = "20 mm"}}, elements = 2}}
-[bodies.unbalance]
-mass = {m}
-points = {{hub = [0, {-e}, 0]}}
-[masses]
-disc = {{at = "shaft.mid", mass = {M}, inertia = [0.02, 0.01, 0.01]}}
-[joints]
-front = {{revolute = ["ground", "shaft.start"], axis = [1, 0, 0]}}
-rear = {{cylindrical = ["ground.rear", "shaft.end"], axis = [1, 0, 0]}}
-hub = {{weld = ["shaft.mid", "unbalance.hub"]}}
-[drives]
-front = {{speed = {omega}, cycle = "360 deg"}}
-[sensors]
-y = {{position = "shaft.mid", component = "y"}}
-z = {{position = "shaft.mid", component = "z"}}
-[solve]
-preset = "linear"
-start = "periodic"
-steps = 60
-""")
-    solution = solved(read_scene(path))
+ground.rear = [0.6, 0, 0]
+bodies.shaft.length = 0.6
+bodies.shaft.beam = {{E = "210 GPa", nu = 0.3, rho = 1e-3, section = {{circle = "20 mm"}}, elements = 2}}
+bodies.unbalance = {{mass = {m}, points = {{hub = [0, {-e}, 0]}}}}
+masses.disc = {{at = "shaft.mid", mass = {M}, inertia = [0.02, 0.01, 0.01]}}
+joints.front = {{revolute = ["ground", "shaft.start"], axis = [1, 0, 0]}}
+joints.rear = {{cylindrical = ["ground.rear", "shaft.end"], axis = [1, 0, 0]}}
+joints.hub = {{weld = ["shaft.mid", "unbalance.hub"]}}
+drives.front = {{speed = {omega}, cycle = "360 deg"}}
+sensors.y = {{position = "shaft.mid", component = "y"}}
+sensors.z = {{position = "shaft.mid", component = "z"}}
+solve = {{preset = "linear", start = "periodic", steps = 60}}
+"""))
     k = 192 * 210e9 * math.pi / 64 * 0.02**4 / 0.6**3
     sag, whirl = (M + m) * 9.81 / k, m * e * omega**2 / (k - (M + m) * omega**2)
     turned = omega * solution.times

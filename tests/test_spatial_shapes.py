@@ -31,19 +31,16 @@ def test_every_kernel_is_compared():
 
 
 @pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [
-        ("2.0 * H_z_vv * omega_z", "H_z_vv * omega_z"),
-        ("room[z + 2 * j] * of_w", "room[z + 2 * j] * of_v"),
-        ("scale_2 += b_j * scale_tq", "scale_2 += v_j * scale_tq"),
-        ("X_x_wv += p[o + 1]", "X_x_wv += p[o + 2]"),
-        ("J_yy_vq += p[o + 2]", "J_yy_vq += p[o + 1]"),
-        ("s_yz = -2.0 * omega_y", "s_yz = 2.0 * omega_y"),
-        ("lost += C_tv * v_j", "lost += C_tv * q_j"),
-        ("int(p[o + 3]), p[o + 4]", "int(p[o + 2]), p[o + 4]"),
-    ],
-)
+@pytest.mark.parametrize(("right", "wrong"), [
+    ("2.0 * H_z_vv * omega_z", "H_z_vv * omega_z"),
+    ("room[z + 2 * j] * of_w", "room[z + 2 * j] * of_v"),
+    ("scale_2 += b_j * scale_tq", "scale_2 += v_j * scale_tq"),
+    ("X_x_wv += p[o + 1]", "X_x_wv += p[o + 2]"),
+    ("J_yy_vq += p[o + 2]", "J_yy_vq += p[o + 1]"),
+    ("s_yz = -2.0 * omega_y", "s_yz = 2.0 * omega_y"),
+    ("lost += C_tv * v_j", "lost += C_tv * q_j"),
+    ("int(p[o + 3]), p[o + 4]", "int(p[o + 2]), p[o + 4]"),
+])  # fmt: skip
 def test_a_wrong_kernel_is_not_proved(right, wrong):
     assert right in PRINTED
     with pytest.raises(NotKane):
@@ -135,9 +132,7 @@ def cube_by_hand(m, q, v, b, elastic, motion):
     moment += cross(omega, I @ omega + turned * v)
     own = by_q @ a + turned @ epsilon + n * b - omega @ of_inertia @ omega / 2 + k * q + c * v + cubic * q**2
     arm = np.array([[0, -S[2], S[1]], [S[2], 0, -S[0]], [-S[1], S[0], 0]])
-    mass = np.block([
-        [m * np.eye(3), -arm, by_q[:, None]], [arm, I, turned[:, None]], [by_q, turned, n],
-    ])  # fmt: skip
+    mass = np.block([[m * np.eye(3), -arm, by_q[:, None]], [arm, I, turned[:, None]], [by_q, turned, n]])
     return np.array([*force, *moment, own]), mass
 
 
@@ -180,17 +175,12 @@ def test_a_body_with_one_shape_by_hand():
 SHAFT = """
 schema = 1
 gravity = [0, 0, 0]
-[bodies]
-disc = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
-[bodies.shaft]
-length = "0.6 m"
-beam = {material = "steel", section = {rectangle = ["60 mm", "90 mm"]}, theory = "rayleigh", elements = 3}
-[joints]
-foot = {weld = ["ground", "shaft.start"]}
-tip = {weld = ["shaft.end", "disc"]}
-[solve]
-preset = "coupled"
-duration = "1 ms"
+bodies.disc = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
+bodies.shaft.length = "0.6 m"
+bodies.shaft.beam = {material = "steel", section = {rectangle = ["60 mm", "90 mm"]}, theory = "rayleigh", elements = 3}
+joints.foot = {weld = ["ground", "shaft.start"]}
+joints.tip = {weld = ["shaft.end", "disc"]}
+solve = {preset = "coupled", duration = "1 ms"}
 """
 
 
@@ -266,7 +256,7 @@ def pinned_rod(theory, place):
     """Shapes of a thin rod with a pin about z at a place, four modes in either plane."""
     name, sides = ("tip", '"shaft.end", "disc"') if place else ("foot", '"ground", "shaft.start"')
     pinned = f"{name} = {{revolute = [{sides}], axis = [0, 0, 1]}}"
-    text = ROD.replace(f"{name} = {{weld = [{sides}]}}", pinned) + f"[drives]\n{name} = {{free = true}}\n"
+    text = ROD.replace(f"{name} = {{weld = [{sides}]}}", pinned) + f"drives.{name}.free = true\n"
     scene = scene_of(text.replace("rayleigh", theory))
     return built_shapes(scene, link_of_scene(scene, "shaft", 8), 4, (place, 0.0, 0.0), "z")
 

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.sparse import csr_array
 
 import kaneflex
-from kaneflex import load, simulate
+from kaneflex import load, simulate, with_settings
 from kaneflex.integrate import conventions
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
@@ -19,7 +19,6 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, integrate, monodromy
 from kaneflex.integrate.spectral import Grid, at_instants, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.scene import with_settings
 from kaneflex.solve.one_way_run import run_of
 
 W = 3.0
@@ -176,12 +175,9 @@ def test_more_harmonics_than_instants_are_read_right():
         np.testing.assert_allclose(one, other[:, ::20], rtol=0, atol=1e-12 * abs(other).max())
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("quick-return", []), ("rotating-cantilever", []), ("engine", ["solve.modes=3"]), ("two-link-arm", []),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "settings"), [
+    ("quick-return", []), ("rotating-cantilever", []), ("engine", ["solve.modes=3"]), ("two-link-arm", []),
+])  # fmt: skip
 def test_time_steps_find_the_same(name, settings):
     """Radau in four times the scene's steps, which are accurate to 1e-8 and better."""
     scene = with_settings(kaneflex.read_scene(name), [*settings, "solve.start=periodic"])

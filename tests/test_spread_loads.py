@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.scene import Scene, scene_of, with_settings
+from kaneflex import Scene, SceneError, scene_of, with_settings
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 1.2, 2.1e11, 2e-9, 1e-4, 7850.0
 BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 4}}"
@@ -24,29 +23,21 @@ def solved(text, *settings):
 
 
 FRAME = f"""
-[ground]
-far = [{L}, 0]
-[bodies]
-bar = {{pose = {{}}, {BEAM}, points = {{spot = [{0.3 * L}, 0]}}}}
-[joints]
+ground.far = [{L}, 0]
+bodies.bar = {{pose = {{}}, {BEAM}, points = {{spot = [{0.3 * L}, 0]}}}}
+loads.press = {{spread_on = "bar", direction = [0, -1], value = "40 N/m", profile = PROFILE}}
+sensors.tip = {{displacement = "bar.end", component = "y"}}
+sensors.mid = {{displacement = "bar.mid", component = "y"}}
+sensors.root_moment = {{bending_moment = "bar.start"}}
+sensors.mid_moment = {{bending_moment = "bar.mid"}}
+sensors.spot_moment = {{bending_moment = "bar.spot"}}
+sensors.spot_shear = {{shear_force = "bar.spot"}}
+sensors.left = {{joint_force = "left", component = "y"}}
+solve = {{preset = "quasistatic", duration = 1.0, steps = 4}}
 SUPPORTS
-[loads]
-press = {{spread_on = "bar", direction = [0, -1], value = "40 N/m", profile = PROFILE}}
-[sensors]
-tip = {{displacement = "bar.end", component = "y"}}
-mid = {{displacement = "bar.mid", component = "y"}}
-root_moment = {{bending_moment = "bar.start"}}
-mid_moment = {{bending_moment = "bar.mid"}}
-spot_moment = {{bending_moment = "bar.spot"}}
-spot_shear = {{shear_force = "bar.spot"}}
-left = {{joint_force = "left", component = "y"}}
-[solve]
-preset = "quasistatic"
-duration = 1.0
-steps = 4
 """
-CLAMPED = 'left = {weld = ["ground", "bar.start"]}'
-HINGED = 'left = {revolute = ["ground", "bar.start"]}\nright = {revolute = ["ground.far", "bar.end"]}'
+CLAMPED = 'joints.left = {weld = ["ground", "bar.start"]}'
+HINGED = 'joints.left = {revolute = ["ground", "bar.start"]}\njoints.right = {revolute = ["ground.far", "bar.end"]}'
 
 
 @pytest.mark.parametrize(
@@ -77,16 +68,11 @@ def test_simply_supported():
 def test_a_column_buckles_under_its_own_weight_at_greenhills_load():
     """q L^3 / E I = 7.8373 for a load along a column with a free top (Greenhill 1881)."""
     text = f"""
-[bodies]
-column = {{{BEAM}}}
-[joints]
-foot = {{revolute = ["ground", "column.start"]}}
-[drives]
-foot = {{speed = 0}}
-[loads]
-weight = {{spread_on = "column", direction = [-1, 0], axes = "body", value = "1 N/m"}}
-[solve]
-duration = 1.0
+bodies.column = {{{BEAM}}}
+joints.foot = {{revolute = ["ground", "column.start"]}}
+drives.foot = {{speed = 0}}
+loads.weight = {{spread_on = "column", direction = [-1, 0], axes = "body", value = "1 N/m"}}
+solve.duration = 1.0
 """
 
     def lowest(load: float) -> float:
@@ -99,18 +85,12 @@ duration = 1.0
 def test_the_torque_that_carries_a_load_around():
     """Of a rigid crank: int q X cos(phi) dX in fixed axes, int q X dX in the body's."""
     text = """
-[bodies]
-crank = {length = "0.5 m", mass = "1 kg"}
-[joints]
-main = {revolute = ["ground", "crank.start"]}
-[drives]
-main = {speed = "60 rpm", cycle = "360 deg"}
-[loads]
-wind = {spread_on = "crank", direction = [0, -1], axes = "AXES", law = "20 + main", profile = [2, 0.5]}
-[sensors]
-torque = {drive_torque = "main"}
-[solve]
-preset = "rigid"
+bodies.crank = {length = "0.5 m", mass = "1 kg"}
+joints.main = {revolute = ["ground", "crank.start"]}
+drives.main = {speed = "60 rpm", cycle = "360 deg"}
+loads.wind = {spread_on = "crank", direction = [0, -1], axes = "AXES", law = "20 + main", profile = [2, 0.5]}
+sensors.torque = {drive_torque = "main"}
+solve.preset = "rigid"
 """
     for axes in ("global", "body"):
         solution = solved(text.replace("AXES", axes))
@@ -123,39 +103,31 @@ preset = "rigid"
 # Two arms, the first one rigid, the second one elastic, carry a rigid hand on a hinge that is driven, too.
 ARM = f"""
 gravity = GRAVITY
-[bodies]
-upper = {{length = "0.6 m", mass = "1.5 kg"}}
-lower = {{{BEAM}}}
-hand = {{length = "0.2 m", mass = "0.3 kg"}}
-[joints]
-shoulder = {{revolute = ["ground", "upper.start"]}}
-elbow = {{revolute = ["upper.end", "lower.start"]}}
-wrist = {{weld = ["lower.end", "hand.start"]}}
-[drives]
-shoulder = {{law = "0.5 * sin(2 * t)"}}
-elbow = {{law = "-1 + 0.3 * cos(3 * t)"}}
-[damping]
-rayleigh = {{ratio = 0.05, at = [5, 60]}}
-[loads]
+bodies.upper = {{length = "0.6 m", mass = "1.5 kg"}}
+bodies.lower = {{{BEAM}}}
+bodies.hand = {{length = "0.2 m", mass = "0.3 kg"}}
+joints.shoulder = {{revolute = ["ground", "upper.start"]}}
+joints.elbow = {{revolute = ["upper.end", "lower.start"]}}
+joints.wrist = {{weld = ["lower.end", "hand.start"]}}
+drives.shoulder = {{law = "0.5 * sin(2 * t)"}}
+drives.elbow = {{law = "-1 + 0.3 * cos(3 * t)"}}
+damping.rayleigh = {{ratio = 0.05, at = [5, 60]}}
+sensors.tip_x = {{displacement = "lower.end", component = "x"}}
+sensors.tip_y = {{displacement = "lower.end", component = "y"}}
+sensors.hand_y = {{displacement = "hand.end", component = "y"}}
+sensors.root = {{bending_moment = "lower.start"}}
+sensors.inside = {{bending_moment = "lower.mid"}}
+sensors.tension = {{axial_force = "lower.mid"}}
+sensors.wrist_force = {{joint_force = "wrist", component = "y"}}
+sensors.torque_1 = {{drive_torque = "shoulder"}}
+sensors.torque_2 = {{drive_torque = "elbow"}}
+solve = {{duration = "0.4 s", steps = 800}}
 LOADS
-[sensors]
-tip_x = {{displacement = "lower.end", component = "x"}}
-tip_y = {{displacement = "lower.end", component = "y"}}
-hand_y = {{displacement = "hand.end", component = "y"}}
-root = {{bending_moment = "lower.start"}}
-inside = {{bending_moment = "lower.mid"}}
-tension = {{axial_force = "lower.mid"}}
-wrist_force = {{joint_force = "wrist", component = "y"}}
-torque_1 = {{drive_torque = "shoulder"}}
-torque_2 = {{drive_torque = "elbow"}}
-[solve]
-duration = "0.4 s"
-steps = 800
 """
 WEIGHTS = """
-w_1 = {spread_on = "upper", direction = [0, -1], value = 24.525}
-w_2 = {spread_on = "lower", direction = [0, -1], law = "LOWER"}
-w_3 = {spread_on = "hand", direction = [0, -1], value = 14.715}
+loads.w_1 = {spread_on = "upper", direction = [0, -1], value = 24.525}
+loads.w_2 = {spread_on = "lower", direction = [0, -1], law = "LOWER"}
+loads.w_3 = {spread_on = "hand", direction = [0, -1], value = 14.715}
 """
 
 
@@ -184,51 +156,31 @@ def test_reduced_links_carry_it_too():
         assert abs(few[name].values - there)[800:].max() < 2e-3 * abs(there).max(), name
 
 
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        ('{spread_on = "arm", direction = [0, 1], value = 1}', "loads.q.spread_on = 'arm': no body of that name. "),
-        (
-            '{spread_on = "hub", direction = [0, 1], value = 1}',
-            "loads.q.spread_on = 'hub': hub has no length for a distributed load. Give the body a length.",
-        ),
-        (
-            '{spread_on = "bar", value = 1}',
-            "loads.q.direction: the force has no direction. Give it, like direction = [1, 0], in space [1, 0, 0].",
-        ),
-        (
-            '{spread_on = "bar", direction = [0, 1], value = "1 N"}',
-            "loads.q.value = '1 N': 'N' is not a unit of force per length. Write a force per length like '100 N/m', "
-            "or a plain number in N/m.",
-        ),
-        (
-            '{spread_on = "bar", direction = [0, 1], value = 1, profile = [0, 0]}',
-            "loads.q.profile = [0, 0]: the load is zero at both ends. Give two numbers, at least one not zero.",
-        ),
-        (
-            '{force_on = "bar", direction = [0, 1], value = 1, profile = [1, 0]}',
-            "loads.q.profile = [1, 0]: belongs to a distributed load. Leave it out.",
-        ),
-        (
-            '{force_on = "bar", spread_on = "bar", direction = [0, 1], value = 1}',
-            "loads.q: force_on and spread_on exclude each other. Give exactly one of force_on, torque_at, spread_on.",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("load", "message"), [
+    ('{spread_on = "arm", direction = [0, 1], value = 1}', "loads.q.spread_on = 'arm': no body of that name. "),
+    ('{spread_on = "hub", direction = [0, 1], value = 1}',
+     "loads.q.spread_on = 'hub': hub has no length for a distributed load. Give the body a length."),
+    ('{spread_on = "bar", value = 1}',
+     "loads.q.direction: the force has no direction. Give it, like direction = [1, 0], in space [1, 0, 0]."),
+    ('{spread_on = "bar", direction = [0, 1], value = "1 N"}',
+     "loads.q.value = '1 N': 'N' is not a unit of force per length. Write a force per length like '100 N/m', "
+     "or a plain number in N/m."),
+    ('{spread_on = "bar", direction = [0, 1], value = 1, profile = [0, 0]}',
+     "loads.q.profile = [0, 0]: the load is zero at both ends. Give two numbers, at least one not zero."),
+    ('{force_on = "bar", direction = [0, 1], value = 1, profile = [1, 0]}',
+     "loads.q.profile = [1, 0]: belongs to a distributed load. Leave it out."),
+    ('{force_on = "bar", spread_on = "bar", direction = [0, 1], value = 1}',
+     "loads.q: force_on and spread_on exclude each other. Give exactly one of force_on, torque_at, spread_on."),
+])  # fmt: skip
 def test_what_is_refused(load, message):
     text = f"""
-[bodies]
-hub = {{mass = 1}}
-bar = {{{BEAM}}}
-[joints]
-a = {{revolute = ["ground", "hub"]}}
-b = {{weld = ["hub", "bar.start"]}}
-[drives]
-a = {{speed = 1}}
-[loads]
-q = {load}
-[solve]
-duration = {math.tau}
+bodies.hub = {{mass = 1}}
+bodies.bar = {{{BEAM}}}
+joints.a = {{revolute = ["ground", "hub"]}}
+joints.b = {{weld = ["hub", "bar.start"]}}
+drives.a = {{speed = 1}}
+loads.q = {load}
+solve.duration = {math.tau}
 """
     with pytest.raises(SceneError) as error:
         written(text)

@@ -2,27 +2,23 @@
 
 import numpy as np
 import pytest
-from machines import slider_crank
+from machines import pendulum, slider_crank
 from matplotlib.text import Text
 from runs import solved
 
-from kaneflex import scene_of
+from kaneflex import SceneError, scene_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
 from kaneflex.report.presentation import parts, printed
-from kaneflex.support.errors import SceneError
 
 BAR = """
 schema = 1
-[bodies]
-bar = {length = "0.5 m", mass = "2 kg"}
-[ground]
-post = ["0.2 m", "0.6 m"]
-[joints]
-pivot = {revolute = ["ground", "bar.start"]}
+bodies.bar = {length = "0.5 m", mass = "2 kg"}
+ground.post = ["0.2 m", "0.6 m"]
+joints.pivot = {revolute = ["ground", "bar.start"]}
 """
-DRIVEN = BAR + '[drives]\npivot = {speed = "100 rpm", cycle = "360 deg"}\n'
-RIGID = '[solve]\npreset = "rigid"\nsteps = 360\n'
+DRIVEN = BAR + 'drives.pivot = {speed = "100 rpm", cycle = "360 deg"}\n'
+RIGID = 'solve.preset = "rigid"\nsolve.steps = 360\n'
 
 
 def solve(text):
@@ -42,12 +38,10 @@ def test_a_crank_drives_against_a_spring_to_the_ground():
     solution = solve(
         DRIVEN
         + """
-[springs]
-valve = {between = ["ground.post", "bar.end"], stiffness = "2 kN/m", length = "100 mm", damping = "5 N s/m"}
-[sensors]
-torque = {drive_torque = "pivot"}
-tension = {spring_force = "valve"}
-side = {joint_force = "pivot"}
+springs.valve = {between = ["ground.post", "bar.end"], stiffness = "2 kN/m", length = "100 mm", damping = "5 N s/m"}
+sensors.torque = {drive_torque = "pivot"}
+sensors.tension = {spring_force = "valve"}
+sensors.side = {joint_force = "pivot"}
 """
         + RIGID
     )
@@ -62,7 +56,7 @@ side = {joint_force = "pivot"}
 
 
 def test_a_spring_may_name_its_points_in_either_order():
-    scene = DRIVEN + '[springs]\nvalve = {between = [%s], stiffness = 2000, length = 0.1, damping = 5}\n' + RIGID
+    scene = DRIVEN + 'springs.valve = {between = [%s], stiffness = 2000, length = 0.1, damping = 5}\n' + RIGID
     torques = [
         solve(scene % pair).rigid["pivot.drive"]
         for pair in ('"ground.post", "bar.end"', '"bar.end", "ground.post"')
@@ -74,7 +68,7 @@ def test_a_spring_may_name_its_points_in_either_order():
 def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_meet():
     """k d, and with it the torque of the force k r on an arm of its own direction: none."""
     scene = DRIVEN.replace('["0.2 m", "0.6 m"]', '["0.5 m", 0]')
-    spring = '[springs]\nband = {between = ["ground.post", "bar.end"], stiffness = 300%s}\n'
+    spring = 'springs.band = {between = ["ground.post", "bar.end"], stiffness = 300%s}\n'
     solution = solve(scene + spring % "" + RIGID)
     theta = solution.rigid["pivot.angle"]
     np.testing.assert_allclose(solution.rigid["pivot.drive"], 300 * 0.25 * np.sin(theta), atol=1e-10)
@@ -87,8 +81,8 @@ def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_mee
 
 
 def test_a_torsional_spring_at_a_drive_counts_whole_turns():
-    spring = '[springs]\nhinge = {torsional_at = "pivot", stiffness = 12, angle = "20 deg", damping = 0.1}\n'
-    solution = solve(DRIVEN.replace("360", "1080") + spring + '[sensors]\nm = {spring_torque = "hinge"}\n' + RIGID)
+    spring = 'springs.hinge = {torsional_at = "pivot", stiffness = 12, angle = "20 deg", damping = 0.1}\n'
+    solution = solve(DRIVEN.replace("360", "1080") + spring + 'sensors.m = {spring_torque = "hinge"}\n' + RIGID)
     theta = solution.rigid["pivot.angle"]
     expected = 12 * (theta - np.radians(20)) + 0.1 * 100 * np.pi / 30
     assert theta[-1] == pytest.approx(6 * np.pi)
@@ -101,14 +95,9 @@ def test_a_hinged_bar_on_a_torsional_spring_rings_as_a_damped_oscillator():
     solution = solve(
         BAR
         + f"""
-[drives]
-pivot = {{free = true, angle = {start}}}
-[springs]
-hinge = {{torsional_at = "pivot", stiffness = {k}, damping = {c}, angle = 0.2}}
-[solve]
-preset = "rigid"
-duration = "3 s"
-steps = 600
+drives.pivot = {{free = true, angle = {start}}}
+springs.hinge = {{torsional_at = "pivot", stiffness = {k}, damping = {c}, angle = 0.2}}
+solve = {{preset = "rigid", duration = "3 s", steps = 600}}
 """
     )
     decay = c / (2 * inertia)
@@ -122,14 +111,9 @@ def test_a_free_bar_on_a_spring_keeps_its_energy():
     solution = solve(
         BAR
         + """
-[drives]
-pivot = {free = true, angle = "-40 deg"}
-[springs]
-valve = {between = ["ground.post", "bar.end"], stiffness = 2000, length = 0.1}
-[solve]
-preset = "rigid"
-duration = "2 s"
-steps = 400
+drives.pivot = {free = true, angle = "-40 deg"}
+springs.valve = {between = ["ground.post", "bar.end"], stiffness = 2000, length = 0.1}
+solve = {preset = "rigid", duration = "2 s", steps = 400}
 """
     )
     rigid = solution.rigid
@@ -141,17 +125,15 @@ steps = 400
 SLIDER = """
 schema = 1
 like = "engine"
-[springs]
-spring = {%s}
-[solve]
-preset = "rigid"
+springs.spring = {%s}
+solve.preset = "rigid"
 """
 
 
 def test_a_spring_on_a_slider_of_a_linkage_turns_the_crank_by_virtual_work():
     """Torque x omega = power into the spring, beside the torque without it."""
     spring = 'between = ["ground", "piston"], stiffness = "20 kN/m", length = "150 mm", damping = "40 N s/m"'
-    rigid, bare = solve(SLIDER % spring).rigid, solve('schema = 1\nlike = "engine"\n[solve]\npreset = "rigid"\n').rigid
+    rigid, bare = solve(SLIDER % spring).rigid, solve('schema = 1\nlike = "engine"\nsolve.preset = "rigid"\n').rigid
     added = (rigid["main.drive"] - bare["main.drive"]) * rigid["crank.omega"]
     tension = 20e3 * (rigid["piston.x"] - 0.15) + 40 * rigid["piston.v_x"]
     np.testing.assert_allclose(added, tension * rigid["piston.v_x"], atol=1e-6 * np.abs(added).max())
@@ -162,7 +144,7 @@ def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies():
         'length = "40 mm", mass = "1 kg"', 'length = "137 mm", mass = "0.15 kg"', 'mass = "0.2 kg"',
         'speed = "600 rpm", cycle = "360 deg"', more={"bore": 'branch = "+"'},
     )  # fmt: skip
-    spring = '[springs]\nhinge = {torsional_at = "pin", stiffness = 50, angle = "30 deg", damping = 0.02}\n'
+    spring = 'springs.hinge = {torsional_at = "pin", stiffness = 50, angle = "30 deg", damping = 0.02}\n'
     rigid, bare = solve(text + spring + RIGID).rigid, solve(text + RIGID).rigid
     relative = rigid["rod.omega"] - rigid["crank.omega"]
     angle = np.arctan2(rigid["rod.s"], rigid["rod.c"]) - np.arctan2(rigid["crank.s"], rigid["crank.c"])
@@ -175,12 +157,12 @@ def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies():
 
 @pytest.mark.parametrize("preset", ["stiffened", "linear", "quasistatic"])
 def test_a_spring_on_the_driven_crank_of_an_elastic_engine_moves_its_torque_alone(preset):
-    text = 'schema = 1\nlike = "engine"\n[ground]\npost = ["20 mm", "90 mm"]\n'
-    spring = """[springs]
-valve = {between = ["ground.post", "crank.end"], stiffness = "20 kN/m", length = "10 mm", damping = "1 N s/m"}
-recoil = {torsional_at = "main", stiffness = 3, angle = "20 deg", damping = 0.001}
+    text = 'schema = 1\nlike = "engine"\nground.post = ["20 mm", "90 mm"]\n'
+    spring = """
+springs.valve = {between = ["ground.post", "crank.end"], stiffness = "20 kN/m", length = "10 mm", damping = "1 N s/m"}
+springs.recoil = {torsional_at = "main", stiffness = 3, angle = "20 deg", damping = 0.001}
 """
-    end = f'[solve]\npreset = "{preset}"\nsteps = 720\n'
+    end = f'solve.preset = "{preset}"\nsolve.steps = 720\n'
     held, bare = solve(text + spring + end), solve(text + end)
     theta, omega = held.rigid["main.angle"], held.rigid["crank.omega"]
     tension, arm = pull(theta, omega, at=(0.02, 0.09), length=0.04, k=20e3, free=0.01, c=1.0)
@@ -197,16 +179,15 @@ recoil = {torsional_at = "main", stiffness = 3, angle = "20 deg", damping = 0.00
 
 def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alone():
     beam = 'length = "300 mm", beam = {material = "steel", A = "80 mm^2", I = "100 mm^4", elements = 3}'
-    text = (
-        "schema = 1\n[bodies]\narm = {%s}\n"
-        '[joints]\nroot = {revolute = ["ground", "arm.start"]}\n'
-        '[drives]\nroot = {law = "0.3*sin(40*t)"}\n'
-        '[sensors]\ntorque = {drive_torque = "root"}\ntip = {displacement = "arm.end", component = "y"}\n'
-        'bending = {bending_moment = "arm.start"}\n%s'
-        '[solve]\npreset = "stiffened"\nduration = "50 ms"\nsteps = 500\n'
+    text = pendulum(
+        beam, 'law = "0.3*sin(40*t)"', "arm", "root", solve={"preset": "stiffened", "duration": "50 ms", "steps": 500},
+        sensors="""
+torque = {drive_torque = "root"}
+tip = {displacement = "arm.end", component = "y"}
+bending = {bending_moment = "arm.start"}""",
     )
-    spring = '[springs]\nhinge = {torsional_at = "root", stiffness = 12, angle = 0.2, damping = 0.1}\n'
-    held, bare = solve(text % (beam, spring)), solve(text % (beam, ""))
+    spring = 'springs.hinge = {torsional_at = "root", stiffness = 12, angle = 0.2, damping = 0.1}\n'
+    held, bare = solve(text + spring), solve(text)
     added = 12 * (held.rigid["root.angle"] - 0.2) + 0.1 * held.rigid["arm.omega"]
     tip = bare.series["tip"].values
     assert np.abs(tip).max() > 1e-5
@@ -219,12 +200,10 @@ def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alo
 
 def test_springs_are_drawn_and_listed():
     text = DRIVEN + """
-[springs]
-valve = {between = ["ground.post", "bar.end"], stiffness = 2000, length = 0.1, damping = 5}
-hinge = {torsional_at = "pivot", stiffness = 12}
-[sensors]
-pull = {spring_force = "valve"}
-twist = {spring_torque = "hinge"}
+springs.valve = {between = ["ground.post", "bar.end"], stiffness = 2000, length = 0.1, damping = 5}
+springs.hinge = {torsional_at = "pivot", stiffness = 12}
+sensors.pull = {spring_force = "valve"}
+sensors.twist = {spring_torque = "hinge"}
 """
     scene = scene_of(text + RIGID)
     assert "2000 N/m, 5 N s/m, ground.post to bar.end, free length 100 mm" in printed(scene, parts(scene))

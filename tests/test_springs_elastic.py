@@ -8,9 +8,8 @@ from runs import STENCIL, waving
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.scene import Scene, scene_of, with_settings
+from kaneflex import Scene, SceneError, scene_of, with_settings
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 0.8, 2.1e11, 4e-10, 6e-5, 7850.0
 BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 8}}"
@@ -33,32 +32,20 @@ def frequencies(model) -> np.ndarray:
 
 # A cantilever on a hub that is held, so that there is a rigid motion with reactions; or a frame that stands.
 HELD = """
-[ground]
-below = [{L}, -0.3]
-[bodies]
-bar = {{{BEAM}}}
-[joints]
-root = {{revolute = ["ground", "bar.start"]}}
-[drives]
-root = {{speed = 0}}
-[springs]
-{spring}
-[solve]
-duration = 1.0
+ground.below = [{L}, -0.3]
+bodies.bar = {{{BEAM}}}
+joints.root = {{revolute = ["ground", "bar.start"]}}
+drives.root = {{speed = 0}}
+solve.duration = 1.0
+springs.{spring}
 """
 STANDING = """
-[ground]
-below = [{L}, -0.3]
-[bodies]
-bar = {{pose = {{}}, {BEAM}}}
-[joints]
-root = {{JOINT = ["ground", "bar.start"]}}
-[springs]
-{spring}
-[sensors]
-tip = {{displacement = "bar.end", component = "y"}}
-[solve]
-duration = 1.0
+ground.below = [{L}, -0.3]
+bodies.bar = {{pose = {{}}, {BEAM}}}
+joints.root = {{JOINT = ["ground", "bar.start"]}}
+sensors.tip = {{displacement = "bar.end", component = "y"}}
+solve.duration = 1.0
+springs.{spring}
 """
 WELDED = STANDING.replace("JOINT", "weld")
 
@@ -107,9 +94,9 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension():
     1961); without geometric stiffness F L^3 / 3 EI.
     """
     text = scene_text(HELD, 'tip = {between = ["bar.end", "ground.far"], stiffness = 400, length = 0.1}')
-    text = text.replace("below =", f"far = [{L + 0.3}, 0]\nbelow =")
-    text += "[loads]\npush = {force_on = 'bar.end', direction = [0, 1], value = 2}\n"
-    text += "[sensors]\ntip_y = {displacement = 'bar.end', component = 'y'}\n"
+    text = text.replace("below =", f"far = [{L + 0.3}, 0]\nground.below =")
+    text += "loads.push = {force_on = 'bar.end', direction = [0, 1], value = 2}\n"
+    text += "sensors.tip_y = {displacement = 'bar.end', component = 'y'}\n"
     tension = 400 * 0.2
     u = math.sqrt(tension / EI) * L
     stiffened = 2 / (u**3 / (u - math.tanh(u)) * EI / L**3 + tension / 0.3)
@@ -123,18 +110,13 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension():
 def test_a_spring_between_two_links():
     """Two equal cantilevers side by side, tips tied: in phase the spring rests, in antiphase it acts doubly."""
     text = f"""
-[bodies]
-one = {{pose = {{}}, {BEAM}}}
-two = {{pose = {{at = [0, 0.1]}}, {BEAM}}}
-[ground]
-up = [0, 0.1]
-[joints]
-a = {{weld = ["ground", "one.start"]}}
-b = {{weld = ["ground.up", "two.start"]}}
-[springs]
-tie = {{between = ["one.end", "two.end"], stiffness = 700, length = 0.1}}
-[solve]
-duration = 1.0
+bodies.one = {{pose = {{}}, {BEAM}}}
+bodies.two = {{pose = {{at = [0, 0.1]}}, {BEAM}}}
+ground.up = [0, 0.1]
+joints.a = {{weld = ["ground", "one.start"]}}
+joints.b = {{weld = ["ground.up", "two.start"]}}
+springs.tie = {{between = ["one.end", "two.end"], stiffness = 700, length = 0.1}}
+solve.duration = 1.0
 """
     tip = 'tip = {{between = ["ground.below", "bar.end"], stiffness = {}, length = 0.3}}'
     found = frequencies(loaded(text))
@@ -147,8 +129,8 @@ def test_dampers_take_out_what_the_energy_loses():
     """A cantilever let go from under a force: energy lost = int c v^2 dt of the damper at its tip."""
     tip = 'tip = {between = ["ground.below", "bar.end"], damping = 0.4, stiffness = 10, length = 0.3}'
     text = scene_text(WELDED, tip)
-    text += "[loads]\npush = {force_on = 'bar.end', direction = [0, 1], law = '5 * exp(-400 * t)'}\n"
-    text += "[sensors.pull]\nspring_force = 'tip'\n[sensors.speed]\nvelocity = 'bar.end'\ncomponent = 'y'\n"
+    text += "loads.push = {force_on = 'bar.end', direction = [0, 1], law = '5 * exp(-400 * t)'}\n"
+    text += "sensors.pull.spring_force = 'tip'\nsensors.speed.velocity = 'bar.end'\nsensors.speed.component = 'y'\n"
     # gauss takes no energy of its own; radau damps what its steps hardly resolve, here by 1e-4 of what the damper takes
     model = loaded(text, "solve.steps=20000", "solve.duration=0.5", "solve.integrator=gauss")
     solution = solve(model)
@@ -169,37 +151,28 @@ def test_dampers_take_out_what_the_energy_loses():
 # An elastic arm swings between springs: to the ground from its middle, to its own payload, whose wrist has one, too.
 ARM = f"""
 gravity = [0, -9.81]
-[ground]
-post = [0.3, 0.9]
-[bodies]
-arm = {{{BEAM}}}
-hand = {{length = "0.15 m", mass = "0.05 kg"}}
-[joints]
-shoulder = {{revolute = ["ground", "arm.start"]}}
-wrist = {{revolute = ["arm.end", "hand.start"]}}
-[drives]
-shoulder = {{law = "0.6 * sin(3 * t)"}}
-wrist = {{law = "0.4 * sin(5 * t)"}}
-[damping]
-rayleigh = {{ratio = 0.05, at = [0.05, 300]}}
-[springs]
-band = {{between = ["ground.post", "arm.mid"], stiffness = 40, length = "0.4 m", damping = 0.5}}
-coil = {{torsional_at = "wrist", stiffness = 2, damping = 0.01}}
-guy = {{between = ["arm.start", "hand.end"], stiffness = 30, length = "0.8 m"}}
-[sensors]
-mid = {{displacement = "arm.mid", component = "y"}}
-tip = {{displacement = "arm.end", component = "y"}}
-root = {{bending_moment = "arm.start"}}
-torque = {{drive_torque = "shoulder"}}
-wrist = {{drive_torque = "wrist"}}
-pull_band = {{spring_force = "band"}}
-pull_guy = {{spring_force = "guy"}}
-twist = {{spring_torque = "coil"}}
-wrist_x = {{joint_force = "wrist", component = "x"}}
-wrist_y = {{joint_force = "wrist", component = "y"}}
-[solve]
-duration = "1 s"
-steps = 4000
+ground.post = [0.3, 0.9]
+bodies.arm = {{{BEAM}}}
+bodies.hand = {{length = "0.15 m", mass = "0.05 kg"}}
+joints.shoulder = {{revolute = ["ground", "arm.start"]}}
+joints.wrist = {{revolute = ["arm.end", "hand.start"]}}
+drives.shoulder = {{law = "0.6 * sin(3 * t)"}}
+drives.wrist = {{law = "0.4 * sin(5 * t)"}}
+damping.rayleigh = {{ratio = 0.05, at = [0.05, 300]}}
+springs.band = {{between = ["ground.post", "arm.mid"], stiffness = 40, length = "0.4 m", damping = 0.5}}
+springs.coil = {{torsional_at = "wrist", stiffness = 2, damping = 0.01}}
+springs.guy = {{between = ["arm.start", "hand.end"], stiffness = 30, length = "0.8 m"}}
+sensors.mid = {{displacement = "arm.mid", component = "y"}}
+sensors.tip = {{displacement = "arm.end", component = "y"}}
+sensors.root = {{bending_moment = "arm.start"}}
+sensors.torque = {{drive_torque = "shoulder"}}
+sensors.wrist = {{drive_torque = "wrist"}}
+sensors.pull_band = {{spring_force = "band"}}
+sensors.pull_guy = {{spring_force = "guy"}}
+sensors.twist = {{spring_torque = "coil"}}
+sensors.wrist_x = {{joint_force = "wrist", component = "x"}}
+sensors.wrist_y = {{joint_force = "wrist", component = "y"}}
+solve = {{duration = "1 s", steps = 4000}}
 """
 
 
@@ -223,11 +196,11 @@ def test_the_coupled_equations_agree():
 def test_a_damper_on_turning_links_feels_how_fast_its_ends_part():
     """k (l - l_0) + c l', l = e . (end - start) along the rigid mechanism's spring, which turns; of any deformation."""
     places = {"mid": "arm.mid", "hand": "hand.end"}
-    table = ARM[ARM.index("[sensors]") : ARM.index("[solve]")]
-    sensors = "[sensors]\npull_band = {spring_force = 'band'}\npull_guy = {spring_force = 'guy'}\n"
+    table = ARM[ARM.index("sensors.") : ARM.index("solve")]
+    sensors = "sensors.pull_band = {spring_force = 'band'}\nsensors.pull_guy = {spring_force = 'guy'}\n"
     for name, place in places.items():
         for axis in "xy":
-            sensors += f"{name}_{axis} = {{position = '{place}', component = '{axis}', axes = 'global'}}\n"
+            sensors += f"sensors.{name}_{axis} = {{position = '{place}', component = '{axis}', axes = 'global'}}\n"
     model, h = loaded(ARM.replace(table, sensors), "solve.preset=linear"), 2e-3
     for instant in (0.15, 0.62):
         t = instant + h * np.arange(-4, 5)
@@ -268,21 +241,13 @@ def test_the_drives_pay_for_what_springs_store_and_dampers_take():
     assert abs(gained + lost - power)[2:-2].max() < 1e-5 * abs(power).max()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            ("elements = 8}", "elements = 8, axially_rigid = true}"),
-            "springs.tip.between = 'bar.end': bar is axially rigid. Leave axially_rigid out, or attach the spring "
-            "elsewhere.",
-        ),
-        (
-            ('"bar.end"]', '"bar.eye"]'),
-            "springs.tip.between = 'bar.eye': the point lies off the axis of bar. Move the point onto the axis, "
-            "between start and end, or join a rigid body there.",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (("elements = 8}", "elements = 8, axially_rigid = true}"),
+     "springs.tip.between = 'bar.end': bar is axially rigid. Leave axially_rigid out, or attach the spring elsewhere."),
+    (('"bar.end"]', '"bar.eye"]'),
+     "springs.tip.between = 'bar.eye': the point lies off the axis of bar. Move the point onto the axis, "
+     "between start and end, or join a rigid body there."),
+])  # fmt: skip
 def test_what_is_refused(change, message):
     text = scene_text(HELD, 'tip = {between = ["ground.below", "bar.end"], stiffness = 5, length = 0.3}')
     text = text.replace("elements = 8}", "elements = 8}, points = {eye = [0.1, 0.05]}").replace(*change)

@@ -11,15 +11,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
+from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.response.frozen import buckling, freeze, lost_stiffness
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import validity_warnings
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.sweep import sweep
-from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 MATHIEU = json.loads((DATA / "mathieu.json").read_text())["computed"]

@@ -9,11 +9,10 @@ import pytest
 from command_line import cli, refused
 from matplotlib.figure import Figure
 
+from kaneflex import SceneError, read_scene
 from kaneflex.cli.stability import orders_of, range_of, speed_range
 from kaneflex.plots.stability import _over_speed
-from kaneflex.scene import read_scene
 from kaneflex.study.stability.sweep import ORDERS, Sweep, check_sweep
-from kaneflex.support.errors import SceneError
 
 
 def columns(path: Path) -> dict[str, list[str]]:

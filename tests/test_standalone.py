@@ -12,12 +12,9 @@ import pytest
 from command_line import cli, refused
 from hostile_names import HOSTILE, NAME
 
+from kaneflex import Scene, SceneError, load, modes, read_scene, with_settings
 from kaneflex.export.standalone import MOST_LINES, standalone
-from kaneflex.scene import Scene, read_scene, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.solve.modes import modes
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 SCENES = {
     "engine": (),  # by harmonics, a table of gas pressure, all kinds of sensors
@@ -128,22 +125,19 @@ def test_a_hostile_name_is_text(name: str) -> None:
     assert ast.dump(both[0]) == ast.dump(both[1])
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings", "said"),
-    [
-        ("engine-block", (), "solve.preset = 'coupled'"),
-        ("engine-paper", (), "solve.preset = 'paper'"),
-        ("double-pendulum", (), "solve.preset = 'rigid'"),
-        ("robot-arm-elastic", (), "in space"),
-        ("pulsating-strut", (), "damping.modal"),
-        ("mathieu", (), "solve.reduction = 'modal'"),
-        ("engine", ("solve.integrator=newmark",), "solve.integrator = 'newmark'"),
-        ("engine", ("solve.terms.spin=false",), "solve.terms = 'spin'"),
-        ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': --standalone reads links at their nodes only"),
-        ("engine", ("loads.gas.interpolation=pchip",), "loads.gas.interpolation = 'pchip'"),
-        ("v-engine", (), "the limit is 400"),
-    ],
-)
+@pytest.mark.parametrize(("scene", "settings", "said"), [
+    ("engine-block", (), "solve.preset = 'coupled'"),
+    ("engine-paper", (), "solve.preset = 'paper'"),
+    ("double-pendulum", (), "solve.preset = 'rigid'"),
+    ("robot-arm-elastic", (), "in space"),
+    ("pulsating-strut", (), "damping.modal"),
+    ("mathieu", (), "solve.reduction = 'modal'"),
+    ("engine", ("solve.integrator=newmark",), "solve.integrator = 'newmark'"),
+    ("engine", ("solve.terms.spin=false",), "solve.terms = 'spin'"),
+    ("engine", ("rod.elements=3",), "sensors.mid_axial = 'rod.mid': --standalone reads links at their nodes only"),
+    ("engine", ("loads.gas.interpolation=pchip",), "loads.gas.interpolation = 'pchip'"),
+    ("v-engine", (), "the limit is 400"),
+])  # fmt: skip
 def test_what_it_has_no_place_for_is_refused(scene: str, settings: tuple[str, ...], said: str) -> None:
     with pytest.raises(SceneError) as error:
         standalone(with_settings(read_scene(scene), list(settings)))

@@ -9,14 +9,12 @@ from command_line import cli, refused
 from runs import model, run, solved
 from scipy.linalg import eigh
 
-from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.slow_start import first_rates, slow_start
 from kaneflex.study.plan import file_places
-from kaneflex.support.errors import SceneError
 
 STILL = (
     "shaft.speed=0", "shaft.cycle=none", "damping=none", "push.value=0", "solve.duration=1 s", "solve.steps=2000",
@@ -109,8 +107,8 @@ def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
     for name in ("state.json", "state.toml"):
         scene = tmp_path / "blade.toml"
         scene.write_text(
-            f'schema = 1\nlike = "rotating-cantilever"\n[solve.start]\nfile = "{name}"\n'
-            'displacements = {"blade.8.v" = "0.2 mm"}\n'
+            f'schema = 1\nlike = "rotating-cantilever"\nsolve.start.file = "{name}"\n'
+            'solve.start.displacements = {"blade.8.v" = "0.2 mm"}\n'
         )
         z, v = given_state(load(read_scene(scene)))
         row = model("rotating-cantilever").coordinates.index
@@ -119,20 +117,17 @@ def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
         assert file_places(read_scene(scene)) == {"solve.start.file": str(tmp_path / name)}
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        (None, r"no such file\. Give the path of a state's file, relative to the scene"),
-        ("{", "not JSON: .*Give tables displacements and velocities, as solution"),
-        ("[1]", "the file: "),
-        ('{"displacements": {"tip": NaN}}', "displacements.tip: not a finite number"),
-        ('{"displacements": {"tip": "3 kg"}}', "displacements.tip: 'kg' is not a unit of length"),
-        ('{"rates": {}}', "rates: "),
-        ('{"file": "state.json"}', "the state's file names another file"),
-        ("9" * 5000, "not JSON: "),
-        ("[" * 100_000, "not JSON: "),
-    ],
-)
+@pytest.mark.parametrize(("text", "reason"), [
+    (None, r"no such file\. Give the path of a state's file, relative to the scene"),
+    ("{", "not JSON: .*Give tables displacements and velocities, as solution"),
+    ("[1]", "the file: "),
+    ('{"displacements": {"tip": NaN}}', "displacements.tip: not a finite number"),
+    ('{"displacements": {"tip": "3 kg"}}', "displacements.tip: 'kg' is not a unit of length"),
+    ('{"rates": {}}', "rates: "),
+    ('{"file": "state.json"}', "the state's file names another file"),
+    ("9" * 5000, "not JSON: "),
+    ("[" * 100_000, "not JSON: "),
+])  # fmt: skip
 def test_files_that_hold_no_state(tmp_path, monkeypatch, text, reason):
     monkeypatch.chdir(tmp_path)
     if text is not None:
@@ -190,29 +185,20 @@ solve = {preset = "coupled", duration = 1.0, steps = 100}
 FOUR_BAR = """
 schema = 1
 name = "four-bar"
-[ground]
-P = [0.28, 0]
-[bodies]
-crank = {length = 0.1, mass = 0.2}
-coupler = {length = 0.3, mass = 0.3}
-rocker = {length = 0.25, mass = 0.5}
-[joints]
-A = {revolute = ["ground", "crank.start"]}
-B = {revolute = ["crank.end", "coupler.start"]}
-D = {revolute = ["ground.P", "rocker.start"]}
-C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
-[drives]
-A = {free = true, angle = 1.0}
-[springs]
-coil = {torsional_at = "B", stiffness = 0.01}
-[sensors]
-angle = {position = "B", component = "angle"}
-heading = {position = "crank", component = "angle"}
-torque = {spring_torque = "coil"}
-[solve]
-preset = "coupled"
-duration = 0.1
-steps = 50
+ground.P = [0.28, 0]
+bodies.crank = {length = 0.1, mass = 0.2}
+bodies.coupler = {length = 0.3, mass = 0.3}
+bodies.rocker = {length = 0.25, mass = 0.5}
+joints.A = {revolute = ["ground", "crank.start"]}
+joints.B = {revolute = ["crank.end", "coupler.start"]}
+joints.D = {revolute = ["ground.P", "rocker.start"]}
+joints.C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
+drives.A = {free = true, angle = 1.0}
+springs.coil = {torsional_at = "B", stiffness = 0.01}
+sensors.angle = {position = "B", component = "angle"}
+sensors.heading = {position = "crank", component = "angle"}
+sensors.torque = {spring_torque = "coil"}
+solve = {preset = "coupled", duration = 0.1, steps = 50}
 """
 
 
@@ -294,14 +280,11 @@ def test_rates_that_are_not_given_are_those_of_the_rigid_mechanism():
     assert rates_at_start(COILS, {"hinge.angle": 3.0}) == pytest.approx({"hinge.angle": 3.0, "pin.angle": -20.0})
 
 
-@pytest.mark.parametrize(
-    ("velocities", "message"),
-    [
-        ({"A.angle": 5.0, "D.angle": "-7 rad/s"}, r"\w\.angle = \S+( rad/s')?: joints and drives make it "
-         r"(1\.04712|-33\.425) rad/s\. Give rates consistent with the joints"),
-        ({"crank.phi": 1.0}, r"crank\.phi = 1\.0: the run has no such coordinate\. Known: A\.angle"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("velocities", "message"), [
+    ({"A.angle": 5.0, "D.angle": "-7 rad/s"}, r"\w\.angle = \S+( rad/s')?: joints and drives make it "
+     r"(1\.04712|-33\.425) rad/s\. Give rates consistent with the joints"),
+    ({"crank.phi": 1.0}, r"crank\.phi = 1\.0: the run has no such coordinate\. Known: A\.angle"),
+])  # fmt: skip
 def test_rates_that_contradict_each_other_are_refused(velocities, message):
     with pytest.raises(SceneError, match=rf"^solve\.start\.velocities\.{message}"):
         rates_at_start(ELASTIC, velocities)
@@ -339,20 +322,17 @@ def test_a_rate_that_a_drive_prescribes_is_refused_where_it_is_another_one():
         rates_at_start(driven, {"A.angle": 4.0})
 
 
-@pytest.mark.parametrize(
-    ("start", "message"),
-    [
-        ("{displacements = {'blade.8.w' = 1.0}}", "blade.8.w = 1.0: the run has no such coordinate. "
-         "The nearest known one is 'blade.8.v'. Known: blade.1.u, blade.1.v, blade.1.theta, blade.2.u,"),
-        ("{displacements = {'blade.8.v' = '1 deg'}}", "blade.8.v = '1 deg': 'deg' is not a unit of length."),
-        ("{displacements = {'blade.8.theta' = '1 mm'}}", "blade.8.theta = '1 mm': 'mm' is not a unit of angle."),
-        ("{velocities = {'blade.8.v' = '1 rpm'}}", "velocities.blade.8.v = '1 rpm': 'rpm' is not a unit of speed."),
-        ("{displacements = {tip = nan}}", "displacements.tip = nan: not a finite number."),
-        ("{displacements = {tip = '3 kg'}}", "displacements.tip = '3 kg': 'kg' is not a unit of length."),
-        ("{rates = {tip = 1}}", "solve.start.rates"),
-        ("rest", "solve.start = 'rest': must be 'zero', 'quasistatic', 'periodic' or a table of a state."),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("start", "message"), [
+    ("{displacements = {'blade.8.w' = 1.0}}", "blade.8.w = 1.0: the run has no such coordinate. "
+     "The nearest known one is 'blade.8.v'. Known: blade.1.u, blade.1.v, blade.1.theta, blade.2.u,"),
+    ("{displacements = {'blade.8.v' = '1 deg'}}", "blade.8.v = '1 deg': 'deg' is not a unit of length."),
+    ("{displacements = {'blade.8.theta' = '1 mm'}}", "blade.8.theta = '1 mm': 'mm' is not a unit of angle."),
+    ("{velocities = {'blade.8.v' = '1 rpm'}}", "velocities.blade.8.v = '1 rpm': 'rpm' is not a unit of speed."),
+    ("{displacements = {tip = nan}}", "displacements.tip = nan: not a finite number."),
+    ("{displacements = {tip = '3 kg'}}", "displacements.tip = '3 kg': 'kg' is not a unit of length."),
+    ("{rates = {tip = 1}}", "solve.start.rates"),
+    ("rest", "solve.start = 'rest': must be 'zero', 'quasistatic', 'periodic' or a table of a state."),
+])  # fmt: skip
 def test_states_that_cannot_be(start, message):
     with pytest.raises(SceneError) as error:
         model("rotating-cantilever", f"solve.start={start}")

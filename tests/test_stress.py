@@ -18,21 +18,13 @@ L, WIDTH, HEIGHTS, FORCE, PULL = 0.8, 12e-3, (30e-3, 20e-3), 90.0, 5e3
 CANTILEVER = f"""
 schema = 1
 gravity = [0, 0]
-[bodies]
-arm = {{length = {L}, beam = {{material = "steel", theory = "timoshenko", yield_strength = "250 MPa", elements = 8, \
-SECTION}}}}
-[joints]
-root = {{weld = ["ground", "arm.start"]}}
-[loads]
-down = {{force_on = "arm.end", direction = [0, -1], law = "{FORCE} * (1 - cos(10 * t)) / 2"}}
-pull = {{force_on = "arm.end", direction = [1, 0], value = {PULL}}}
-[sensors]
-tip = {{displacement = "arm.end", component = "y"}}
-[solve]
-preset = "quasistatic"
-duration = "0.6283185307179586 s"
-steps = 20
-terms = {{geometric = false}}
+joints.root = {{weld = ["ground", "arm.start"]}}
+loads.down = {{force_on = "arm.end", direction = [0, -1], law = "{FORCE} * (1 - cos(10 * t)) / 2"}}
+loads.pull = {{force_on = "arm.end", direction = [1, 0], value = {PULL}}}
+sensors.tip = {{displacement = "arm.end", component = "y"}}
+solve = {{preset = "quasistatic", duration = "0.6283185307179586 s", steps = 20, terms = {{geometric = false}}}}
+bodies.arm = {{length = {L}, beam = {{material = "steel", theory = "timoshenko", yield_strength = "250 MPa", \
+elements = 8, SECTION}}}}
 """
 SHAPED = f'section = {{rectangle = [{HEIGHTS[0]}, {WIDTH}]}}, taper = {{rectangle = [{HEIGHTS[1]}, {WIDTH}]}}'
 
@@ -45,19 +37,12 @@ def solved(section: str):
 PIVOTED = """
 schema = 1
 gravity = [0, 0]
-[bodies]
-bar = {length = "1 m", points = {p = ["505 mm", 0], q = ["535 mm", 0]}, \
+joints.pivot = {revolute = ["ground", "bar.p"]}
+drives.pivot = {law = "0 * t"}
+loads.push = {force_on = "bar.q", direction = [0, 1], value = "10 kN"}
+solve = {preset = "quasistatic", duration = "1 s", steps = 2}
+bodies.bar = {length = "1 m", points = {p = ["505 mm", 0], q = ["535 mm", 0]}, \
 beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
-[joints]
-pivot = {revolute = ["ground", "bar.p"]}
-[drives]
-pivot = {law = "0 * t"}
-[loads]
-push = {force_on = "bar.q", direction = [0, 1], value = "10 kN"}
-[solve]
-preset = "quasistatic"
-duration = "1 s"
-steps = 2
 """
 STEPPED = cantilever(
     'length = "1 m", beam = {material = "steel", segments = {root = {to = "510 mm", section = {circle = "40 mm"}}, '
@@ -131,26 +116,19 @@ def test_at_the_neutral_axis_a_short_arm_is_sheared():
 
 SHAFT = """
 schema = 1
-[bodies.shaft]
-length = 0.5
-rotation = {x = [1, 0, 0], y = [0, 1, 0]}
-beam = {material = "steel", theory = "timoshenko", elements = 2, yield_strength = "300 MPa", section = {SECTION}}
-[bodies.lever]
-mass = 0.1
-inertia = [1e-4, 1e-4, 1e-4]
-points = {tip = [0, LEVER, 0]}
-[joints]
-held = {weld = ["shaft.end", "lever.start"]}
-root = {weld = ["ground", "shaft.start"]}
-[loads]
-push = {force_on = "lever.tip", direction = [PULL, DOWN, SIDE], value = SIZE}
-[sensors]
-tip = {displacement = "shaft.end", component = "y"}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
-steps = 4
-terms = {geometric = false}
+bodies.shaft.length = 0.5
+bodies.shaft.rotation = {x = [1, 0, 0], y = [0, 1, 0]}
+bodies.shaft.beam.material = "steel"
+bodies.shaft.beam.theory = "timoshenko"
+bodies.shaft.beam.elements = 2
+bodies.shaft.beam.yield_strength = "300 MPa"
+bodies.shaft.beam.section = {SECTION}
+bodies.lever = {mass = 0.1, inertia = [1e-4, 1e-4, 1e-4], points = {tip = [0, LEVER, 0]}}
+joints.held = {weld = ["shaft.end", "lever.start"]}
+joints.root = {weld = ["ground", "shaft.start"]}
+loads.push = {force_on = "lever.tip", direction = [PULL, DOWN, SIDE], value = SIZE}
+sensors.tip = {displacement = "shaft.end", component = "y"}
+solve = {preset = "quasistatic", duration = "0.1 s", steps = 4, terms = {geometric = false}}
 """
 
 

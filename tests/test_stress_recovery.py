@@ -7,13 +7,12 @@ from machines import pendulum
 from runs import solved
 
 import kaneflex
+from kaneflex import SceneError, read_scene
 from kaneflex.fem.recovery import section_forces
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.response.stresses import link_stresses
-from kaneflex.scene import read_scene
 from kaneflex.scene.modal_data import ModalData, read_modal_data
 from kaneflex.scene.recovery import Recovery
-from kaneflex.support.errors import SceneError
 
 E, LENGTH, HEIGHT, WIDTH, FORCE = 210e9, 0.5, 20e-3, 10e-3, 40.0
 I_Z = WIDTH * HEIGHT**3 / 12
@@ -47,8 +46,7 @@ def edge_stresses(link, shapes):
 def folder(tmp_path_factory):
     """With the data of a bar, whose root's edges have stresses."""
     folder = tmp_path_factory.mktemp("stress")
-    (folder / "beam.toml").write_text(pushed(BEAM, 'tip = {position = "bar.end", component = "y"}'))
-    model = kaneflex.load(read_scene(folder / "beam.toml"))
+    model = kaneflex.load(scene_of(pushed(BEAM, 'tip = {position = "bar.end", component = "y"}')))
     link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
     data = link_data(shapes)
     stresses = Recovery(("above", "below"), edge_stresses(link, shapes))
@@ -164,9 +162,7 @@ def test_section_forces_in_space_are_those_of_the_beam(tmp_path):
     (tmp_path / "beam.toml").write_text(in_space(beam, *more))
     assert cli("modes", str(tmp_path / "beam.toml"), "--export", str(tmp_path)).exit_code == 0
     (tmp_path / "data.toml").write_text(in_space('modal_data = "bar.npz"', *more))
-    own, other = (
-        solved(read_scene(tmp_path / f"{name}.toml")).series for name in ("data", "beam")
-    )
+    own, other = (solved(read_scene(tmp_path / f"{name}.toml")).series for name in ("data", "beam"))
     for alike, bound in ((("N",), 1e-2), (("V_y", "V_z"), 1e-2), (("M_y", "M_z"), 1e-2), (("T",), 0.15)):
         largest = max(abs(other[name].values).max() for name in alike)
         for name in alike:
@@ -198,17 +194,14 @@ def test_what_is_read_is_what_was_written(folder):
     assert data.stresses.rows.shape == (2, 3, len(data.arrays["stiffness"]))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda data: data.pop("stress_points"), "the file has no array stress_points. Give stress and stress_points"),
-        (lambda data: data.update(stress_points=np.array(["a", "a"])), "stress_points = a, a has a name twice"),
-        (lambda data: data.update(stress=data["stress"][:, :2]), "stress has the shape (2, 2, "),
-        (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress contains numbers that are not finite"),
-        (lambda data: data.update(sections=np.array(["at"]), section_forces=0.0), "sections: there is no point at"),
-        (lambda data: data.update(sections=np.array(["end"])), "the file has no array section_forces. Give"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda data: data.pop("stress_points"), "the file has no array stress_points. Give stress and stress_points"),
+    (lambda data: data.update(stress_points=np.array(["a", "a"])), "stress_points = a, a has a name twice"),
+    (lambda data: data.update(stress=data["stress"][:, :2]), "stress has the shape (2, 2, "),
+    (lambda data: data["stress"].__setitem__((0, 0, 0), np.nan), "stress contains numbers that are not finite"),
+    (lambda data: data.update(sections=np.array(["at"]), section_forces=0.0), "sections: there is no point at"),
+    (lambda data: data.update(sections=np.array(["end"])), "the file has no array section_forces. Give"),
+])  # fmt: skip
 def test_what_a_file_must_be(folder, change, message):
     data = dict(np.load(folder / "bar.npz"))
     change(data)
@@ -218,18 +211,15 @@ def test_what_a_file_must_be(folder, change, message):
     assert message in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("sensor", "message"),
-    [
-        ('{stress = "bar.end"}', "bar.npz has no such stress point: its stress points are above, below"),
-        ('{stress = "bar.above", component = "zz"}', "component = 'zz': the file has xx, yy, xy"),
-        ('{stress = "bar.above", component = "x"}', "component = 'x': not a component of a stress"),
-        ('{velocity = "bar.end", component = "xx"}', "component = 'xx': not a component of a velocity"),
-        ('{stress = "rod.above"}', "there is no such body"),
-        ('{axial_force = "bar.end"}', "bar.npz has no section forces there or anywhere. Name a section"),
-        ('{strain = "bar.end", fibre = "1 mm"}', "modal data do not contain area and second moment"),
-    ],
-)
+@pytest.mark.parametrize(("sensor", "message"), [
+    ('{stress = "bar.end"}', "bar.npz has no such stress point: its stress points are above, below"),
+    ('{stress = "bar.above", component = "zz"}', "component = 'zz': the file has xx, yy, xy"),
+    ('{stress = "bar.above", component = "x"}', "component = 'x': not a component of a stress"),
+    ('{velocity = "bar.end", component = "xx"}', "component = 'xx': not a component of a velocity"),
+    ('{stress = "rod.above"}', "there is no such body"),
+    ('{axial_force = "bar.end"}', "bar.npz has no section forces there or anywhere. Name a section"),
+    ('{strain = "bar.end", fibre = "1 mm"}', "modal data do not contain area and second moment"),
+])  # fmt: skip
 def test_what_a_sensor_must_be(folder, sensor, message):
     with pytest.raises(SceneError) as error:
         read_scene(scene_of(folder, f"s = {sensor}"))

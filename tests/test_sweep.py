@@ -11,14 +11,13 @@ import xarray
 from command_line import cli, refused
 from runs import solved
 
+from kaneflex import OutputError, SceneError, read_scene, sweep, with_settings
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.response.time_statistics import statistics, statistics_of_all
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
-from kaneflex.study.sweep import Progress, in_this_process, sweep
-from kaneflex.support.errors import OutputError, SceneError
+from kaneflex.study.sweep import Progress, in_this_process
 
 HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
 STUDY = HEAD + """
@@ -240,33 +239,30 @@ def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path,
         sweep(plan, tmp_path, force=True)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('[parameters]\n"rod.lenght" = [1, 2]', ("rod.lenght", "length")),
-        ('[parameters]\n"rod.length" = [1, 1]', ("parameters.rod.length", "is listed twice")),
-        ('[parameters]\n"rod.length" = 1', ("neither a list nor a table", "settings")),
-        ('[parameters]\n"rod.length" = {from = 1, to = 2}', ("count is missing",)),
-        ('[parameters]\n"rod.length" = {from = 1, to = "2 mm", count = 2}', ("same unit",)),
-        ('[parameters]\n"rod.length" = {from = 0, to = 2, count = 2, scale = "log"}', ("positive numbers",)),
-        ('[parameters]\n"rod.length" = {low = 1, high = 2}', ("needs a sample table", "method = 'sobol'")),
-        ('sample = {count = 12}\n[parameters]\n"rod.length" = {low = 1, high = 2}', ("sample.count = 12", "Use 16")),
-        ('sample = {count = 8}\n[parameters]\n"rod.length" = [1]', ("no parameter is sampled",)),
-        ('points = [{"rod.length" = 1}, {"rod.mass" = 1}]', ("the points set different entries",)),
-        ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("points = 'rod.length': given twice",)),
-        ('points = [{"rod.length" = 1, "bodies.rod.length" = 2}]', ("bodies.rod.length': given twice, first as rod",)),
-        ('[parameters]\n"rod.E" = [1]\n"rod.beam.E" = [2]', ("first as rod.E in parameters",)),
-        ('settings = ["rod.E=1"]\n[parameters]\n"bodies.rod.beam.E" = [2]', ("first as rod.E in settings", "once")),
-        ('sensitivities = ["rod.E", "rod.beam.E"]\n[parameters]\n"rod.E" = [1]', ("sensitivities = 'rod.beam.E'",)),
-        ("", ("nothing varies",)),
-        ('[parameters]\n"ground.bearing" = [[1, 2], [3, 4]]', ("bearing.values.0: not a single value", "Give numbers")),
-        ('settings = "rod.E=1"\n[parameters]\n"rod.length" = [1]', ("settings = 'rod.E=1': not a list", "brackets")),
-        ('series = "yes"\n[parameters]\n"rod.length" = [1]', ("series = 'yes': neither true nor false",)),
-        ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
-        ("[bodies]\nrod = {length = 1}", ("it is a scene", "Write another file", "table of parameters")),
-        ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ('[parameters]\n"rod.lenght" = [1, 2]', ("rod.lenght", "length")),
+    ('[parameters]\n"rod.length" = [1, 1]', ("parameters.rod.length", "is listed twice")),
+    ('[parameters]\n"rod.length" = 1', ("neither a list nor a table", "settings")),
+    ('[parameters]\n"rod.length" = {from = 1, to = 2}', ("count is missing",)),
+    ('[parameters]\n"rod.length" = {from = 1, to = "2 mm", count = 2}', ("same unit",)),
+    ('[parameters]\n"rod.length" = {from = 0, to = 2, count = 2, scale = "log"}', ("positive numbers",)),
+    ('[parameters]\n"rod.length" = {low = 1, high = 2}', ("needs a sample table", "method = 'sobol'")),
+    ('sample = {count = 12}\n[parameters]\n"rod.length" = {low = 1, high = 2}', ("sample.count = 12", "Use 16")),
+    ('sample = {count = 8}\n[parameters]\n"rod.length" = [1]', ("no parameter is sampled",)),
+    ('points = [{"rod.length" = 1}, {"rod.mass" = 1}]', ("the points set different entries",)),
+    ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("points = 'rod.length': given twice",)),
+    ('points = [{"rod.length" = 1, "bodies.rod.length" = 2}]', ("bodies.rod.length': given twice, first as rod",)),
+    ('[parameters]\n"rod.E" = [1]\n"rod.beam.E" = [2]', ("first as rod.E in parameters",)),
+    ('settings = ["rod.E=1"]\n[parameters]\n"bodies.rod.beam.E" = [2]', ("first as rod.E in settings", "once")),
+    ('sensitivities = ["rod.E", "rod.beam.E"]\n[parameters]\n"rod.E" = [1]', ("sensitivities = 'rod.beam.E'",)),
+    ("", ("nothing varies",)),
+    ('[parameters]\n"ground.bearing" = [[1, 2], [3, 4]]', ("bearing.values.0: not a single value", "Give numbers")),
+    ('settings = "rod.E=1"\n[parameters]\n"rod.length" = [1]', ("settings = 'rod.E=1': not a list", "brackets")),
+    ('series = "yes"\n[parameters]\n"rod.length" = [1]', ("series = 'yes': neither true nor false",)),
+    ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
+    ("[bodies]\nrod = {length = 1}", ("it is a scene", "Write another file", "table of parameters")),
+    ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
+])  # fmt: skip
 def test_what_is_refused_before_anything_runs(tmp_path, text, words):
     file = tmp_path / "study.toml"
     file.write_text(f'scene = "engine"\n{text}\n')
@@ -343,17 +339,14 @@ def test_a_section_is_read_once_a_period(tmp_path):
         assert found[name].sel(statistic="max").values[0] == series.values.max()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("discard = 1", "discard = 3", "poincare.discard = 3: a run has only 3 periods. Discard fewer"),
-        ('"main", p', '"mian", p', "poincare.drive = 'mian': no drive of that name. The nearest known one is 'main'."),
-        ('"solve.steps=36"', '"solve.start=zero"', "poincare: the number of stored instants per period is not given. "
-         "Give settings = [\"solve.steps=200\"]."),
-        ("poincare", "series = true\npoincare", "poincare: it can't be combined with series or sensitivities. Leave"),
-        ('scene = "engine"', 'scene = "engine-torque"', "its motion has no period. Choose a drive with a speed"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("discard = 1", "discard = 3", "poincare.discard = 3: a run has only 3 periods. Discard fewer"),
+    ('"main", p', '"mian", p', "poincare.drive = 'mian': no drive of that name. The nearest known one is 'main'."),
+    ('"solve.steps=36"', '"solve.start=zero"', "poincare: the number of stored instants per period is not given. "
+     "Give settings = [\"solve.steps=200\"]."),
+    ("poincare", "series = true\npoincare", "poincare: it can't be combined with series or sensitivities. Leave"),
+    ('scene = "engine"', 'scene = "engine-torque"', "its motion has no period. Choose a drive with a speed"),
+])  # fmt: skip
 def test_what_no_section_can_be_read_of_is_refused(tmp_path, old, new, message):
     text = SECTION.replace(old, new)
     text = text.replace("drives.main.speed", "drives.main.angle") if "torque" in text else text

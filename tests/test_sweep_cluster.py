@@ -14,9 +14,8 @@ import xarray
 from command_line import cli, refused
 from machines import pendulum
 
+from kaneflex import SceneError, sweep
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.sweep import sweep
-from kaneflex.support.errors import SceneError
 
 SCENE = pendulum(
     'length = "100 mm", mass = "1 kg", centre = ["15 mm", "1 mm"]', 'speed = "6000 rpm", cycle = "720 deg"',
@@ -102,9 +101,7 @@ def dataset(path: Path, engine: str) -> xarray.Dataset:
         return found.load()
 
 
-def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(
-    tmp_path, plan, cluster, peer
-):
+def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(tmp_path, plan, cluster, peer):
     from kaneflex.study.cluster import on_cluster
 
     peer("zarr")

@@ -13,11 +13,11 @@ import pytest
 import xarray
 from command_line import cli
 
+from kaneflex import in_processes, sweep
 from kaneflex.study import workers
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record
-from kaneflex.study.sweep import sweep
-from kaneflex.study.workers import DIED, Lost, Processes, Queue, first_of_each_kind, in_chunks, in_processes
+from kaneflex.study.workers import DIED, Lost, Processes, Queue, first_of_each_kind, in_chunks
 
 STUDY = """
 scene = "engine"

@@ -12,30 +12,19 @@ from kaneflex.support.errors import SceneError
 SWINGING = """
 schema = 1
 gravity = [0, -9.81]
-[bodies.arm]
-length = "0.5 m"
-[bodies.arm.beam]
-material = "steel"
-section = {rectangle = ["100 mm", "20 mm"]}
-theory = "timoshenko"
-elements = 3
-[bodies.bob]
-mass = "2 kg"
-[joints]
-hub = {revolute = ["ground", "arm.start"]}
-tip = {weld = ["arm.end", "bob"]}
-[drives]
-hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
-[sensors]
-torque = {drive_torque = "hub"}
-hub_x = {joint_force = "hub", component = "x"}
-end = {displacement = "arm.end", component = "y"}
-mid_moment = {bending_moment = "arm.mid"}
-mid_tension = {axial_force = "arm.mid"}
-feels = {acceleration = "arm.end", component = "y"}
-[solve]
-preset = "stiffened"
-steps = 400
+bodies.arm.length = "0.5 m"
+bodies.arm.beam = {material = "steel", section = {rectangle = ["100 mm", "20 mm"]}, theory = "timoshenko", elements = 3}
+bodies.bob.mass = "2 kg"
+joints.hub = {revolute = ["ground", "arm.start"]}
+joints.tip = {weld = ["arm.end", "bob"]}
+drives.hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
+sensors.torque = {drive_torque = "hub"}
+sensors.hub_x = {joint_force = "hub", component = "x"}
+sensors.end = {displacement = "arm.end", component = "y"}
+sensors.mid_moment = {bending_moment = "arm.mid"}
+sensors.mid_tension = {axial_force = "arm.mid"}
+sensors.feels = {acceleration = "arm.end", component = "y"}
+solve = {preset = "stiffened", steps = 400}
 """
 
 
@@ -101,18 +90,13 @@ def test_coupled_is_one_whole(folder):
 
 PINNED = """
 schema = 1
-[bodies.beam]
-length = "1 m"
-beam = {E = 1e9, rho = 1000, nu = 0.3, section = {rectangle = [0.2, 0.1]}, theory = "shear", elements = 24}
-[bodies.roller]
-mass = "1e-6 kg"
-[joints]
-pin = {revolute = ["ground", "beam.start"]}
-support = {revolute = ["beam.end", "roller"]}
-floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
+bodies.beam.length = "1 m"
+bodies.beam.beam = {E = 1e9, rho = 1000, nu = 0.3, section = {rectangle = [0.2, 0.1]}, theory = "shear", elements = 24}
+bodies.roller.mass = "1e-6 kg"
+joints.pin = {revolute = ["ground", "beam.start"]}
+joints.support = {revolute = ["beam.end", "roller"]}
+joints.floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
+solve = {preset = "quasistatic", duration = "0.1 s"}
 """
 
 

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.response.time_statistics import between_steps
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.tables import Table, evaluate_block, largest_of_block, overshoot_of_block, read_table
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
-from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.errors import Fault
 from kaneflex.support.interpolation import INTERPOLATIONS, cubics_through
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, PRESSURE, SPEED, TIME, TORQUE
 
@@ -374,19 +372,14 @@ schema = 1
 bodies = {{block = {{mass = "2 kg"}}}}
 joints = {{way = {{prismatic = ["ground", "block"], direction = [1, 0]}}}}
 drives = {{way = {{free = true, position = "30 mm"}}}}
-[loads.back]
-force_on = "block"
-direction = [1, 0]
-table = "k.csv"
-against = "way"
-interpolation = "linear"
-offset = "{offset}"
-[sensors]
-x = {{position = "block", component = "x"}}
-[solve]
-preset = "{preset}"
-duration = "1 s"
-steps = 50
+loads.back.force_on = "block"
+loads.back.direction = [1, 0]
+loads.back.table = "k.csv"
+loads.back.against = "way"
+loads.back.interpolation = "linear"
+loads.back.offset = "{offset}"
+sensors.x = {{position = "block", component = "x"}}
+solve = {{preset = "{preset}", duration = "1 s", steps = 50}}
 """
     (tmp_path / "k.csv").write_text("way (mm),F (kN)\n-90,0.02\n0,0.002\n10,0\n110,-0.02\n")
     for preset in ("rigid", "coupled"):

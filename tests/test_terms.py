@@ -10,18 +10,16 @@ import csv_tables
 import pytest
 from command_line import cli
 
+from kaneflex import SceneError, Terms, read_scene, scene_of, terms, trade, with_settings
 from kaneflex.cli.trade import terms_table
 from kaneflex.plots.studies import terms as figure
 from kaneflex.plots.studies import trade as trade_figure
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences, worst
 from kaneflex.study.runs import run
 from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral
 from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
-from kaneflex.study.trade.ranking import trade
-from kaneflex.study.trade.terms import Terms, groups, terms
-from kaneflex.support.errors import SceneError
+from kaneflex.study.trade.terms import groups
 
 
 def chosen(scene, *names):
@@ -52,16 +50,13 @@ def test_groups_are_those_that_the_scene_has():
     assert [group.name for group in groups(neutral(heavy))][5:7] == ["rotary", "gravity"]
 
 
-@pytest.mark.parametrize(
-    ("name", "sensor", "change", "needed"),
-    [
-        ("load gas", "main_bearing_force_x", 1.607, True),
-        ("geometric", "mid_global_y", 0.02267, True),
-        ("dynamics", "main_bearing_force_x", 0.01106, True),
-        ("gyroscopic", "mid_global_y", 0.00529, False),
-        ("spin", "mid_global_y", 5.7e-5, False),
-    ],
-)
+@pytest.mark.parametrize(("name", "sensor", "change", "needed"), [
+    ("load gas", "main_bearing_force_x", 1.607, True),
+    ("geometric", "mid_global_y", 0.02267, True),
+    ("dynamics", "main_bearing_force_x", 0.01106, True),
+    ("gyroscopic", "mid_global_y", 0.00529, False),
+    ("spin", "mid_global_y", 5.7e-5, False),
+])  # fmt: skip
 def test_what_the_engine_loses(effects, name, sensor, change, needed):
     effect = effects[name]
     assert (effect.worst.sensor, effect.needed) == (sensor, needed)
@@ -136,17 +131,11 @@ def test_what_can_not_be_left_out_is_named_with_the_reason():
 
 
 COLUMN = """
-[bodies]
-strut = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}, elements = 2}}
-[joints]
-foot = {weld = ["ground", "strut.start"], relative_angle = "37 deg"}
-[loads]
-push = {force_on = "strut.end", direction = [-0.7986355100472928, -0.6018150231520483], value = "100 N"}
-[sensors]
-moment = {bending_moment = "strut.mid"}
-[solve]
-duration = "10 ms"
-steps = 10
+bodies.strut = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}, elements = 2}}
+joints.foot = {weld = ["ground", "strut.start"], relative_angle = "37 deg"}
+loads.push = {force_on = "strut.end", direction = [-0.7986355100472928, -0.6018150231520483], value = "100 N"}
+sensors.moment = {bending_moment = "strut.mid"}
+solve = {duration = "10 ms", steps = 10}
 """
 
 

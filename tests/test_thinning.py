@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from runs import model, solved
 
+from kaneflex import Solution, scene_of
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.plots import animation, displacements
 from kaneflex.plots.mechanism import scenery
@@ -17,8 +18,6 @@ from kaneflex.plots.vtk import write_vtk
 from kaneflex.report.page import _as_json, _data
 from kaneflex.report.summary import summarise
 from kaneflex.response.thinning import envelope, frames, missed, thinned
-from kaneflex.scene import scene_of
-from kaneflex.solve.solution import Solution
 
 COUNT = 20_001
 SINE = {60: 60.05, 181: 181.05, 1500: 1500.1}

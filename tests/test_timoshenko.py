@@ -219,25 +219,19 @@ def test_slender_beams_are_euler_bernoulli_beams(shear):
 # from the closed solution for a pinned beam; those of NAFEMS, 42.65, 148.15 and 283.47, are for kappa = 0.85.
 DEEP = """
 schema = 1
-[bodies.beam]
-length = "10 m"
-[bodies.beam.beam]
-E = "200 GPa"
-rho = 8000
-nu = 0.3
-kappa = 0.8333333333333334
-section = {rectangle = ["2 m", "2 m"]}
-theory = "timoshenko"
-elements = 16
-[bodies.roller]
-mass = "1e-6 kg"
-[joints]
-pin = {revolute = ["ground", "beam.start"]}
-support = {revolute = ["beam.end", "roller"]}
-floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
-[solve]
-preset = "quasistatic"
-duration = "0.1 s"
+bodies.beam.length = "10 m"
+bodies.beam.beam.E = "200 GPa"
+bodies.beam.beam.rho = 8000
+bodies.beam.beam.nu = 0.3
+bodies.beam.beam.kappa = 0.8333333333333334
+bodies.beam.beam.section = {rectangle = ["2 m", "2 m"]}
+bodies.beam.beam.theory = "timoshenko"
+bodies.beam.beam.elements = 16
+bodies.roller.mass = "1e-6 kg"
+joints.pin = {revolute = ["ground", "beam.start"]}
+joints.support = {revolute = ["beam.end", "roller"]}
+joints.floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
+solve = {preset = "quasistatic", duration = "0.1 s"}
 """
 DEEP_HZ = {
     "timoshenko": [42.60871725394184, 147.78601200406814, 282.36338463546076],
@@ -263,7 +257,7 @@ def test_deep_simply_supported_beam(folder, theory):
 
 def test_a_mesh_too_coarse_for_a_mode_is_named(folder):
     """FV5 with the default of 4 elements: the third flexural frequency, after the axial one the fourth of all."""
-    coarse = derived_on_the_fly(DEEP.replace("elements = 16\n", ""), folder)
+    coarse = derived_on_the_fly(DEEP.replace("bodies.beam.beam.elements = 16\n", ""), folder)
     found = modes(coarse.scene, 6)
     assert found.frequencies[3] / DEEP_HZ["timoshenko"][2] - 1 == pytest.approx(-0.018, abs=0.001)
     said = mesh_hint(found)
@@ -297,27 +291,19 @@ def test_a_uniform_euler_bernoulli_beam_reads_no_more_than_it_needs(folder, theo
 SWINGING = """
 schema = 1
 gravity = [0, -9.81]
-[bodies.thick]
-length = "0.5 m"
-[bodies.thick.beam]
-material = "steel"
-section = {rectangle = ["100 mm", "20 mm"]}
-theory = "timoshenko"
-elements = 3
-[bodies.thin]
-length = "0.8 m"
-beam = {material = "aluminium", section = {tube = ["30 mm", "2 mm"]}, elements = 3}
-[joints]
-hub = {revolute = ["ground", "thick.start"]}
-elbow = {weld = ["thick.end", "thin.start"]}
-[drives]
-hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
-[sensors]
-torque = {drive_torque = "hub"}
-elbow_x = {joint_force = "elbow", component = "x"}
-elbow_moment = {joint_force = "elbow", component = "angle"}
-[solve]
-preset = "quasistatic"
+bodies.thick.length = "0.5 m"
+bodies.thick.beam.material = "steel"
+bodies.thick.beam.section = {rectangle = ["100 mm", "20 mm"]}
+bodies.thick.beam.theory = "timoshenko"
+bodies.thick.beam.elements = 3
+bodies.thin = {length = "0.8 m", beam = {material = "aluminium", section = {tube = ["30 mm", "2 mm"]}, elements = 3}}
+joints.hub = {revolute = ["ground", "thick.start"]}
+joints.elbow = {weld = ["thick.end", "thin.start"]}
+drives.hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
+sensors.torque = {drive_torque = "hub"}
+sensors.elbow_x = {joint_force = "elbow", component = "x"}
+sensors.elbow_moment = {joint_force = "elbow", component = "angle"}
+solve.preset = "quasistatic"
 """
 
 

@@ -13,35 +13,21 @@ from kaneflex.support.errors import SceneError
 FRAME = """
 schema = 1
 gravity = [0, {gravity}]
-[bodies]
-rotor = {{length = "0.1 m", mass = "1 kg"}}
-{bodies}
-[joints]
-shaft = {{revolute = ["ground", "rotor.start"]}}
-{joints}
-[drives]
-shaft = {{speed = "{omega} rad/s", cycle = "360 deg"}}
+bodies.rotor = {{length = "0.1 m", mass = "1 kg"}}
+bodies.block.mass = "1 kg"
+joints.shaft = {{revolute = ["ground", "rotor.start"]}}
+drives.shaft = {{speed = "{omega} rad/s", cycle = "360 deg"}}
+sensors.x = {{position = "block", component = "{axis}"}}
+solve = {{preset = "coupled", start = "periodic", steps = 720}}
 {more}
-[sensors]
-x = {{position = "block", component = "{axis}"}}
-[solve]
-preset = "coupled"
-start = "periodic"
-steps = 720
 """
 PUSH, STIFFNESS = 10.0, 100.0
-RUBBING = dict(
-    gravity=0, axis="x", bodies='block = {mass = "1 kg"}',
-    joints="""[joints.rail]
-prismatic = ["ground", "block"]
-direction = [1, 0]
-friction = {{preload = "{friction} N"{law}}}""",
-    more="""rail = {free = true}
-[springs]
-spring = {between = ["ground", "block"], stiffness = "100 N/m", length = 0}
-[loads]
-push = {force_on = "block", direction = [1, 0], law = "10 * cos(shaft)"}""",
-)  # fmt: skip
+RUBBING = """
+joints.rail = {{prismatic = ["ground", "block"], direction = [1, 0], friction = {{preload = "{friction} N"{law}}}}}
+drives.rail = {{free = true}}
+springs.spring = {{between = ["ground", "block"], stiffness = "100 N/m", length = 0}}
+loads.push = {{force_on = "block", direction = [1, 0], law = "10 * cos(shaft)"}}
+"""
 
 
 def solved(omega, **parts):
@@ -49,7 +35,7 @@ def solved(omega, **parts):
 
 
 def rubbing(omega, friction, law=""):
-    return solved(omega, **RUBBING | {"joints": RUBBING["joints"].format(friction=friction, law=law)})
+    return solved(omega, gravity=0, axis="x", more=RUBBING.format(friction=friction, law=law))
 
 
 @pytest.mark.parametrize(("ratio", "friction"), [(0.6, 4.0), (0.8, 1.0), (1.25, 1.0), (1.6, 4.0)])
@@ -74,24 +60,25 @@ def test_a_block_on_a_spring_that_rubs(ratio, friction):
 
 def test_a_freedom_that_does_nothing_has_multipliers_too():
     """A wheel at rest on a spring and a damper: exp(-c T / 2 I) is the modulus of both of its multipliers."""
-    text = FRAME.format(omega=12.5, **RUBBING | {"joints": RUBBING["joints"].format(friction=1.0, law="")})
-    for kind, more in (
-        ("bodies", "still = {inertia = 1}"), ("joints", 'pin = {revolute = ["ground", "still"]}'),
-        ("drives", "pin = {free = true}"), ("springs", 'coil = {torsional_at = "pin", stiffness = 400, damping = 2}'),
-    ):  # fmt: skip
-        text = text.replace(f"[{kind}]\n", f"[{kind}]\n{more}\n")
-    solution = solve(kaneflex.load(kaneflex.scene_of(text)))
+    solution = solved(12.5, gravity=0, axis="x", more=RUBBING.format(friction=1.0, law="") + """
+bodies.still = {inertia = 1}
+joints.pin = {revolute = ["ground", "still"]}
+drives.pin = {free = true}
+springs.coil = {torsional_at = "pin", stiffness = 400, damping = 2}
+""")
     multipliers = solution.trajectory.floquet
     assert len(multipliers) == 4
     modulus = math.exp(-2 * math.pi / 12.5)
     assert (abs(abs(multipliers) - modulus) < 1e-3 * modulus).sum() == 2
 
 
-BALL = dict(
-    gravity=-9.81, axis="y", bodies='block = {mass = "1 kg"}\ntable = {length = "10 mm", mass = "1 kg"}',
-    joints="""guide = {prismatic = ["ground", "block"], direction = [0, 1]}
-bed = {prismatic = ["ground", "table"], direction = [0, 1]}""",
-)  # fmt: skip
+BALL = """
+bodies.table = {length = "10 mm", mass = "1 kg"}
+joints.guide = {prismatic = ["ground", "block"], direction = [0, 1]}
+joints.bed = {prismatic = ["ground", "table"], direction = [0, 1]}
+contacts.hit.point_on_line = ["block", "table"]
+contacts.hit.normal = [0, 1]
+"""
 
 
 OMEGA, E, G = 40.0, 0.6, 9.81
@@ -105,13 +92,11 @@ def ball(phase, share):
     """The table goes at 1.25 TABLE at most; the ball begins at a share of where it is on its cycle."""
     size, left = 1.25 * TABLE / OMEGA, PERIOD - phase / OMEGA
     place = size * math.sin(phase) + THROWN * left - 0.5 * G * left**2
-    more = f"""bed = {{law = "{size} * sin({OMEGA} * t)"}}
-guide = {{free = true, position = "{share * place} m", initial_speed = "{THROWN - G * left} m/s"}}
-[contacts.hit]
-point_on_line = ["block", "table"]
-normal = [0, 1]
-contact = {{law = "newton", restitution = {E}}}"""
-    return solved(OMEGA, **BALL, more=more)
+    return solved(OMEGA, gravity=-9.81, axis="y", more=BALL + f"""
+drives.bed = {{law = "{size} * sin({OMEGA} * t)"}}
+drives.guide = {{free = true, position = "{share * place} m", initial_speed = "{THROWN - G * left} m/s"}}
+contacts.hit.contact = {{law = "newton", restitution = {E}}}
+""")
 
 
 def test_a_ball_on_a_table_that_shakes():
@@ -135,15 +120,14 @@ def test_where_the_table_rises_ever_faster_disturbances_grow():
 
 
 def test_a_contact_is_named_as_the_owner_of_its_bristles():
-    more = """bed = {law = "1e-3 * sin(40 * t)"}
-guide = {free = true, position = "10 mm"}
-[contacts.hit]
-point_on_line = ["block", "table"]
-normal = [0, 1]
-contact = {stiffness = 1e6, restitution = 0.5}
-friction = {law = "lugre", mu = 0.1, bristle_stiffness = "1e4 N/m"}"""
+    more = """
+drives.bed = {law = "1e-3 * sin(40 * t)"}
+drives.guide = {free = true, position = "10 mm"}
+contacts.hit.contact = {stiffness = 1e6, restitution = 0.5}
+contacts.hit.friction = {law = "lugre", mu = 0.1, bristle_stiffness = "1e4 N/m"}
+"""
     with pytest.raises(SceneError, match=r"with contacts\.hit\.friction a cycle would start without the bristle"):
-        solved(OMEGA, **BALL, more=more)
+        solved(OMEGA, gravity=-9.81, axis="y", more=BALL + more)
 
 
 def test_bristles_are_not_carried_from_cycle_to_cycle():

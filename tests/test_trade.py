@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.scene import read_scene, with_settings
+from kaneflex import SceneError, Trade, read_scene, trade, with_settings
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
 from kaneflex.study.runs import Timing, cost
 from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.ranking import Trade, trade
 from kaneflex.study.trade.reference import _coupled_levels
-from kaneflex.support.errors import SceneError
 
 TRIED = (
     "rigid", "paper", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element",
@@ -196,17 +194,14 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
     refused(cli(*arguments), "the folder exists")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--tolerance", "0"), ("--tolerance", "between 0 and 100 %")),
-        (("--tolerance", "100%"), ("--tolerance", "between 0 and 100 %")),
-        (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
-        (("--budget", "0s"), ("--budget", "positive time")),
-        (("--sensors", "tip_axia"), ("--sensors = 'tip_axia'", "nearest known one is 'tip_axial'")),
-        (("--set", "sensors=none"), ("no sensors to compare",)),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (("--tolerance", "0"), ("--tolerance", "between 0 and 100 %")),
+    (("--tolerance", "100%"), ("--tolerance", "between 0 and 100 %")),
+    (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
+    (("--budget", "0s"), ("--budget", "positive time")),
+    (("--sensors", "tip_axia"), ("--sensors = 'tip_axia'", "nearest known one is 'tip_axial'")),
+    (("--set", "sensors=none"), ("no sensors to compare",)),
+])  # fmt: skip
 def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
     folder = tmp_path / "out"
     refused(cli("trade", "engine", "-o", folder, *arguments), *words)

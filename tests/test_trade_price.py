@@ -9,8 +9,7 @@ from command_line import cli, refused
 from machines import slider_crank
 from runs import solved
 
-from kaneflex import SceneError
-from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.study.trade.price import has_price, price, tightened
 
 SHORT = ("solve.duration=6 ms", "solve.steps=600", "rod.beam.elements=2")
@@ -27,27 +26,18 @@ rod_moment = {bending_moment = "rod.mid"}""",
 )
 COUPLED = """
 schema = 1
-[bodies]
-motor = {mass = "4 kg", inertia = "0.01 kg m^2"}
-mill = {mass = "9 kg", inertia = "0.05 kg m^2"}
-[joints]
-shaft = {revolute = ["ground", "motor"]}
-bearing = {revolute = ["ground", "mill"]}
-[joints.coupling]
-revolute = ["motor", "mill"]
-clearance = {angle = "0.25 deg", middle = "20 deg", contact = {stiffness = 2e6, restitution = 0.6}}
-[drives]
-shaft = {free = true, initial_speed = "10 rad/s"}
-bearing = {free = true, initial_speed = "10 rad/s", angle = "20 deg"}
-[loads]
-ripple = {torque_at = "shaft", law = "6 * sin(40 * t)"}
-[sensors]
-speed = {velocity = "mill", component = "angle"}
-play = {position = "coupling", component = "angle"}
-[solve]
-preset = "coupled"
-duration = "0.1 s"
-steps = 200
+bodies.motor = {mass = "4 kg", inertia = "0.01 kg m^2"}
+bodies.mill = {mass = "9 kg", inertia = "0.05 kg m^2"}
+joints.shaft = {revolute = ["ground", "motor"]}
+joints.bearing = {revolute = ["ground", "mill"]}
+joints.coupling.revolute = ["motor", "mill"]
+joints.coupling.clearance = {angle = "0.25 deg", middle = "20 deg", contact = {stiffness = 2e6, restitution = 0.6}}
+drives.shaft = {free = true, initial_speed = "10 rad/s"}
+drives.bearing = {free = true, initial_speed = "10 rad/s", angle = "20 deg"}
+loads.ripple = {torque_at = "shaft", law = "6 * sin(40 * t)"}
+sensors.speed = {velocity = "mill", component = "angle"}
+sensors.play = {position = "coupling", component = "angle"}
+solve = {preset = "coupled", duration = "0.1 s", steps = 200}
 """
 
 

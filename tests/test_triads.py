@@ -10,6 +10,7 @@ from runs import solved
 from scipy.optimize import fsolve
 
 import kaneflex
+from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.derive.equations import closure
 from kaneflex.mechanism import position_analysis
 from kaneflex.mechanism.closure_continuation import _Follower, _Place, seed_loops
@@ -18,10 +19,8 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.module_loading import bind_parameters, generate_text, import_file
-from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.structure import structure_hash
-from kaneflex.support.errors import SceneError
 
 HEAD = """
 schema = 1
@@ -240,31 +239,20 @@ def test_show_places_the_same_assembly():
             assert at[f"{name}.{key}"] == pytest.approx(rigid[f"{name}.{key}"], abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            (', near = {platform = "16 deg"}', ""),
-            "joints.right_knee.near: the loop closes in 4 ways at the start, and branch applies to loops of two bodies "
-            "only. Choose one, like near = {rod = '",
-        ),
-        (
-            ('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),
-            "joints.right_knee.near.crank: it is not in the loop of right_knee, which moves rod, left_rocker, "
-            "platform, right_rocker. Name one of these.",
-        ),
-        (
-            ('length = "30 mm"', 'length = "60 mm"'),
-            "joints.left_knee: the loop cannot close beyond main = 102.11 deg: the linkage locks "
-            "there, or would change its branch. Change the lengths, or limit the drive's range.",
-        ),
-        (
-            ('length = "200 mm", mass', 'length = "600 mm", mass'),
-            "joints.right_knee.branch = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
-            "right_rocker. Change the lengths, or the positions of its drives.",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ((', near = {platform = "16 deg"}', ""),
+     "joints.right_knee.near: the loop closes in 4 ways at the start, and branch applies to loops of two bodies "
+     "only. Choose one, like near = {rod = '"),
+    (('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),
+     "joints.right_knee.near.crank: it is not in the loop of right_knee, which moves rod, left_rocker, "
+     "platform, right_rocker. Name one of these."),
+    (('length = "30 mm"', 'length = "60 mm"'),
+     "joints.left_knee: the loop cannot close beyond main = 102.11 deg: the linkage locks "
+     "there, or would change its branch. Change the lengths, or limit the drive's range."),
+    (('length = "200 mm", mass', 'length = "600 mm", mass'),
+     "joints.right_knee.branch = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
+     "right_rocker. Change the lengths, or the positions of its drives."),
+])  # fmt: skip
 def test_what_it_refuses(change, message):
     with pytest.raises(SceneError) as error:
         kaneflex.load(scene_of(MECHANISMS["three rockers"].replace(*change)))

@@ -8,10 +8,9 @@ from runs import solved
 from scipy.integrate import solve_ivp
 
 import kaneflex
+from kaneflex import SceneError, scene_of
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene import scene_of
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 FOUR_BAR = four_bar(
     'length = "0.1 m", mass = "0.2 kg"', STRIP, 'length = "0.25 m"', "free = true, angle = 1.0", "P", names="ABCD",
@@ -21,11 +20,8 @@ FOUR_BAR = four_bar(
 )  # fmt: skip
 PUCK = """
 schema = 1
-[bodies]
-puck = {mass = "1 kg", free = {velocity = [1, 0]}}
-[solve]
-preset = "coupled"
-duration = "1 s"
+bodies.puck = {mass = "1 kg", free = {velocity = [1, 0]}}
+solve = {preset = "coupled", duration = "1 s"}
 """
 
 
@@ -74,25 +70,19 @@ def test_a_bar_of_a_tenth_of_a_micrometre_is_no_massless_one():
 
 YOKE = """
 schema = 1
-[bodies]
-crank = {length = "50 mm", mass = "1 kg"}
-block = {}
-yoke = {mass = "2 kg"}
-[joints]
-main = {revolute = ["ground", "crank"]}
-rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
-slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
-pin = {revolute = ["crank.end", "block"]}
-[drives]
-main = DRIVE
-[sensors]
-phi = {position = "main", component = "angle"}
-x = {position = "yoke", component = "x"}
-T = {drive_torque = "main"}
-N = {joint_force = "slot", component = "x"}
-[solve]
-preset = "coupled"
-tolerance = 1e-9
+bodies.crank = {length = "50 mm", mass = "1 kg"}
+bodies.block = {}
+bodies.yoke = {mass = "2 kg"}
+joints.main = {revolute = ["ground", "crank"]}
+joints.rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
+joints.slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
+joints.pin = {revolute = ["crank.end", "block"]}
+drives.main = DRIVE
+sensors.phi = {position = "main", component = "angle"}
+sensors.x = {position = "yoke", component = "x"}
+sensors.T = {drive_torque = "main"}
+sensors.N = {joint_force = "slot", component = "x"}
+solve = {preset = "coupled", tolerance = 1e-9}
 """
 
 
@@ -109,7 +99,8 @@ def test_a_massless_block_in_a_guide_turns_with_it():
 def test_a_massless_block_of_a_free_crank_resists_nothing():
     """(I + m r^2 sin^2(phi)) phi'' + m r^2 sin(phi) cos(phi) phi'^2 = 0."""
     text = YOKE.replace("DRIVE", '{free = true, angle = 0.4, initial_speed = "20 rad/s"}')
-    text = text.replace('T = {drive_torque = "main"}\n', "") + 'duration = "0.5 s"\nsteps = 100\n'
+    text = text.replace('sensors.T = {drive_torque = "main"}\n', "")
+    text = text.replace("tolerance = 1e-9", 'tolerance = 1e-9, duration = "0.5 s", steps = 100')
     found = solve(load(text))
     of_yoke = 2.0 * 0.05**2
 
@@ -125,7 +116,7 @@ def test_a_massless_coupler_moves_in_space_as_in_the_plane():
     """Nothing but the loop gives its joint an inertia, on which the recursion over the tree divides."""
     text = FOUR_BAR.replace(', beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}', "")
     text = text.replace('rocker = {length = "0.25 m"}', 'rocker = {length = "0.25 m", mass = "0.3 kg"}')
-    text = text.replace('preset = "coupled"\nduration = "0.02 s"', 'preset = "rigid"\nduration = "0.5 s"')
+    text = text.replace('preset = "coupled"\nsolve.duration = "0.02 s"', 'preset = "rigid"\nsolve.duration = "0.5 s"')
     flat = scene_of(text.replace('psi = {position = "D"', 'phi = {position = "A"'))
     space = scene_of(lifted(flat) | {"solve": flat.raw["solve"]})
     one, other = (np.ravel(solved(scene).series["phi"].values) for scene in (flat, space))

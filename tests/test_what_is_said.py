@@ -5,26 +5,17 @@ import time
 import pytest
 from runs import solved
 
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.multibody.time import spatial_forward
 from kaneflex.report import checked
 from kaneflex.report.summary import summarise
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.scene.read import scene_of
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
-from kaneflex.support.errors import SceneError
 
 TORQUE_FREE = """
 schema = 1
-[bodies]
-top = {mass = 1, inertia = [1, 2, 3], free = {at = [0, 0, 0], angular_velocity = [0.01, 2, 0]}}
-[sensors]
-x = {position = "top", component = "x"}
-[solve]
-preset = "coupled"
-duration = "10 s"
-steps = 50
-errors = "none"
+bodies.top = {mass = 1, inertia = [1, 2, 3], free = {at = [0, 0, 0], angular_velocity = [0.01, 2, 0]}}
+sensors.x = {position = "top", component = "x"}
+solve = {preset = "coupled", duration = "10 s", steps = 50, errors = "none"}
 """
 SPACE = "spatial-slider-crank-elastic"
 

@@ -9,11 +9,10 @@ from command_line import cli, unrendered
 from matplotlib.figure import Figure
 from runs import model
 
+from kaneflex import load, scene_of, stability, with_settings
 from kaneflex.plots.stability import _over_speed
 from kaneflex.response.whirl import turns, whirl
-from kaneflex.scene import scene_of, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.study.stability.report import findings, stability
+from kaneflex.study.stability.report import findings
 from kaneflex.study.stability.sweep import sweep
 
 E, DIAMETER, LENGTH = 210e9, 0.01, 0.5
@@ -25,28 +24,23 @@ ONE_DISC = f"""
 schema = 1
 name = "rotor"
 gravity = [0, 0, 0]
-[bodies]
-flange = {{mass = 1, inertia = [0.1, 0.1, 0.1]}}
-shaft = {{length = {LENGTH}, {_SHAFT}}}
-disc = {{mass = {MASS}, inertia = [{POLAR}, {TILTING}, {TILTING}]}}
-[joints]
-main = {{revolute = ["ground", "flange.start"], axis = [1, 0, 0]}}
-clamp = {{weld = ["flange.start", "shaft.start"]}}
-hub = {{weld = ["shaft.end", "disc.start"]}}
-[drives]
-main = {{speed = "60 rpm", cycle = "360 deg"}}
-[solve]
-preset = "linear"
-start = "periodic"
+bodies.flange = {{mass = 1, inertia = [0.1, 0.1, 0.1]}}
+bodies.shaft = {{length = {LENGTH}, {_SHAFT}}}
+bodies.disc = {{mass = {MASS}, inertia = [{POLAR}, {TILTING}, {TILTING}]}}
+joints.main = {{revolute = ["ground", "flange.start"], axis = [1, 0, 0]}}
+joints.clamp = {{weld = ["flange.start", "shaft.start"]}}
+joints.hub = {{weld = ["shaft.end", "disc.start"]}}
+drives.main = {{speed = "60 rpm", cycle = "360 deg"}}
+solve = {{preset = "linear", start = "periodic"}}
 """
 JEFFCOTT = ONE_DISC.replace(f"shaft = {{length = {LENGTH}", f"left = {{length = {LENGTH / 2}")
 JEFFCOTT = JEFFCOTT.replace(f"[{POLAR}, {TILTING}, {TILTING}]", "[2e-3, 1e-3, 1e-3]")
-JEFFCOTT = JEFFCOTT.replace("[joints]", f"""right = {{like = "left"}}
-[ground]
-bearing = [{LENGTH}, 0, 0]
-[joints]""").replace("shaft", "left").replace("[drives]", """other = {weld = ["disc.start", "right.start"]}
-bearing = {cylindrical = ["ground.bearing", "right.end"], axis = [1, 0, 0]}
-[drives]""")  # fmt: skip
+JEFFCOTT = JEFFCOTT.replace("shaft", "left") + f"""
+ground.bearing = [{LENGTH}, 0, 0]
+bodies.right.like = "left"
+joints.other = {{weld = ["disc.start", "right.start"]}}
+joints.bearing = {{cylindrical = ["ground.bearing", "right.end"], axis = [1, 0, 0]}}
+"""
 FLAT = ONE_DISC.replace(f"{{circle = {DIAMETER}}}", "{rectangle = [0.012, 0.008]}")
 
 

@@ -110,8 +110,7 @@ def compiled_c(task: Task, folder: Path, compiler: str) -> Candidate:
     rest = (pointer(task.values), varied, arguments, results, pointer(work))
     return Candidate(
         "CasADi, its C", _of_buffer(task, external), lambda: one.trigger(),
-        lambda n: loop.many(ctypes.c_long(n), *rest),
-        "zeros not stored",
+        lambda n: loop.many(ctypes.c_long(n), *rest), "zeros not stored",
     )  # fmt: skip
 
 

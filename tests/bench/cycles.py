@@ -10,10 +10,9 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row
+from kaneflex import load, read_scene, with_settings
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import Orbit, periodic_orbit
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
 from kaneflex.solve.one_way_run import run_of
 
 ABOUT = """\

@@ -14,11 +14,9 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row
-from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex import Scene, SceneError, load, read_scene, with_settings
 from kaneflex.solve.curves import Curves, Resolution
-from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve as solved
-from kaneflex.support.errors import SceneError
 from kaneflex_peers import exudyn
 
 TITLE = "Whole runs against Exudyn"
@@ -58,9 +56,7 @@ class Race:
 _NAMED = {"solve.preset=coupled": "coupled", "solve.start=periodic": "its periodic motion"}
 _ENGINE = (180, 360, 720, 1440, 2880, 5760)
 RACES = (
-    Race(
-        "engine", ("solve.start=periodic",), "rod", "mid_transverse", _ENGINE, 11520, recorded=90,
-    ),
+    Race("engine", ("solve.start=periodic",), "rod", "mid_transverse", _ENGINE, 11520, recorded=90),
     Race("engine", ("solve.start=zero",), "rod", "mid_transverse", _ENGINE, 11520),
     Race(
         "engine", ("solve.start=zero", "solve.preset=coupled", "solve.modes=3"), "rod", "mid_transverse",
@@ -98,10 +94,7 @@ def raced(race: Race, scene: Scene, solvers: dict[str, Solver]) -> Iterator[Row]
     """Both programs at the coarsest resolution that is within the error, in turn."""
     chosen = {program: coarsest(race, program, solve) for program, solve in solvers.items()}
     timed = interleave(
-        {
-            program: lambda solve=solve, at=chosen[program][:2]: solve(*at).seconds
-            for program, solve in solvers.items()
-        },
+        {program: lambda solve=solve, at=chosen[program][:2]: solve(*at).seconds for program, solve in solvers.items()},
         ROUNDS,
     )  # fmt: skip
     apart = error(race.sensor, chosen["kaneflex"][3], chosen["Exudyn"][3])

@@ -6,19 +6,15 @@ Timed is solving alone, without compiling, building or reading of sensors.
 from __future__ import annotations
 
 import math
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from bench.interleave import Timed, interleave
 from bench.rows import Row, Target
-from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
+from kaneflex import Model, load, scene_of, with_settings
 from kaneflex.solve.simulation import solve
 
 TITLE = "Impacts"
@@ -33,47 +29,28 @@ BALL = """
 schema = 1
 description = "A ball that bounces on the floor"
 gravity = [0, "-9.81 m/s^2"]
-[bodies]
-ball = {mass = "1 kg"}
-[joints]
-fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-[drives]
-fall = {free = true, position = "1 mm"}
-[contacts.floor]
-point_on_line = ["ball", "ground"]
-normal = [0, 1]
-contact = CONTACT
-[sensors]
-height = {position = "fall", component = "x"}
-[solve]
-preset = "coupled"
-duration = "60 s"
-steps = 10
+bodies.ball.mass = "1 kg"
+joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
+drives.fall = {free = true, position = "1 mm"}
+contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = CONTACT}
+sensors.height = {position = "fall", component = "x"}
+solve = {preset = "coupled", duration = "60 s", steps = 10}
 """
 CRANK = """
 schema = 1
 description = "A slider-crank with room in its wrist pin"
-[bodies]
-crank = {length = "50 mm", mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-rod = {length = "120 mm", mass = "68 g", inertia = "8.2e-5 kg m^2", centre = ["60 mm", 0]}
-piston = {mass = "0.14 kg"}
-[joints]
-main = {revolute = ["ground", "crank"]}
-pin = {revolute = ["crank.end", "rod"]}
-bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-[joints.wrist]
-revolute = ["rod.end", "piston"]
-clearance = {radial = "0.2 mm", contact = CONTACT}
-[drives]
-main = {speed = "3000 rpm"}
-pin = {free = true, initial_speed = "-4250 rpm"}
-bore = {free = true, position = "170 mm"}
-[sensors]
-slide = {position = "bore", component = "x"}
-[solve]
-preset = "coupled"
-duration = "0.2 s"
-steps = 20
+bodies.crank = {length = "50 mm", mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+bodies.rod = {length = "120 mm", mass = "68 g", inertia = "8.2e-5 kg m^2", centre = ["60 mm", 0]}
+bodies.piston.mass = "0.14 kg"
+joints.main = {revolute = ["ground", "crank"]}
+joints.pin = {revolute = ["crank.end", "rod"]}
+joints.bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
+joints.wrist = {revolute = ["rod.end", "piston"], clearance = {radial = "0.2 mm", contact = CONTACT}}
+drives.main = {speed = "3000 rpm"}
+drives.pin = {free = true, initial_speed = "-4250 rpm"}
+drives.bore = {free = true, position = "170 mm"}
+sensors.slide = {position = "bore", component = "x"}
+solve = {preset = "coupled", duration = "0.2 s", steps = 20}
 """
 NEWTON, HERTZ = Target(reach=10e-6, dream=5e-6), Target(reach=100e-6, dream=50e-6)
 CASES = {
@@ -115,10 +92,7 @@ def rows() -> Iterator[Row]:
 @cache
 def made(text: str, *settings: str) -> Model:
     """The model of a scene's text."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.toml"
-        path.write_text(text, encoding="utf-8")
-        return load(with_settings(read_scene(path), list(settings)))
+    return load(with_settings(scene_of(text), list(settings)))
 
 
 def an_impact(text: str) -> tuple[Timed, int]:

@@ -15,13 +15,11 @@ from scipy.optimize import OptimizeResult
 
 from bench.interleave import interleave
 from bench.rows import Row
+from kaneflex import Model, load, read_scene, with_settings
 from kaneflex.derive.generate import derive_equations
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.integrate.run import Run, integrate
-from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.structure import structure_of
-from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
 ABOUT = """\

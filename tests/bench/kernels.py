@@ -68,9 +68,7 @@ def rows(rounds: int = ROUNDS, budget: float = BUDGET) -> Iterator[Row]:
         yield from in_space(spatial_peers.library(folder, compiler), rounds, budget)
 
 
-def candidates_of(
-    task: Task, folder: Path, compiler: str, hand: ctypes.CDLL
-) -> tuple[list[Candidate], list[Row]]:
+def candidates_of(task: Task, folder: Path, compiler: str, hand: ctypes.CDLL) -> tuple[list[Candidate], list[Row]]:
     """Hand-written C first, kaneflex second; and a row for each peer that is not installed."""
     found, missing = [peers.hand_written(task, hand), peers.generated_kernels(task)], []
     makers: dict[str, Callable[[], Candidate]] = {
@@ -132,10 +130,7 @@ def called(task: Task, candidates: list[Candidate], pace: Pace) -> Iterator[Row]
 
 
 def compared(
-    task: str,
-    race: Race,
-    notes: Mapping[str, str],
-    targets: Mapping[str, Target] | None = None,
+    task: str, race: Race, notes: Mapping[str, str], targets: Mapping[str, Target] | None = None,
     ratio: Ratio = Race.ratio,
 ) -> Iterator[Row]:
     """A row each, the ratios to the first."""

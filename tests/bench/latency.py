@@ -92,9 +92,7 @@ def cold(folder: Path, tools: Path, task: str, scenes: Mapping[str, float]) -> I
         yield first_run(folder, tools, task, scene, [scene], Target(most))
 
 
-def first_run(
-    folder: Path, tools: Path, task: str, name: str, arguments: Sequence[str], target: Target | None
-) -> Row:
+def first_run(folder: Path, tools: Path, task: str, name: str, arguments: Sequence[str], target: Target | None) -> Row:
     for cache in CACHES.values():
         shutil.rmtree(folder / cache, ignore_errors=True)
     command = [tools / "kaneflex", "run", *arguments, "--no-plots", "--force", "-o", folder / "results"]

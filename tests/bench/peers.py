@@ -41,9 +41,7 @@ class Candidate:
 
 def zeros(task: Task) -> Outputs:
     """Arrays for a task's matrices; a column is flat."""
-    return {
-        name: np.zeros(matrix.rows if matrix.cols == 1 else matrix.shape) for name, matrix in task.matrices.items()
-    }
+    return {name: np.zeros(matrix.rows if matrix.cols == 1 else matrix.shape) for name, matrix in task.matrices.items()}
 
 
 def _filled(task: Task, evaluate: Callable[..., object]) -> Callable[[int], Outputs]:
@@ -92,8 +90,7 @@ def generated_kernels(task: Task) -> Candidate:
     if task.name == "beam element":
         return Candidate(
             "kaneflex", _filled(task, _element), lambda: _element(*inputs, *out),
-            lambda n: _element_many(n, task.values, *inputs, *out),
-            "zeros not stored",
+            lambda n: _element_many(n, task.values, *inputs, *out), "zeros not stored",
         )  # fmt: skip
     (_, p), (s,) = inputs, out
     return Candidate(
@@ -195,9 +192,7 @@ def pydy_cython(task: Task, folder: Path) -> Candidate:
             arrays = (arrays,)
         return dict(zip(task.matrices, arrays, strict=True))
 
-    return Candidate(
-        "PyDy, Cython", outputs, lambda: evaluate(*inputs, *flat), None, "dense arrays"
-    )  # fmt: skip
+    return Candidate("PyDy, Cython", outputs, lambda: evaluate(*inputs, *flat), None, "dense arrays")
 
 
 @contextmanager

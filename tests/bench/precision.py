@@ -8,8 +8,7 @@ from dataclasses import replace
 from bench.exudyn_runs import RACES, Race, by_exudyn, by_kaneflex, error, scene_of
 from bench.interleave import interleave
 from bench.rows import Row
-from kaneflex.scene import with_settings
-from kaneflex.support.errors import SceneError
+from kaneflex import SceneError, with_settings
 from kaneflex_peers import exudyn
 
 TITLE = "Work over precision"

@@ -15,11 +15,8 @@ from scipy.linalg import solve_banded
 from bench.interleave import interleave
 from bench.ivp_runs import SETTINGS, Case, seconds
 from bench.rows import Row
+from kaneflex import Model, compare, load, read_scene, with_settings
 from kaneflex.integrate.run import Run, integrate
-from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import read_scene, with_settings
-from kaneflex.solve.loading import load
-from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
 ABOUT = """\

@@ -13,12 +13,9 @@ from pathlib import Path
 from bench import cycles
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
-from kaneflex.study.cluster import on_cluster
+from kaneflex import in_processes, load, on_cluster, simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.sweep import Solver, in_this_process
-from kaneflex.study.workers import in_processes
 
 TITLE = "Sweeps"
 ABOUT = f"""\

@@ -74,8 +74,7 @@ def element_task() -> Task:
         (tuple(symbol for _, symbol, *_ in element.parameters), tuple(symbol for _, symbol, *_ in element.scalars)),
         matrices,
         (generator.uniform(0.5, 2.0, len(element.parameters)), generator.uniform(0.5, 2.0, len(element.scalars))),
-        ((0, [name for name, *_ in element.parameters].index("length")), (1, 0)),
-        np.linspace(0.5, 2.0, SAMPLES),
+        ((0, [name for name, *_ in element.parameters].index("length")), (1, 0)), np.linspace(0.5, 2.0, SAMPLES),
     )
 
 
@@ -88,10 +87,7 @@ def motion_task() -> Task:
         known[symbol] = expression.xreplace(known)
     numbers = bind_parameters(read_scene("slider-crank-150"), slider_crank_150)[: len(parameters)]
     return Task(
-        "slider-crank",
-        ((program.inputs[0],), parameters),
+        "slider-crank", ((program.inputs[0],), parameters),
         {"s": sm.Matrix([sm.sympify(expression).xreplace(known) for _, expression in program.outputs])},
-        (np.zeros(1), numbers.copy()),
-        ((0, 0),),
-        np.linspace(0.0, 0.04, SAMPLES),
+        (np.zeros(1), numbers.copy()), ((0, 0),), np.linspace(0.0, 0.04, SAMPLES),
     )

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kaneflex.scene import Scene
+from kaneflex import Scene, SceneError
 from kaneflex.scene.options import Options
 from kaneflex.scene.start import Start
-from kaneflex.support.errors import Problem, SceneError
+from kaneflex.support.errors import Problem
 
 _LEFT_OF_TRANSIENT = 1e-4
 """Share of the initial free vibration that may remain in a periodic cycle."""

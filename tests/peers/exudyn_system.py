@@ -139,9 +139,7 @@ class _Builder:
     def _point_mass(self, at: Address, mass: float) -> None:
         """Add a mass point pinned to an elastic link."""
         place, velocity = self._state(at.body, *self.scene.point(at))
-        node = self.system.AddNode(
-            self.items.NodePoint2D(referenceCoordinates=[*place], initialVelocities=[*velocity])
-        )
+        node = self.system.AddNode(self.items.NodePoint2D(referenceCoordinates=[*place], initialVelocities=[*velocity]))
         body = self.system.AddObject(self.items.ObjectMassPoint2D(mass=mass, nodeNumber=node))
         marker = self.system.AddMarker(self.items.MarkerNodePosition(nodeNumber=node))
         self.system.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=[self._marker(at), marker]))
