@@ -16,7 +16,7 @@ from numba.types import CPointer, float64
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly, Square
 from kaneflex.support.atomic_output import LONGEST_STEM
-from kaneflex.support.c_language import RESERVED
+from kaneflex.support.c_language import RESERVED, header_text
 from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
 from kaneflex.support.escaping import ascii_identifier, c_comment, c_inline
 
@@ -42,10 +42,8 @@ def generate_c(module: Any, name: str) -> dict[str, str]:
             arguments = ", ".join(printer.declared(kind, each) for each, kind in kinds.items())
             heads.append(f"{c_comment(getdoc(function.py_func) or '')}\nvoid {called}({arguments});\n")
     about = c_comment(_about(module))
-    head = _HEADER.format(
-        about=about, guard=f"{name.upper()}_H", tables="\n".join(_tables(module, name.upper())),
-        kernels="\n".join(heads),
-    )  # fmt: skip
+    tables = "\n".join(_tables(module, name.upper()))
+    head = header_text(name, about, "\n".join([tables, "", *heads]))
     return {f"{name}.h": head, f"{name}.c": _SOURCE.format(about=about, name=name, text=printer.text())}
 
 
@@ -111,23 +109,6 @@ def _about(module: Any) -> str:
     return "\n".join([*lines, "", "Kernels check nothing, and allocate nothing."])
 
 
-_HEADER = """{about}
-#ifndef {guard}
-#define {guard}
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-{tables}
-
-{kernels}
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
-"""
 _SOURCE = """{about}
 #include "{name}.h"
 

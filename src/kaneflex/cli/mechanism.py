@@ -272,7 +272,7 @@ def equations(asked: SceneArguments, output: Path | None, force: bool) -> None:
 )  # fmt: skip
 @click.option(
     "--standalone", is_flag=True,
-    help="Write the whole model (matrices, modes, sensors) into one file that needs only numpy and numba.",
+    help="Write the whole model (matrices, modes, sensors) into one file that needs only numpy.",
 )  # fmt: skip
 @click.option(
     "--tolerance", metavar="SHARE", help="Write only the terms that `kaneflex run --tolerance` keeps, like 1%."

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
+from kaneflex.export.c_text import RUN, Arrays, array_in_c, cmake_text, number_in_c, shared_texts, structure_in_c
 from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.multibody.model.bound_model import Model
@@ -20,8 +19,9 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
 from kaneflex.solve.simulation import solve
+from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError
-from kaneflex.support.escaping import c_inline, c_literal
+from kaneflex.support.escaping import c_comment, c_inline, c_literal
 
 _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
 _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"
@@ -95,7 +95,7 @@ def c_model(
         declared = _DECLARED.format(name=name, NAME=name.upper(), sizes=sizes, **fields)
         sources += [_SHARED[1]]
         texts |= shared_texts(_SHARED)
-        texts[f"{name}_run.c"] = _RUN.format(name=name, NAME=name.upper(), steps=model.options.steps)
+        texts[f"{name}_run.c"] = _run_text(model, name)
     if scene.is_spatial:
         progress("harmonics of the motion")
         needed = sorted(_needed(model, readings))
@@ -103,8 +103,10 @@ def c_model(
         sources += [_IN_SPACE[1]]
     else:
         texts |= generate_c(model.module, name)
-    include = f'#include "{_SHARED[0]}"\n' if readings else ""
-    texts[f"{name}_data.h"] = _DATA_H.format(name=name, NAME=name.upper(), include=include, declared=declared)
+    include = f'#include "{name}.h"\n' + f'#include "{_SHARED[0]}"\n' * (readings is not None)
+    declared = f"{_NUMBERS.format(name=name, NAME=name.upper())}{declared}"
+    about = "/* The numbers of the scene [SI]. */"
+    texts[f"{name}_data.h"] = header_text(f"{name}_data", about, declared, f"{include}\n")
     texts[f"{name}_data.c"] = f'#include "{name}_data.h"\n\n' + "\n".join(data)
     texts["CMakeLists.txt"] = cmake_text(name, sources, f"{name}_run.c" in texts)
     return CModel(name, model, texts, readings, start)
@@ -147,42 +149,29 @@ def _motion(found: Harmonics, by_loads: Mapping[int, Harmonics], model: Model, n
     rows = [(scalar, f"{scalar} [{unit}]: {meaning}{'' if scalar in series else '; not computed'}")
             for scalar, unit, meaning in module.SCALARS]  # fmt: skip
     p = [(path, f"{path} [{unit}]") for path, unit in module.PARAMETERS]
-    texts, added = list(_series(found, f"{name}_series")), list[str]()
+    texts, added = _series(found, f"{name}_series"), list[str]()
     for place, each in by_loads.items():
         texts += _series(each, f"{name}_load_{place}")
-        value = _number(model.motion.parameters[place])
+        value = number_in_c(model.motion.parameters[place])
         added.append(f"    kaneflex_add(&{name}_load_{place}, p[{place}] - {value}, t, s);\n")
-    fields = {"name": name, "NAME": NAME, "harmonics": found.count, "error": f"{found.error:.0e}"}
+    fields = {"name": name, "harmonics": found.count, "error": f"{found.error:.0e}"}
     tables = f"{places(f'{NAME}_P', p, f'{NAME}_PARAMETERS')}\n\n{places(f'{NAME}_S', rows, f'{NAME}_SCALARS')}"
-    head = _MOTION_H.format(tables=tables, **fields)
+    motion = f"/* s at time t [s]. */\nvoid {name}_motion(double t, const double p[], double s[]);"
+    head = header_text(name, c_comment(_MOTION_H.format(**fields)), f"{tables}\n\n{motion}")
     unread = "" if added else "    (void)p;\n"
     source = _MOTION_C.format(series="\n".join(texts), added="".join(added), unread=unread, **fields)
     return {f"{name}.h": head, f"{name}.c": source} | shared_texts(_IN_SPACE)
 
 
-def _series(found: Harmonics, name: str) -> Iterator[str]:
+def _series(found: Harmonics, name: str) -> list[str]:
     """Definitions of the arrays of Fourier series and of their structure."""
-    arrays: dict[str, tuple[str, Iterable[object]]] = {
+    arrays: Arrays = {
         "places": ("size_t", found.columns),
         "drifts": ("double", found.drifts),
         "numbers": ("double", found.numbers.ravel()),
     }
-    for key, (kind, values) in arrays.items():
-        yield array_in_c(kind, f"{name}_{key}", values)
-    held = ", ".join(f"{name}_{key}" for key in arrays)
-    yield (f"static const kaneflex_series {name} = {{\n    {_number(found.period)}, {len(found.columns)}, "
-           f"{found.count},\n    {held}\n}};\n")  # fmt: skip
-
-
-def cmake_text(name: str, sources: Iterable[str], runs: bool) -> str:
-    """CMake file for a library of the sources, and for NAME_run.c if there is one."""
-    program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if runs else ""
-    return _CMAKE.format(name=name, sources=" ".join(sources), program=program)
-
-
-def shared_texts(names: Iterable[str]) -> dict[str, str]:
-    """C files that are the same for every scene."""
-    return {name: (files("kaneflex.export") / name).read_text(encoding="utf-8") for name in names}
+    first = f"{number_in_c(found.period)}, {len(found.columns)}, {found.count}"
+    return structure_in_c("kaneflex_series", name, name, first, arrays, "static ")
 
 
 def method_in_c(model: Model) -> Method:
@@ -202,7 +191,7 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
     nodes = (*method.nodes[1:], 1.0)[: max(method.stages, 1)]
     places = [sorted(model.motion.column[each] for each in monomial) for monomial in model.monomials]
     ends, what, constants = system.sums
-    arrays: dict[str, tuple[str, Iterable[object]]] = {
+    arrays: Arrays = {
         "product_ends": ("size_t", np.cumsum([len(each) for each in places])),
         "factors": ("size_t", [place for each in places for place in each]),
         "sum_ends": ("size_t", ends[1:]),
@@ -214,14 +203,11 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
         "v_0": ("double", begun.v[0]),
         "coordinates": ("char *const", map(c_literal, model.reduced.coordinates)),
     }
-    texts = [array_in_c(kind, f"{name}_{key}", values) for key, (kind, values) in arrays.items()]
-    sizes = (system.n, system.half_bandwidth, len(model.motion.column), len(places), max(method.stages, 1))
+    sizes = ", ".join(map(str, (system.n, system.half_bandwidth, len(model.motion.column), len(places), len(nodes))))
     period = model.options.steps if model.options.cycles else 0
-    held = ", ".join(f"{name}_{key}" for key in arrays)
-    numbers = f"{', '.join(map(str, sizes))}, {period}, {_number(model.step)}"
-    numbers = f"    {numbers}, {name}_motion, {name}_p,\n    {held}\n"
-    texts.append(f"const kaneflex_linear {name}_linear = {{\n{numbers}}};\n")
-    return texts, ", ".join(map(str, sizes)), (tuple(begun.z[0].tolist()), tuple(begun.v[0].tolist()))
+    first = f"{sizes}, {period}, {number_in_c(model.step)}, {name}_motion, {name}_p"
+    texts = structure_in_c("kaneflex_linear", f"{name}_linear", name, first, arrays)
+    return texts, sizes, (tuple(begun.z[0].tolist()), tuple(begun.v[0].tolist()))
 
 
 def unread(readings: Readings, model: Model) -> list[str]:
@@ -231,62 +217,40 @@ def unread(readings: Readings, model: Model) -> list[str]:
 
 def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], dict[str, object]]:
     """Texts of the sensors' arrays and of their structure, and the declared sizes."""
-    arrays: dict[str, tuple[str, Iterable[object]]] = {
+    arrays: Arrays = {
         "stages": ("size_t", readings.stages.ravel()),
         "ends": ("size_t", readings.ends),
         "pairs": ("size_t", readings.pairs.ravel()),
         "constants": ("double", readings.constants),
         "sensors": ("char *const", map(c_literal, readings.sensors)),
     }
-    texts = [array_in_c(kind, f"{name}_read_{key}", values) for key, (kind, values) in arrays.items()]
     memory = max(rows * (n + 1) + n * n for _, rows, n in readings.stages.tolist())  # x and y fit in n * n
-    count, held = len(readings.sensors), ", ".join(f"{name}_read_{key}" for key in arrays)
-    numbers = f"    {count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1},\n    {held}\n"
+    count = len(readings.sensors)
+    first = f"{count}, {readings.given}, {readings.count}, {memory}, {len(readings.stages) - 1}"
+    texts = structure_in_c("kaneflex_readings", f"{name}_readings", f"{name}_read", first, arrays)
     missing = ", ".join(unread(readings, model))
     sizes = {"sensors": count, "values": readings.count, "memory": max(memory, 1)}
-    fields = {"left": missing and c_inline(f" Not {missing}."), **sizes}
-    return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], fields
+    return texts, {"left": missing and c_inline(f" Not {missing}."), **sizes}
 
 
-def array_in_c(kind: str, name: str, values: Iterable[Any], scope: str = "static ") -> str:
-    """Definition of an array of numbers or texts, eight in a line; C has no empty arrays."""
-    text: Callable[[Any], str] = _number if kind == "double" else str if kind == "char *const" else _whole
-    found = [text(value) for value in values] or ["0"]
-    lines = "".join(f"    {', '.join(found[k : k + 8])},\n" for k in range(0, len(found), 8))
-    return f"{scope}const {kind} {name}[] = {{\n{lines}}};\n"
+def _run_text(model: Model, name: str) -> str:
+    NAME, linear, readings = name.upper(), f"{name}_linear", f"{name}_readings"
+    return RUN.format(
+        about="coordinates [m; rad where a name ends in theta or phi], sensors [SI]", header=f"{name}_data.h",
+        memory=f"static double memory[{NAME}_MEMORY], values[{NAME}_VALUES], more[{NAME}_READING_MEMORY];\n"
+        f"static double read[{NAME}_SENSORS + 1];",
+        begin=f"kaneflex_state state;\n    int ended = kaneflex_start(&state, &{linear}, memory);",
+        first=f"{linear}.n, {linear}.coordinates", first_values="state.z", steps=model.options.steps,
+        second=f"{readings}.count, {readings}.names", second_values="read", time="kaneflex_time(&state)",
+        read=f"ended = kaneflex_read(&state, &{readings}, values, more, read)", advance="kaneflex_step(&state)",
+        message='ended == KANEFLEX_SINGULAR ? "a matrix is singular" : "the motion is not finite"',
+    )  # fmt: skip
 
 
-def _whole(value: Any) -> str:
-    return str(int(value))
+_MOTION_H = """The rigid motion of a mechanism in space, by kaneflex. Do not edit.
 
-
-def _number(value: float) -> str:
-    text = repr(float(value))
-    return {"inf": "INFINITY", "-inf": "-INFINITY", "nan": "NAN"}.get(text, text)
-
-
-_MOTION_H = """/* The rigid motion of a mechanism in space, by kaneflex. Do not edit.
- *
- * Its scalars are Fourier series of {harmonics} harmonics of the cycle, with an error of {error} of their peaks.
- * Of the numbers p it reads the values of constant loads; the others are part of the series. */
-#ifndef {NAME}_H
-#define {NAME}_H
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-{tables}
-
-/* s at time t [s]. */
-void {name}_motion(double t, const double p[], double s[]);
-
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
-"""
+Its scalars are Fourier series of {harmonics} harmonics of the cycle, with an error of {error} of their peaks.
+Of the numbers p it reads the values of constant loads; the others are part of the series."""
 _MOTION_C = """#include "{name}.h"
 #include "kaneflex_series.h"
 
@@ -296,24 +260,8 @@ void {name}_motion(double t, const double p[], double s[])
 {unread}    kaneflex_repeat(&{name}_series, t, s);
 {added}}}
 """
-_DATA_H = """/* The numbers of the scene [SI]. */
-#ifndef {NAME}_DATA_H
-#define {NAME}_DATA_H
-
-#include "{name}.h"
-{include}
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-/* {NAME}_PARAMETERS numbers, then the blocks of the tables. */
+_NUMBERS = """/* {NAME}_PARAMETERS numbers, then the blocks of the tables. */
 extern const double {name}_p[];
-{declared}
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
 """
 _DECLARED = """
 /* The linear equations and the initial state of the scene's run. */
@@ -324,57 +272,3 @@ extern const kaneflex_linear {name}_linear;
 extern const kaneflex_readings {name}_readings;
 enum {{ {NAME}_SENSORS = {sensors}, {NAME}_VALUES = {values}, {NAME}_READING_MEMORY = {memory} }};
 """
-_RUN = """/* Writes one run as CSV: time [s], coordinates [m; rad where a name ends in theta or phi], sensors [SI]. */
-#include "{name}_data.h"
-
-#include <stdio.h>
-
-static double memory[{NAME}_MEMORY], values[{NAME}_VALUES], more[{NAME}_READING_MEMORY];
-static double read[{NAME}_SENSORS + 1];
-
-int main(void)
-{{
-    const kaneflex_linear *model = &{name}_linear;
-    const kaneflex_readings *readings = &{name}_readings;
-    kaneflex_state state;
-    int ended = kaneflex_start(&state, model, memory);
-    printf("time");
-    for (size_t i = 0; i < model->n; i++)
-        printf(",\\"%s\\"", model->coordinates[i]);
-    for (size_t i = 0; i < readings->count; i++)
-        printf(",\\"%s\\"", readings->names[i]);
-    printf("\\n");
-    for (int step = 0; !ended && step <= {steps}; step++) {{
-        ended = kaneflex_read(&state, readings, values, more, read);
-        printf("%.17g", kaneflex_time(&state));
-        for (size_t i = 0; i < model->n; i++)
-            printf(",%.17g", state.z[i]);
-        for (size_t i = 0; i < readings->count; i++)
-            printf(",%.17g", read[i]);
-        printf("\\n");
-        if (!ended && step < {steps})
-            ended = kaneflex_step(&state);
-    }}
-    if (ended)
-        fprintf(stderr, "stopped at t = %.9g s: %s\\n", kaneflex_time(&state),
-                ended == KANEFLEX_SINGULAR ? "a matrix is singular" : "the motion is not finite");
-    return ended;
-}}
-"""
-_CMAKE = """cmake_minimum_required(VERSION 3.10)
-project({name} C)
-set(CMAKE_C_STANDARD 11)
-set(CMAKE_C_STANDARD_REQUIRED ON)
-set(CMAKE_C_EXTENSIONS OFF)
-if(NOT CMAKE_BUILD_TYPE)
-  set(CMAKE_BUILD_TYPE Release)
-endif()
-add_library({name} STATIC {sources})
-target_include_directories({name} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
-if(CMAKE_C_COMPILER_ID STREQUAL "GNU")  # products of complex numbers without a search for infinities, roots inline
-  target_compile_options({name} PRIVATE -fcx-limited-range -fno-math-errno)
-endif()
-if(UNIX)
-  target_link_libraries({name} PUBLIC m)
-endif()
-{program}"""

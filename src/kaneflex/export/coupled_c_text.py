@@ -7,17 +7,7 @@ ABOUT = {
     "its motion; states are independent of each other. No memory is allocated.",
     "about_source": "the engine's functions, as compiled by numba, and the numbers.",
 }
-HEADER = """{about_header}
-#ifndef {NAME}_H
-#define {NAME}_H
-
-#include <stdint.h>
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-enum {{
+HEADER = """enum {{
 {enumerated}
 }};
 
@@ -41,19 +31,14 @@ void {name}_start({name}_state *state);
 double {name}_time(const {name}_state *state);
 
 {declared}
-/* Integrate until an instant [s] with error-controlled steps of the scene's tolerance. Returns the outcome. The
- * independent coordinates stay the same: the run ends if a loop comes near a dead centre of these. */
+/* Integrate until an instant [s] with error-controlled steps of the scene's tolerance. Returns the outcome. In the
+ * plane, and in space if a body has no inertia of its own, the independent coordinates stay the same: the run ends if
+ * a loop comes near a dead centre of these. */
 int {name}_run({name}_state *state, double until);
 
 /* Coordinates of the bodies, their rates and accelerations, and forces of joints and drives at the current time.
  * Statically indeterminate forces are NaN. */
 void {name}_motion({name}_state *state, double q[], double v[], double a[], double forces[]);
-
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
 """
 SOURCE = """{about_source}
 #include "{name}.h"
@@ -117,44 +102,18 @@ void {name}_motion({name}_state *state, double q[], double v[], double a[], doub
     const mechanism m = {name}_handed(state);
 {moved}}}
 """
-RUN = """/* Writes a run as CSV: time [s], coordinates of the bodies [m, rad], forces of joints and drives [N, N m]. */
-#include "{name}.h"
-
-#include <stdio.h>
-
-static {name}_state state;
-
-int main(void)
-{{
-    static double q[{NAME}_COORDINATES], v[{NAME}_{rates}], a[{NAME}_{rates}], forces[{NAME}_FORCES + 1];
-    int ended = {NAME}_DONE;
-    {name}_start(&state);
-    printf("time");
-    for (int k = 0; k < {NAME}_COORDINATES; k++)
-        printf(",\\"%s\\"", {name}_coordinate_names[k]);
-    for (int k = 0; k < {NAME}_FORCES; k++)
-        printf(",\\"%s\\"", {name}_force_names[k]);
-    printf("\\n");
-    for (int step = 0; step <= {steps}; step++) {{
-        if (step > 0)
-            ended = {name}_run(&state, {step} * step);
-        if (ended != {NAME}_DONE)
-            break;
-        {name}_motion(&state, q, v, a, forces);
-        printf("%.17g", {name}_time(&state));
-        for (int k = 0; k < {NAME}_COORDINATES; k++)
-            printf(",%.17g", q[k]);
-        for (int k = 0; k < {NAME}_FORCES; k++)
-            printf(",%.17g", forces[k]);
-        printf("\\n");
-    }}
-    if (ended != {NAME}_DONE)
-        fprintf(stderr, "stopped at t = %.9g s: %s\\n", {name}_time(&state),
-                ended == {NAME}_SINGULAR ? "a singular state"
-                : ended == {NAME}_TURNED ? "near a dead centre of the independent coordinates" : "the step is zero");
-    return ended;
-}}
-"""
+RUN_PARTS = {
+    "about": "coordinates of the bodies [m, rad], forces of joints and drives [N, N m]", "header": "{name}.h",
+    "memory": "static {name}_state state;\nstatic double q[{NAME}_COORDINATES], v[{NAME}_{rates}], a[{NAME}_{rates}], "
+    "forces[{NAME}_FORCES + 1];",
+    "begin": "int ended = {NAME}_DONE;\n    {name}_start(&state);", "advance": "{name}_run(&state, {step} * step)",
+    "first": "{NAME}_COORDINATES, {name}_coordinate_names", "first_values": "q", "time": "{name}_time(&state)",
+    "second": "{NAME}_FORCES, {name}_force_names", "second_values": "forces",
+    "read": "{name}_motion(&state, q, v, a, forces)",
+    "message": 'ended == {NAME}_SINGULAR ? "a singular state"\n                : '
+    'ended == {NAME}_TURNED ? "near a dead centre of the independent coordinates" : "the step is zero"',
+}  # fmt: skip
+"""Parts of the program that writes a run."""
 
 _PLANE = {
     "rates": "COORDINATES", "stored": "", "begun": "",

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.export.c_model import array_in_c, cmake_text
-from kaneflex.export.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN, SAID, SOURCE
+from kaneflex.export.c_text import RUN, array_in_c, cmake_text
+from kaneflex.export.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN_PARTS, SAID, SOURCE
 from kaneflex.multibody.compile.library import ENTRIES
 from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
@@ -20,6 +20,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_start import Begun, begun
 from kaneflex.solve.loading import load
 from kaneflex.solve.one_way import one_way_cure
+from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import c_comment, c_literal
 
@@ -64,7 +65,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     arrays, numbers = _arrays(engine, name, printer)
     sizes = _sizes(start, numbers)
     given = {
-        "name": name, "NAME": name.upper(), "steps": model.options.steps, "step": repr(model.step), "most": _STEPS,
+        "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS,
         "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped, "free": sizes["FREE"],
         "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
         "SINGULAR": collocation.SINGULAR, "DAMPED": load_derivatives.DAMPED, "integrator": start.integrator,
@@ -76,10 +77,11 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         "data": "\n".join(_data(start, numbers, name)),
         "enumerated": _enumerated(sizes, SAID[engine.handed.d], name.upper()),
     }  # fmt: skip
+    run = {key: text.format(**given) for key, text in RUN_PARTS.items()}
     return {
-        f"{name}.h": HEADER.format(**given),
+        f"{name}.h": header_text(name, given["about_header"], HEADER.format(**given), "#include <stdint.h>\n\n"),
         f"{name}.c": SOURCE.format(**given),
-        f"{name}_run.c": RUN.format(**given),
+        f"{name}_run.c": RUN.format(**run, steps=model.options.steps),
         "CMakeLists.txt": cmake_text(name, [f"{name}.c"], runs=True),
     }
 

@@ -15,12 +15,14 @@ import subprocess
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from kaneflex.export.c_model import CModel, array_in_c, c_model, shared_texts, unread
+from kaneflex.export.c_model import CModel, c_model, unread
+from kaneflex.export.c_text import Arrays, shared_texts, structure_in_c
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.read import SceneLike, scene_from
@@ -61,7 +63,6 @@ class Fmu:
     outputs: tuple[str, ...]
     unread: tuple[str, ...]
     inputs: tuple[str, ...]
-
 
     def __repr__(self) -> str:
         return f"Fmu({len(self.outputs)} outputs, {len(self.inputs)} inputs, {len(self.content)} bytes)"
@@ -123,8 +124,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     texts[f"{name}_fmu.c"] = _described(made, token)
     sources = sorted(key for key in texts if key.endswith(".c"))
     files = {f"sources/{key}": text.encode() for key, text in texts.items()}
-    about = made, token, variables
-    files["modelDescription.xml"] = _xml(_description_2(*about, sources) if version == "2" else _description_3(*about))
+    files["modelDescription.xml"] = _xml(_description(made, token, variables, sources if version == "2" else None))
     if version == "3":
         files["sources/buildDescription.xml"] = _xml(_build_description(name, sources))
     progress("compiling")
@@ -180,135 +180,104 @@ def _variables(made: CModel) -> list[Variable]:
 
 def _described(made: CModel, token: str) -> str:
     """C source that connects the model with the shared functions."""
-    name, settable, numbers = made.name, list(_settable(made.model)), len(made.model.motion.parameters)
+    name, settable = made.name, list(_settable(made.model))
     inputs = sum(variable.causality == "input" for _, variable in settable)
-    places = array_in_c("size_t", f"{name}_places", [place for place, _ in settable])
-    return (
-        f'#include "{name}_data.h"\n#include "kaneflex_fmu.h"\n\n{places}\n'
-        f"const kaneflex_fmu_model kaneflex_fmu = {{\n"
-        f'    &{name}_linear, &{name}_readings, "{token}", {name.upper()}_MEMORY, {numbers},\n'
-        f"    {len(settable)}, {inputs}, {name}_places,\n}};\n"
-    )
+    first = (f'&{name}_linear, &{name}_readings, "{token}", {name.upper()}_MEMORY, '
+             f"{len(made.model.motion.parameters)}, {len(settable)}, {inputs}")  # fmt: skip
+    places: Arrays = {"places": ("size_t", [place for place, _ in settable])}
+    texts = structure_in_c("kaneflex_fmu_model", "kaneflex_fmu", name, first, places)
+    return "\n".join([f'#include "{name}_data.h"\n#include "kaneflex_fmu.h"\n', *texts])
 
 
-def _description_2(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
-    root = _root(made, {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"})
-    for kind in _kinds(root, made.name, "FMUstate"):
-        files = ElementTree.SubElement(kind, "SourceFiles")
-        for source in sources:
-            ElementTree.SubElement(files, "File", name=source)
-    listed = _listed(root, made.model, variables)
-    for reference, variable in enumerate(variables):
-        given = _attributes(variable) | {"valueReference": str(reference)}
-        real = {"unit": variable.unit} | {key: given.pop(key) for key in ("start",) if key in given}
-        if variable.derivative_of is not None:
-            real["derivative"] = str(variable.derivative_of + 1)
-        ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", given), "Real", real)
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs, derivatives = _unknowns(variables)
-    for tag, numbers in (
-        ("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", sorted(outputs + derivatives))
-    ):  # fmt: skip
-        if numbers:
-            group = ElementTree.SubElement(structure, tag)
-            for k in numbers:
-                ElementTree.SubElement(group, "Unknown", index=str(k + 1))
-    return root
+def _node(tag: str, children: Iterable[ElementTree.Element] = (), **given: object) -> ElementTree.Element:
+    """XML element; attributes that are None are left out."""
+    node = ElementTree.Element(tag, {key: xml(str(value)) for key, value in given.items() if value is not None})
+    node.extend(children)
+    return node
 
 
-def _description_3(made: CModel, token: str, variables: list[Variable]) -> ElementTree.Element:
-    root = _root(made, {"fmiVersion": "3.0", "instantiationToken": token})
-    _kinds(root, made.name, "FMUState")
-    listed = _listed(root, made.model, variables)
-    for reference, variable in enumerate(variables):
-        given = _attributes(variable) | {"valueReference": str(reference), "unit": variable.unit}
-        if variable.derivative_of is not None:
-            given["derivative"] = str(variable.derivative_of)
-        ElementTree.SubElement(listed, "Float64", given)
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs, derivatives = _unknowns(variables)
-    for tag, numbers in (
-        ("Output", outputs), ("ContinuousStateDerivative", derivatives), ("InitialUnknown", outputs + derivatives)
-    ):  # fmt: skip
-        for k in numbers:
-            ElementTree.SubElement(structure, tag, valueReference=str(k))
-    return root
-
-
-def _root(made: CModel, more: Mapping[str, str]) -> ElementTree.Element:
+def _description(
+    made: CModel, token: str, variables: list[Variable], sources: list[str] | None
+) -> ElementTree.Element:
+    """Model description; with ``sources`` of FMI 2, which lists them, else of FMI 3."""
     from kaneflex import __version__
 
-    scene = made.model.scene
-    given = {"modelName": scene.name, "generationTool": f"kaneflex {__version__}", "variableNamingConvention": "flat"}
-    description = {"description": scene.description} if scene.description else {}
-    return ElementTree.Element("fmiModelDescription", {**more, **given, **description})
-
-
-def _kinds(root: ElementTree.Element, name: str, state: str) -> list[ElementTree.Element]:
-    """Elements of both kinds of simulation with their capabilities; ``state``: the version's spelling of FMUState."""
-    offered = {"modelIdentifier": name, f"canGetAndSet{state}": "true"}
-    steps = {"canHandleVariableCommunicationStepSize": "true"}
-    return [
-        ElementTree.SubElement(root, "ModelExchange", offered),
-        ElementTree.SubElement(root, "CoSimulation", offered | steps),
+    model, scene, two = made.model, made.model.scene, sources is not None
+    state = {f"canGetAndSet{'FMUstate' if two else 'FMUState'}": "true", "modelIdentifier": made.name}
+    files = [_node("SourceFiles", [_node("File", name=source) for source in sources])] if sources else []
+    experiment = {"startTime": 0.0, "stopTime": float(model.options.duration), "stepSize": float(model.step)}
+    own = {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"}
+    children = [
+        _node("ModelExchange", files, **state),
+        _node("CoSimulation", files, **state, canHandleVariableCommunicationStepSize="true"),
+        _units(variables),
+        _node("DefaultExperiment", **experiment),
+        _node("ModelVariables", [(_variable_2 if two else _variable_3)(*each) for each in enumerate(variables)]),
+        _node("ModelStructure", _structure(variables, two)),
     ]
+    return _node(
+        "fmiModelDescription", children, **(own if two else {"fmiVersion": "3.0", "instantiationToken": token}),
+        modelName=scene.name, generationTool=f"kaneflex {__version__}", variableNamingConvention="flat",
+        description=scene.description or None,
+    )  # fmt: skip
 
 
-def _listed(root: ElementTree.Element, model: Model, variables: list[Variable]) -> ElementTree.Element:
-    """Element of the variables, after units and the default experiment."""
-    _units(root, variables)
-    given = {"startTime": "0.0", "stopTime": repr(float(model.options.duration)), "stepSize": repr(float(model.step))}
-    ElementTree.SubElement(root, "DefaultExperiment", given)
-    return ElementTree.SubElement(root, "ModelVariables")
-
-
-def _unknowns(variables: list[Variable]) -> tuple[list[int], list[int]]:
-    """Indices of the outputs, and of the states' derivatives."""
+def _structure(variables: list[Variable], two: bool) -> Iterator[ElementTree.Element]:
+    """Outputs and derivatives of states: in FMI 2 groups of indices from one, in FMI 3 value references."""
     outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
-    return outputs, [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    groups = {"Output": outputs, "ContinuousStateDerivative": derivatives, "InitialUnknown": outputs + derivatives}
+    for tag, numbers in groups.items():
+        if not two:
+            yield from (_node(tag, valueReference=k) for k in numbers)
+        elif numbers:
+            unknowns = [_node("Unknown", index=k + 1) for k in sorted(numbers)]
+            yield _node("Derivatives" if tag.endswith("Derivative") else f"{tag}s", unknowns)
 
 
-def _attributes(variable: Variable) -> dict[str, str]:
+def _variable_2(reference: int, variable: Variable) -> ElementTree.Element:
+    given, after = _attributes(variable), variable.derivative_of
+    real = _node("Real", unit=variable.unit, start=given.pop("start"), derivative=None if after is None else after + 1)
+    return _node("ScalarVariable", [real], **given, valueReference=reference)
+
+
+def _variable_3(reference: int, variable: Variable) -> ElementTree.Element:
+    return _node("Float64", **_attributes(variable), valueReference=reference, unit=variable.unit,
+                 derivative=variable.derivative_of)  # fmt: skip
+
+
+def _attributes(variable: Variable) -> dict[str, object]:
     """Attributes of a variable that both versions share."""
-    given = {"name": variable.name, "causality": variable.causality}
-    given["variability"] = "fixed" if variable.causality == "parameter" else "continuous"
-    if variable.meaning:
-        given["description"] = variable.meaning
-    if variable.start is not None:
-        given["start"] = repr(variable.start)
-        if variable.causality != "input":
-            given["initial"] = "exact"
-    elif variable.causality != "independent":
-        given["initial"] = "calculated"
-    return given
+    initial = "calculated" if variable.start is None else "exact"
+    return {
+        "name": variable.name, "causality": variable.causality,
+        "variability": "fixed" if variable.causality == "parameter" else "continuous",
+        "description": variable.meaning or None, "start": variable.start,
+        "initial": None if variable.causality in ("input", "independent") else initial,
+    }  # fmt: skip
 
 
-def _units(root: ElementTree.Element, variables: list[Variable]) -> None:
-    group = ElementTree.SubElement(root, "UnitDefinitions")
+def _units(variables: list[Variable]) -> ElementTree.Element:
+    """Units by powers of the base units."""
+    units = []
     for unit in dict.fromkeys(variable.unit for variable in variables):
-        powers: dict[str, int] = {}
+        powers = Counter[str]()
         above, _, below = unit.partition("/")
         for sign, part in ((1, above), (-1, below)):
-            for word in part.split():
-                base, _, power = word.partition("^")
+            for base, _, power in (word.partition("^") for word in part.split()):
                 for name, by in _BASE[base].items():
-                    powers[name] = powers.get(name, 0) + sign * by * int(power or 1)
-        given = {name: str(power) for name, power in powers.items() if power}
-        ElementTree.SubElement(ElementTree.SubElement(group, "Unit", name=unit), "BaseUnit", given)
+                    powers[name] += sign * by * int(power or 1)
+        given = {name: power for name, power in powers.items() if power}
+        units.append(_node("Unit", [_node("BaseUnit", **given)], name=unit))
+    return _node("UnitDefinitions", units)
 
 
 def _build_description(name: str, sources: list[str]) -> ElementTree.Element:
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    files = ElementTree.SubElement(configuration, "SourceFileSet", language="C11")
-    for source in sources:
-        ElementTree.SubElement(files, "SourceFile", name=source)
-    return root
+    files = _node("SourceFileSet", [_node("SourceFile", name=source) for source in sources], language="C11")
+    return _node("fmiBuildDescription", [_node("BuildConfiguration", [files], modelIdentifier=name)], fmiVersion="3.0")
 
 
 def _xml(root: ElementTree.Element) -> bytes:
-    for element in root.iter():
-        element.attrib.update({key: xml(value) for key, value in element.attrib.items()})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 

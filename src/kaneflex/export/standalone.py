@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
-
-import numpy as np
+from collections.abc import Callable, Iterator
 
 from kaneflex.export import standalone_text as parts
-from kaneflex.export.standalone_numbers import (
-    ELSE,
-    LINE,
-    data,
-    filled,
-    functions,
-    narrowed,
-    parameters,
-    short,
-    tables,
-    wrapped,
-)
-from kaneflex.export.standalone_sensors import Texts, pair, sensor_text
+from kaneflex.export.standalone_numbers import ELSE, LINE, assigned, data, filled, functions, tables
+from kaneflex.export.standalone_points import Points
+from kaneflex.export.standalone_sensors import sensor_text
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
@@ -40,7 +26,7 @@ _FEW = 3
 
 
 def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> str:
-    """Text of one module that solves a scene with numpy and numba only.
+    """Text of one module that solves a scene with numpy only.
 
     Raises
     ------
@@ -57,23 +43,19 @@ def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: Non
 
     geometric = model.options.geometric
     progress("element matrices")
-    scene_texts = Texts(model)
-    sensing = sensor_text(scene_texts)
-    texts = [
-        filled(parts.HEAD, title=_title(scene), parameters=parameters(model), data=data(model),
-               plus=" + K_g" * geometric, tension=parts.TENSION * geometric),
+    points = Points(model)
+    text = "".join([
+        filled(parts.HEAD, title=_title(scene), plus=" + K_g" * geometric, tension=parts.TENSION * geometric),
         *tables(model),
+        f"{data(points)}\n",
         *functions(model),
-        f"\n\n{element_text(geometric)}",
-        filled(parts.KINEMATICS, maps=_maps(scene_texts), less=scene_texts.less_gravity),
-        parts.NODE_MAP * ("node_map" in scene_texts.lumps() + sensing),
-        filled(parts.EQUATIONS, lumps=scene_texts.lumps(), H_=", H" * geometric, K_g=parts.K_G * geometric,
-               unpacked=parts.UNPACKED if geometric else "M, G, K_s, f = ELEMENTS[link]"),
+        f"\n\n{element_text()}",
+        filled(parts.KINEMATICS, less=" - GRAVITY" * any(scene.gravity)),
+        filled(parts.EQUATIONS, K_g=parts.K_G * geometric),
         *_integration(model, begun),
-        _foreshortening(scene_texts) if model.options.foreshortening else "",
-        sensing,
-    ]  # fmt: skip
-    text = narrowed(re.sub("\n\n\n\n+", "\n\n\n", "".join(texts)))
+        _foreshortening(points) if model.options.foreshortening else "",
+        sensor_text(points),
+    ])  # fmt: skip
     lines = text.count("\n")
     if lines > MOST_LINES:
         reason = f"the file would have {lines} lines, the limit is {MOST_LINES}"
@@ -147,80 +129,10 @@ def _title(scene: Scene) -> str:
     return "\n".join(lines).replace("\\", "/").replace('"', "'")
 
 
-# ---- coordinates ----
-
-
-def _maps(texts: Texts) -> str:
-    """Statements that compute L of every link and every guided body."""
-    sizes = dict.fromkeys(texts.guided, 3) | {name: 3 * len(link.nodes) for name, link in texts.links.items()}
-    shapes = (f"{name!r}: np.zeros((3, {size}, N))" for name, size in sizes.items())
-    lines = [wrapped("L = ", shapes, "{}", indent=4)]
-    lines.append("    R_T = {link: frame(s, link)[1].transpose(0, 2, 1) for link in LINKS}")
-    for body, how in carried_bodies(texts.scene).items():
-        guide = texts.scene.joints[str(how.joint)]
-        carrier, direction = guide.addresses[0].body, short(pair(guide.direction))
-        column = int(np.flatnonzero(as_array(texts.frame.bodies[body].pattern()).sum(axis=0))[0])
-        fixed = carrier == "ground"
-        along = direction if fixed else f"frame(s, {carrier!r})[1] @ {direction}"
-        lines.append(f"    L[{body!r}][{0 if fixed else ':'}, :2, {column}] = {along}")
-    for name in texts.links:
-        lines += _map_of_link(texts, name)
-    return "\n".join([*lines, "    return L"])
-
-
-def _map_of_link(texts: Texts, name: str) -> Iterator[str]:
-    L, interfaces, place = texts.frame.maps[name], texts.interfaces, texts.model.parts[name].place
-    nodes = [node for link, node in interfaces.displaced if link == name]
-    displaced = {row for node in nodes for row in place[node][:2]}
-    constant = as_array(L.terms.get((), np.zeros(L.shape)))
-    own = [(int(i), int(j)) for i, j in zip(*np.nonzero(constant), strict=True) if i not in displaced]
-    runs = list(_runs(own))
-    if len(runs) > _FEW:
-        rows, columns = [i for i, _ in own], [j for _, j in own]
-        yield f"    L[{name!r}][0, {rows}, {columns}] = 1.0"
-    else:
-        yield from (f"    L[{name!r}][0, {at}, {of}] = 1.0" for at, of in runs)
-    for node in nodes:
-        group, rows_of = interfaces.displaced[name, node], f"{3 * node}:{3 * node + 2}"
-        if group in interfaces.carrier:
-            body = interfaces.carrier[group].body
-            yield f"    L[{name!r}][:, {rows_of}] = product(R_T[{name!r}], L[{body!r}][:, :2])"
-        elif group not in interfaces.fixed:
-            cosines = as_array(L.terms[(f"{name}.c",)])
-            columns = [int(np.flatnonzero(cosines[row])[0]) for row in place[node][:2]]
-            yield f"    L[{name!r}][:, {rows_of}, {columns}] = R_T[{name!r}]"
-
-
-def _runs(pairs: Sequence[tuple[int, int]]) -> Iterator[tuple[str, str]]:
-    """Ranges of pairs that both increase by one from pair to pair."""
-    groups: list[list[tuple[int, int]]] = []
-    for row, column in pairs:
-        if groups and groups[-1][-1] == (row - 1, column - 1):
-            groups[-1].append((row, column))
-        else:
-            groups.append([(row, column)])
-    for group in groups:
-        ends = [(first, last + 1) for first, last in zip(group[0], group[-1], strict=True)]
-        at, of = (str(i) if j == i + 1 else f"range({i}, {j})".replace("(0, ", "(") for i, j in ends)
-        yield at, of
-
-
-def _foreshortening(texts: Texts) -> str:
+def _foreshortening(points: Points) -> str:
     """Rows of each link at joints, and the functions that keep joints closed when bent links shorten."""
-    model = texts.model
-    held = {name: sorted(texts.interfaces.held_rows(link.part)) for name, link in model.links.items()}
-    used: set[int] = set()
-    for name, rows in held.items():
-        pattern = as_array(texts.frame.maps[name].pattern())[rows]
-        used |= set(np.flatnonzero(pattern.sum(axis=0)).tolist())
-    used_text = f"USED = {sorted(used)!r}  # elements of z that move them"
-    if len(used) == len(model.coordinates):
-        used_text = "USED = list(range(N))  # elements of z that move them"
-    loose = any(len(rows) < 3 for rows in held.values())
-    functions = filled(parts.FORESHORTENING, undetermined=parts.UNDETERMINED * loose)
-    texts_held = wrapped("HELD = ", (f"{name!r}: {rows!r}" for name, rows in held.items()), "{}",
-                         "  # rows of each link at joints")  # fmt: skip
-    return f"\n\n{texts_held}\n{used_text}\n{functions}"
+    held = {name: sorted(points.interfaces.held_rows(link.part)) for name, link in points.links.items()}
+    return filled(parts.FORESHORTENING, held=assigned("HELD", held, "rows of each link at joints"))
 
 
 # ---- integration ----

@@ -13,90 +13,95 @@ series, too. Functions to call: scalars(t), equations(t), modes(t), trajectory()
 import math
 import sys
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 GAUSS = np.polynomial.legendre.leggauss(4)
-OPTIONS = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
-
-
-class Parameters(NamedTuple):
-<<parameters>>
-
-
-P = Parameters()
-<<data>>
+ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # before a displacement and rotation
 '''
 
 SPLINE = '''
 
-@njit(**OPTIONS)
-def table(x, y, m, h):
-    """Periodic cubic spline at x through y at 0, h, 2 h ... with the curvatures m there."""
-    k, r = int(x // h), x / h - x // h
-    i, j = k % len(y), (k + 1) % len(y)
-    return (1 - r) * y[i] + r * y[j] + h * h / 6 * ((r**3 - r) * m[j] + ((1 - r) ** 3 - 1 + r) * m[i])
-
-
 def spline(y, h):
-    """Values, curvatures and distance: m_k-1 + 4 m_k + m_k+1 = 6 (y_k-1 - 2 y_k + y_k+1) / h^2 by harmonics."""
+    """Periodic cubic spline through y at multiples of h: m_k-1 + 4 m_k + m_k+1 = 6 (y_k-1 - 2 y_k + y_k+1) / h^2."""
     wave = 2 * np.cos(2 * np.pi / len(y) * np.arange(len(y) // 2 + 1))
-    return y, np.fft.irfft(6 / h**2 * (wave - 2) / (wave + 4) * np.fft.rfft(y), len(y)), h
+    m = np.fft.irfft(6 / h**2 * (wave - 2) / (wave + 4) * np.fft.rfft(y), len(y))
+
+    def value(x):
+        k, r = int(x // h), x / h - x // h
+        i, j = k % len(y), (k + 1) % len(y)
+        return (1 - r) * y[i] + r * y[j] + h * h / 6 * ((r**3 - r) * m[j] + ((1 - r) ** 3 - 1 + r) * m[i])
+    return value
+'''
+
+SCALARS = '''
+
+def scalars(t, p=P):
+    """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers."""
+    s = <<fixed>>  # scalars that are not here are zero
+<<names>>
+<<body>>
+    return s
 '''
 
 KINEMATICS = '''
-
-def scalars(t):
-    """Scalars of the rigid motion at time t by their names."""
-    s = np.zeros(len(SCALARS))
-    motion(t, P, s)
-    return dict(zip(SCALARS, s.tolist())) | CONSTANTS
-
 
 def product(a, b):
     """Matrix product with its first and second rate, stacked along the first axis (Leibniz)."""
     return np.array([a[0] @ b[0], a[1] @ b[0] + a[0] @ b[1], a[2] @ b[0] + 2 * a[1] @ b[1] + a[0] @ b[2]])
 
 
-def frame(s, body):
-    """Position of a body's start, and the rotation R of its axes, with rates."""
-    names = "c s omega epsilon x y v_x v_y a_x a_y"
-    c, sine, omega, epsilon, *start = (s.get(f"{body}.{name}", 0.0) for name in names.split())
-    R, S = np.array([[c, -sine], [sine, c]]), np.array([[0.0, -1.0], [1.0, 0.0]])
-    return np.reshape(start, (3, 2)), np.array([R, omega * S @ R, (epsilon * S - omega**2 * np.eye(2)) @ R])
-
-
-def point(s, body, at):
-    """Global position of a point of a rigid body, with rates."""
-    start, R = frame(s, body)
-    return start + R @ np.array(at)
-
-
-def inertia(s, body, m, J, at, moved=None):
-    """Inertia m (a - g) and J epsilon of a mass fixed to a body, with its elastic motion; paper (43), (89)."""
-    a, spin = point(s, body, at)[2]<<less>>, s.get(f"{body}.omega", 0.0) * ACROSS
-    total = np.array([m * a[0], m * a[1], J * s.get(f"{body}.epsilon", 0.0)])
-    return total if moved is None else total + (m, m, J) * (moved[2] + ALPHA * (moved[1] - spin @ moved[0]))
+def frame(s, body, at=(0, 0)):
+    """Global position of a point of a rigid body, and the rotation R of the body's axes, with rates."""
+    if (body, "frame") not in s:
+        names = "c s omega epsilon x y v_x v_y a_x a_y"
+        c, sine, omega, epsilon, *start = (s.get(f"{body}.{name}", 0.0) for name in names.split())
+        R, S = np.array([[c, -sine], [sine, c]]), np.array([[0.0, -1.0], [1.0, 0.0]])
+        R = np.array([R, omega * S @ R, (epsilon * S - omega**2 * np.eye(2)) @ R])
+        s[body, "frame"] = np.reshape(start, (3, 2)), R
+    start, R = s[body, "frame"]
+    return start + R @ at, R
 
 
 def maps(s):
-    """Maps L of q = L z, paper (66): joints share global displacements, other coordinates are in the link's axes."""
-<<maps>>
+    """Maps L of q = L z, paper (66), in axes of bodies: joints share global displacements. A rigid body is a node."""
+    L = {body: np.zeros((3, 3 * len(LINKS[body][0]) if body in LINKS else 3, N)) for body in BODIES}
+    for body, (axes, direction, column) in GUIDED.items():
+        along = frame(s, axes)[1] @ np.reshape(direction, (2, 1))
+        L[body][:, :2, [column]] = product(frame(s, body)[1].transpose(0, 2, 1), along)
+    for link, (rows, columns) in OWN.items():
+        L[link][0, rows, columns] = 1.0
+    for (link, k), by in JOINED.items():
+        R_T = frame(s, link)[1].transpose(0, 2, 1)
+        L[link][:, 3 * k:3 * k + 2] = product(R_T, turned(s, L, by, 0)[:, :2]) if by in BODIES else R_T @ np.eye(N)[by]
+    return L
 
-'''
 
-NODE_MAP = '''
+def turned(s, L, body, k):
+    """L of the global displacement and rotation of a node."""
+    shift = product(frame(s, body)[1], L[body][:, 3 * k:3 * k + 2])
+    return np.concatenate([shift, L[body][:, 3 * k + 2:3 * k + 3]], axis=1)
 
-def node_map(s, link, L, k):
-    """Global displacement and rotation of a link's node."""
-    return np.concatenate([product(frame(s, link)[1], L[:, 3 * k:3 * k + 2]), L[:, 3 * k + 2:3 * k + 3]], axis=1)
+
+def about(s, body, of, at, push):
+    """A force at a point of a rigid body with its moment about the body's start; a force on a node as it is."""
+    x, y = (frame(s, of, at)[0][0] - frame(s, body)[0][0]) * (body not in LINKS)
+    return push + np.array([0.0, 0.0, x * push[1] - y * push[0]])
+
+
+def pushes(s, L, z):
+    """Global forces and moments on nodes: inertia m (g - a), -J epsilon, and loads; paper (43), (89)."""
+    for body, node, of, at in MASSES:
+        moved, spin = product(turned(s, L, body, node), z), s.get(f"{body}.omega", 0.0) * ACROSS
+        a = np.append(frame(s, body, at)[0][2]<<less>>, s.get(f"{body}.epsilon", 0.0)) + moved[2]
+        yield body, node, about(s, body, body, at, -INERTIA[of] * (a + ALPHA * (moved[1] - spin @ moved[0])))
+    for name, (body, node, at, axes, direction) in FORCES.items():
+        yield body, node, about(s, body, body, at, s[name] * np.append(frame(s, axes)[1][0] @ direction, 0.0))
 '''
 
 EQUATIONS = '''
 
-ELEMENTS = {  # M, G, K_s, f<<H_>> of all elements
+ELEMENTS = {  # M, G, K_s, f, H of all elements
     link: [np.array(each) for each in zip(*(element(*section, h, x_0) for h, x_0 in zip(np.diff(nodes), nodes)))]
     for link, (nodes, *section) in LINKS.items()
 }
@@ -104,7 +109,7 @@ ELEMENTS = {  # M, G, K_s, f<<H_>> of all elements
 
 def beam(s, link):
     """Matrices M, C, K, F, K_s of every element of a link, paper (107)."""
-    <<unpacked>>
+    (nodes, rho_A, *_), (M, G, K_s, f, H) = LINKS[link], ELEMENTS[link]
     names = "omega epsilon link.a_x link.a_y link.P_0"
     omega, epsilon, a_x, a_y, P_0 = (s.get(f"{link}.{name}", 0.0) for name in names.split())
     K = K_s + epsilon * G - omega**2 * M
@@ -117,9 +122,11 @@ def equations(t):
     L, parts = maps(s), []
     for link in LINKS:
         parts += [(L[link][:, 3 * e:3 * e + 6], *matrices) for e, matrices in enumerate(zip(*beam(s, link)))]
-    for to, on, m, J, at, push in <<lumps>>:
-        M, spin = np.diag([m, m, J]), s.get(f"{on}.omega", 0.0) * ACROSS
-        parts.append((to, M, ALPHA * M, -ALPHA * M @ spin, push - inertia(s, on, m, J, at), zero))
+    for body, node, of, _ in MASSES:
+        M, spin = np.diag(INERTIA[of]), s.get(f"{body}.omega", 0.0) * ACROSS
+        parts.append((turned(s, L, body, node), M, ALPHA * M, -ALPHA * M @ spin, np.zeros(3), zero))
+    for body, node, push in pushes(s, L, np.zeros((3, N))):
+        parts.append((turned(s, L, body, node), zero, zero, zero, push, zero))
     M, C, K, F, K_s = np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N), np.zeros((N, N))
     for (L, rate, accel), m, c, k, f, k_s in parts:
         M, C, F = M + L.T @ m @ L, C + L.T @ (c @ L + 2 * m @ rate), F + L.T @ f
@@ -135,7 +142,6 @@ def modes(t):
     return np.sqrt(np.maximum(squares, 0.0)), inverse.T @ shapes
 '''
 
-UNPACKED = "(nodes, rho_A, *_), (M, G, K_s, f, H) = LINKS[link], ELEMENTS[link]"
 K_G = '''\
     x_0, h = nodes[:-1], np.diff(nodes)  # K_g = sum P_k H_k, P_0 + P_1 x/h + P_2 (x/h)^2 the rigid link's tension
     P_0, P_1 = P_0 + rho_A * x_0 * (a_x - omega**2 * x_0 / 2), rho_A * h * (a_x - omega**2 * x_0)
@@ -229,14 +235,10 @@ def trajectory():
 
         z = harmonics(z, count)
         rest, images = answer(z, F), []
-        vectors = [rest / np.linalg.norm(rest)]
         for _ in range(corrections):
+            vectors = np.linalg.qr(np.transpose([rest, *images]))[0].T
             images.append(-answer(of_y(vectors[-1])))
-            new = images[-1]
-            for each in vectors:
-                new = new - each @ new * each
-            vectors.append(new / np.linalg.norm(new))
-        z = z + of_y(np.linalg.lstsq(np.array(images).T, rest, rcond=None)[0] @ vectors[:-1])
+        z = z + of_y(np.linalg.lstsq(np.transpose(images), rest, rcond=None)[0] @ vectors)
     return np.array([harmonics(z, STEPS, order) for order in range(3)])[:, np.arange(STEPS + 1) % STEPS]
 '''
 
@@ -247,6 +249,9 @@ SUBSPACE = '''            basis = np.linalg.qr(np.random.default_rng(0).standard
             shapes = basis @ np.linalg.eigh(basis.T @ (mean(M) + mean(M).T) @ basis)[1][:, ::-1][:, :<<modes>>]'''
 
 FORESHORTENING = '''
+
+<<held>>
+
 
 @cache
 def statics(link):
@@ -260,10 +265,9 @@ def statics(link):
 
 
 def shortened(L, q, z):
-    """Displacements (u, v, theta) of all nodes with the shortening s(x) = 1/2 int v'^2 of bent axes, and its z.
+    """Displacements (u, v, theta) of all nodes with the shortening s(x) = 1/2 int v'^2 of bent axes.
 
-    Joints stay closed with the least strain energy of the links: sum (L^T K L) z = -sum L^T K s over joints.
-    """
+    Joints stay closed with the least strain energy of the links: sum (L^T K L) z = -sum L^T K s over joints."""
     S, g, short = np.zeros((3, N, N)), np.zeros((3, N)), {}
     for link, held in HELD.items():
         count, H = len(LINKS[link][0]), ELEMENTS[link][4][:, 0]
@@ -273,55 +277,73 @@ def shortened(L, q, z):
         short[link][:, 3::3] = np.cumsum([squares[0, 0] / 2, squares[0, 1], squares[1, 1] + squares[0, 2]], axis=1)
         push = L[link][:, held].transpose(0, 2, 1) @ statics(link)[1]
         S, g = S + product(push, L[link][:, held]), g - product(push, short[link][:, held])
-    S, g, own = S[:, USED][:, :, USED], g[:, USED], np.zeros((3, N))
-    S = S * (1.0 + 1e-11 * np.eye(len(USED)))  # undetermined displacements stay small
-<<undetermined>>    own[0, USED] = np.linalg.solve(S[0], g[0])
-    own[1, USED] = np.linalg.solve(S[0], g[1] - S[1] @ own[0, USED])
-    own[2, USED] = np.linalg.solve(S[0], g[2] - 2 * S[1] @ own[1, USED] - S[2] @ own[0, USED])
-    d = {link: q[link] - short[link] + (product(L[link][:, held], own) + short[link][:, held]) @ statics(link)[0].T
-         for link, held in HELD.items()}
-    return {link: each.reshape(3, -1, 3) for link, each in d.items()}, z + own
+    S, own = S * (1.0 + 1e-11 * np.eye(N)), np.zeros((3, N))  # undetermined displacements stay small
+    S[0] += np.diag(np.diag(S[0]) == 0.0)
+    own[0] = np.linalg.solve(S[0], g[0])
+    own[1] = np.linalg.solve(S[0], g[1] - S[1] @ own[0])
+    own[2] = np.linalg.solve(S[0], g[2] - 2 * S[1] @ own[1] - S[2] @ own[0])
+    d = {body: product(L[body], z + own) for body in BODIES}
+    return d | {link: q[link] - short[link] + (product(L[link][:, held], own) + short[link][:, held])
+                @ statics(link)[0].T for link, held in HELD.items()}
 '''
 
-UNDETERMINED = '''    S[0] += 1e-11 * np.diag(np.diag(S[0]) == 0.0)
+REACTIONS = '''
+
+<<joints>>
+
+
+def reactions(s, z, L, g):
+    """Global force and moment of every joint on its second side, by equilibrium of nodes and rigid bodies."""
+    sites = [*dict.fromkeys(site for joint in JOINTS.values() for _, site, *_ in joint[3:])]
+    A, names, units = [], [], []
+    for body, node, push in pushes(s, L, z):
+        g[body][node] -= push
+    for name, (axes, (x, y), kinds, *sides) in JOINTS.items():
+        for kind in kinds:
+            direction = frame(s, axes)[1][0] @ {"along": (x, y), "across": (-y, x), "moment": (0, 0)}[kind]
+            names, units = [*names, name], [*units, np.append(direction, kind == "moment")]
+            A.append(np.zeros((len(sites), 3)))
+            for sign, site, of, at in sides:
+                A[-1][sites.index(site)] = sign * about(s, site[0], of, at, units[-1])
+    A, b = (np.array(each) / (1, 1, <<length>>) for each in (A, [g[body][node] for body, node in sites]))
+    r = np.linalg.lstsq(A.reshape(len(A), -1).T, b.ravel(), rcond=None)[0]
+    return {name: r * np.equal(names, name) @ units for name in JOINTS}
 '''
 
 SENSORS = '''
 
-def about(arm, push):
-    """Force and moment at the end of an arm, about its beginning."""
-    return push + np.array([0.0, 0.0, arm[0] * push[1] - arm[1] * push[0]])
-
-
 def sensors(t, z, v, a):
     """Readings of all sensors at time t with the elastic coordinates z, z', z''."""
     s, z = scalars(t), np.array([z, v, a])
-    L, R, f<<g>> = maps(s), {body: frame(s, body)[1] for body in <<bodies>>}, {}<<empty>>
-    q = {link: product(L[link], z) for link in LINKS}
-<<displaced>>
+    L, R, f, g = maps(s), {body: frame(s, body)[1] for body in BODIES}, {}, {body: np.zeros((1, 3)) for body in BODIES}
+    q = {body: product(L[body], z) for body in BODIES}
+    d = {body: each.reshape(3, -1, 3) for body, each in <<displaced>>.items()}
     for link in LINKS:  # M q'' + C q' + K q - F of every element: forces and moments at its two ends
         M, C, K, F, _ = beam(s, link)
         x = q[link][:, 3 * np.arange(len(F))[:, None] + np.arange(6), None]
-        f[link] = (M @ x[2] + C @ x[1] + K @ x[0])[..., 0] - F
-<<turned>><<reactions>><<names>>    return <<sensors>>
+        f[link] = ((M @ x[2] + C @ x[1] + K @ x[0])[..., 0] - F).reshape(-1, 2, 3)
+<<exerted>><<helpers>>    return <<sensors>>
 '''
 
-TURNED = '''        ends = f[link].reshape(-1, 2, 3)  # and in global axes
-        g[link] = np.concatenate([ends[..., :2] @ R[link][0].T, ends[..., 2:]], axis=2)
+EXERTED = '''\
+        ends = np.concatenate([f[link][..., :2] @ R[link][0].T, f[link][..., 2:]], axis=2)  # in global axes
+        g[link] = np.pad(ends[:, 0], ((0, 1), (0, 0))) + np.pad(ends[:, 1], ((1, 0), (0, 0)))
+    exerted = reactions(s, z, L, g)
 '''
+
+OF_POINTS = {
+    "place": '''\
+    def place(body, node, at):  # global position with rates
+        return frame(s, body, at)[0] + product(R[body], d[body][:, node, :2])
+''',
+    "turn": '''\
+    def turn(body, node):  # angle with rates
+        angle = math.atan2(R[body][0][1, 0], R[body][0][0, 0])
+        return (angle, s.get(f"{body}.omega", 0.0), s.get(f"{body}.epsilon", 0.0)) + d[body][:, node, 2]
+''',
+}
 
 TENSION = ",  K_g by the axial force of the rigid mechanism"
-
-REACTIONS = '''\
-    # reactions balance the residual b of nodes at joints and of rigid bodies; moments are divided by a length
-    A, b = np.zeros((<<rows>>, <<columns>>)), np.zeros(<<rows>>)
-<<balances>>
-    for row, sign, column, units, arm in <<sides>>:
-        for k, unit in enumerate(units):
-            A[row:row + 3, column + k] += sign * about(arm, unit)
-    A[2::3], b[2::3] = A[2::3] / <<length>>, b[2::3] / <<length>>
-    r = np.linalg.lstsq(A, b, rcond=None)[0]
-'''
 
 MAIN = '''
 

@@ -1,4 +1,4 @@
-"""Names that are reserved in generated C."""
+"""Reserved names and headers of generated C."""
 
 from __future__ import annotations
 
@@ -14,3 +14,26 @@ _KEYWORDS = """
 """
 RESERVED = (*_MATHEMATICS.split(), *_KEYWORDS.split())
 """Names that no identifier in generated C may have."""
+
+
+def header_text(name: str, about: str, body: str, includes: str = "") -> str:
+    """Header NAME.h: a comment, included headers, and declarations for C and C++."""
+    return _HEADER.format(guard=f"{name.upper()}_H", about=about, body=body.rstrip("\n"), includes=includes)
+
+
+_HEADER = """{about}
+#ifndef {guard}
+#define {guard}
+
+{includes}#ifdef __cplusplus
+extern "C" {{
+#endif
+
+{body}
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
