@@ -16,7 +16,7 @@ import tempfile
 import uuid
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -189,7 +189,7 @@ def _described(made: CModel, token: str) -> str:
     return "\n".join([f'#include "{name}_data.h"\n#include "kaneflex_fmu.h"\n', *texts])
 
 
-def _node(tag: str, children: Iterable[ElementTree.Element] = (), **given: object) -> ElementTree.Element:
+def _node(tag: str, /, *children: ElementTree.Element, **given: object) -> ElementTree.Element:
     """XML element; attributes that are None are left out."""
     node = ElementTree.Element(tag, {key: xml(str(value)) for key, value in given.items() if value is not None})
     node.extend(children)
@@ -204,19 +204,19 @@ def _description(
 
     model, scene, two = made.model, made.model.scene, sources is not None
     state = {f"canGetAndSet{'FMUstate' if two else 'FMUState'}": "true", "modelIdentifier": made.name}
-    files = [_node("SourceFiles", [_node("File", name=source) for source in sources])] if sources else []
+    files = [_node("SourceFiles", *(_node("File", name=source) for source in sources))] if sources else []
     experiment = {"startTime": 0.0, "stopTime": float(model.options.duration), "stepSize": float(model.step)}
     own = {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"}
     children = [
-        _node("ModelExchange", files, **state),
-        _node("CoSimulation", files, **state, canHandleVariableCommunicationStepSize="true"),
+        _node("ModelExchange", *files, **state),
+        _node("CoSimulation", *files, **state, canHandleVariableCommunicationStepSize="true"),
         _units(variables),
         _node("DefaultExperiment", **experiment),
-        _node("ModelVariables", [(_variable_2 if two else _variable_3)(*each) for each in enumerate(variables)]),
-        _node("ModelStructure", _structure(variables, two)),
+        _node("ModelVariables", *map(_variable_2 if two else _variable_3, range(len(variables)), variables)),
+        _node("ModelStructure", *_structure(variables, two)),
     ]
     return _node(
-        "fmiModelDescription", children, **(own if two else {"fmiVersion": "3.0", "instantiationToken": token}),
+        "fmiModelDescription", *children, **(own if two else {"fmiVersion": "3.0", "instantiationToken": token}),
         modelName=scene.name, generationTool=f"kaneflex {__version__}", variableNamingConvention="flat",
         description=scene.description or None,
     )  # fmt: skip
@@ -232,13 +232,13 @@ def _structure(variables: list[Variable], two: bool) -> Iterator[ElementTree.Ele
             yield from (_node(tag, valueReference=k) for k in numbers)
         elif numbers:
             unknowns = [_node("Unknown", index=k + 1) for k in sorted(numbers)]
-            yield _node("Derivatives" if tag.endswith("Derivative") else f"{tag}s", unknowns)
+            yield _node("Derivatives" if tag.endswith("Derivative") else f"{tag}s", *unknowns)
 
 
 def _variable_2(reference: int, variable: Variable) -> ElementTree.Element:
     given, after = _attributes(variable), variable.derivative_of
     real = _node("Real", unit=variable.unit, start=given.pop("start"), derivative=None if after is None else after + 1)
-    return _node("ScalarVariable", [real], **given, valueReference=reference)
+    return _node("ScalarVariable", real, **given, valueReference=reference)
 
 
 def _variable_3(reference: int, variable: Variable) -> ElementTree.Element:
@@ -268,13 +268,13 @@ def _units(variables: list[Variable]) -> ElementTree.Element:
                 for name, by in _BASE[base].items():
                     powers[name] += sign * by * int(power or 1)
         given = {name: power for name, power in powers.items() if power}
-        units.append(_node("Unit", [_node("BaseUnit", **given)], name=unit))
-    return _node("UnitDefinitions", units)
+        units.append(_node("Unit", _node("BaseUnit", **given), name=unit))
+    return _node("UnitDefinitions", *units)
 
 
 def _build_description(name: str, sources: list[str]) -> ElementTree.Element:
-    files = _node("SourceFileSet", [_node("SourceFile", name=source) for source in sources], language="C11")
-    return _node("fmiBuildDescription", [_node("BuildConfiguration", [files], modelIdentifier=name)], fmiVersion="3.0")
+    files = _node("SourceFileSet", *(_node("SourceFile", name=source) for source in sources), language="C11")
+    return _node("fmiBuildDescription", _node("BuildConfiguration", files, modelIdentifier=name), fmiVersion="3.0")
 
 
 def _xml(root: ElementTree.Element) -> bytes:
