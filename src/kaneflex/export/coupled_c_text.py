@@ -32,7 +32,7 @@ double {name}_time(const {name}_state *state);
 
 {declared}
 /* Integrate until an instant [s] with error-controlled steps of the scene's tolerance. Returns the outcome. In the
- * plane, and in space if a body has no inertia of its own, the independent coordinates stay the same: the run ends if
+ * plane, and in space if a body has no inertia, the independent coordinates stay the same: the run ends if
  * a loop comes near a dead centre of these. */
 int {name}_run({name}_state *state, double until);
 

@@ -87,7 +87,8 @@ def data(points: Points) -> str:
         assigned("OWN", points.own(), "rows of q of a link that are elements of z"),
         assigned("JOINED", points.joined(), "nodes moved by a body, or by global elements of z"),
         assigned("MASSES", points.masses(), "body and node, numbers in P, position"),
-        "INERTIA = {of: np.array([P[f'{of}.mass']] * 2 + [P.get(f'{of}.inertia', 0.0)]) for *_, of, _ in MASSES}",
+        "INERTIA = {of: np.array([P.get(f'{of}.{key}', 0) for key in ('mass', 'mass', 'inertia')])"
+        " for *_, of, _ in MASSES}",
         assigned("FORCES", points.forces(), "body and node, position, axes and direction"),
     ]
     return "\n".join(lines)

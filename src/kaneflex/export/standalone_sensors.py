@@ -100,10 +100,10 @@ class Expressions:
         if node == 0 or (node in acted and sensor.cut == "after" and node < last):
             forces = after
         else:
-            forces = before if node == last or node in acted else f"({before} - f[{name!r}][{node}, 0]) / 2"
+            forces = before if node == last or node in acted else f"(({before} - f[{name!r}][{node}, 0]) / 2)"
         if sensor.kind == "strain":
             return f"{forces} @ (1 / LINKS[{name!r}][2], 0, {-float(sensor.fibre or 0.0)!r} / LINKS[{name!r}][3])"
-        return f"({forces})[{('axial_force', 'shear_force', 'bending_moment').index(sensor.kind)}]"
+        return f"{forces}[{('axial_force', 'shear_force', 'bending_moment').index(sensor.kind)}]"
 
     def _joint_force(self, sensor: Sensor) -> str:
         name = str(sensor.joint_force)
