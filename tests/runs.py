@@ -151,14 +151,16 @@ def run(scene: str, *settings: str) -> Solution:
     return solution
 
 
-def alike(found: Any, wanted: Any, within: float | Mapping[str, float], sensors: Iterable[str] | None = None) -> None:
+def alike(
+    found: Any, wanted: Any, within: float | Mapping[str, float], sensors: Iterable[str] | None = None, after: int = 0
+) -> None:
     """Assert that sensors of two solutions, or of their series, differ by less than a share of the wanted one's largest
-    value: those named, or all."""
+    value: those named, or all; from the stored instant ``after`` on."""
     if not isinstance(within, Mapping):
         within = dict.fromkeys(getattr(wanted, "series", wanted) if sensors is None else sensors, within)
     for name, share in within.items():
         expected = wanted[name].values
-        assert abs(found[name].values - expected).max() < share * abs(expected).max(), name
+        assert abs(found[name].values - expected)[after:].max() < share * abs(expected).max(), name
 
 
 def degrees(solution: Solution) -> np.ndarray:

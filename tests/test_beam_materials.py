@@ -161,14 +161,10 @@ def test_deflection_of_a_cantilever_with_linear_stiffness(tmp_path):
 
 
 BAD = {
-    "an end without a start": (
-        'material = "steel", I = 1e-9, I_end = 1e-9, A_end = 1e-4',
-        "bodies.arm.beam.A_end = 0.0001: A is missing. Give A, too.",
-    ),
-    "an end of a shape": (
-        'material = "steel", section = {circle = 0.01}, I_end = 1e-9',
-        "bodies.arm.beam.I_end = 1e-09: the section's shape gives it already. Leave I_end out.",
-    ),
+    "an end without a start": ('material = "steel", I = 1e-9, I_end = 1e-9, A_end = 1e-4',
+        "bodies.arm.beam.A_end = 0.0001: A is missing. Give A, too."),
+    "an end of a shape": ('material = "steel", section = {circle = 0.01}, I_end = 1e-9',
+        "bodies.arm.beam.I_end = 1e-09: the section's shape gives it already. Leave I_end out."),
     "an end beside segments": (
         'material = "steel", A = 1e-4, A_end = 1e-5, segments = {a = {section = {circle = 0.01}}}',
         "bodies.arm.beam.A = 0.0001: every segment gives its own. Leave A out, or the segments.",

@@ -238,24 +238,18 @@ def test_a_function_is_printed_once_for_every_list_of_types():
     assert "int64_t *pivots;" in printer.text()
 
 
-@pytest.mark.parametrize(("name", "key"), [
-    ("stick-slip", "joints.rub"), ("bouncing-bar", "contacts.stop"), ("slider-crank-clearance", "joints.wrist"),
+@pytest.mark.parametrize(("name", "setting", "said"), [
+    ("stick-slip", (), "joints.rub: contacts and friction can't be exported as C"),
+    ("bouncing-bar", (), "contacts.stop: contacts and friction can't be exported as C"),
+    ("slider-crank-clearance", (), "joints.wrist: contacts and friction can't be exported as C"),
+    ("four-bar-motor", ['loads.motor.law="0.3 * sign(main_speed)"'],
+     r"loads.motor: discontinuous loads can't be exported as C"),
+    ("four-bar-motor", ['solve.bounded=["speeds"]'],
+     r"solve.bounded = 'speeds': steps in C control the error of displacements"),
 ])  # fmt: skip
-def test_what_touches_or_rubs_is_refused_by_name(name, key):
-    with pytest.raises(SceneError, match=f"{key}: contacts and friction can't be exported as C"):
-        coupled_in_c(read_scene(name))
-
-
-def test_a_law_that_jumps_is_refused_by_name():
-    scene = with_settings(read_scene("four-bar-motor"), ['loads.motor.law="0.3 * sign(main_speed)"'])
-    with pytest.raises(SceneError, match=r"loads.motor: discontinuous loads can't be exported as C"):
-        coupled_in_c(scene)
-
-
-def test_bounds_that_c_does_not_know_are_refused():
-    scene = with_settings(read_scene("four-bar-motor"), ['solve.bounded=["speeds"]'])
-    with pytest.raises(SceneError, match=r"solve.bounded = 'speeds': steps in C control the error of displacements"):
-        coupled_in_c(scene)
+def test_what_c_does_not_know_is_refused_by_name(name, setting, said):
+    with pytest.raises(SceneError, match=said):
+        coupled_in_c(with_settings(read_scene(name), setting))
 
 
 def test_the_command_writes_a_folder(compiler, tmp_path):

@@ -5,6 +5,8 @@ from functools import cache
 
 import pytest
 from command_line import cli
+from machines import changed
+from test_mobility import THREE_CRANKS
 
 from kaneflex import load, read_scene, with_settings
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
@@ -15,22 +17,10 @@ from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.report.checked import description, notes
 
 LOOPS = ("engine-3", "four-bar", "quick-return", "six-bar", "slider-crank-150", "v-engine")
-PARALLEL = """
-schema = 1
-ground = {b = ["200 mm", 0], c = ["400 mm", 0]}
-bodies.crank = {length = "50 mm", mass = "0.1 kg"}
-bodies.second = {length = "50 mm", mass = "0.1 kg"}
-bodies.third = {length = "50 mm", mass = "0.1 kg"}
-bodies.bar = {length = "400 mm", mass = "0.3 kg"}
-joints.main = {revolute = ["ground", "crank.start"]}
-joints.near_pin = {revolute = ["crank.end", "bar.start"]}
-joints.middle_pin = {revolute = ["bar.mid", "second.end"]}
-joints.middle = {revolute = ["ground.b", "second.start"]}
-joints.far_pin = {revolute = ["bar.end", "third.end"]}
-joints.far = {revolute = ["ground.c", "third.start"]}
-drives.main = {law = "1.5 + 0.1 * sin(2 * t)"}
-solve = {preset = "coupled", duration = "1 s"}
-"""
+PARALLEL = changed(
+    THREE_CRANKS, ('speed = "60 rpm", cycle = "360 deg"', 'law = "1.5 + 0.1 * sin(2 * t)"'),
+    ("", 'solve = {preset = "coupled", duration = "1 s"}'),
+)
 OFFSET_SLIDE = """
 schema = 1
 ground = {pivot = ["-100 mm", 0]}

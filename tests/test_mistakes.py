@@ -12,63 +12,39 @@ from kaneflex.support.mistakes import toml_advice
 
 SCENE = (files("kaneflex.scene") / "template.toml").read_text(encoding="utf-8")
 MISTAKES = {  # what is replaced by what in the template; how the answer begins and ends
-    "no drive": (
-        '[drives]\nmain = {speed = "1500 rpm", cycle = "360 deg"}', "", "Error: solve.duration",
-        "Give a drive, like drives.main = {speed = '1500 rpm', cycle = '360 deg'}, or solve.duration",
-    ),
-    "missing pin": (
-        'pin = {revolute = ["crank.end", "rod.start"]}\n', "", "Error: joints.guide.branch = '+'",
-        'Add the missing joint, like pin = {revolute = ["crank.end", "rod.start"]}, or leave branch out',
-    ),
-    "wrong point": (
-        '["crank.end", "rod.start"]', '["crank.end", "rod.begin"]',
-        "Error: joints.pin.revolute = 'rod.begin'", "Known: end, mid, start",
-    ),
-    "unknown kind of joint": (
-        "pin = {revolute", "pin = {hinge",
+    "no drive": ('[drives]\nmain = {speed = "1500 rpm", cycle = "360 deg"}', "", "Error: solve.duration",
+        "Give a drive, like drives.main = {speed = '1500 rpm', cycle = '360 deg'}, or solve.duration"),
+    "missing pin": ('pin = {revolute = ["crank.end", "rod.start"]}\n', "", "Error: joints.guide.branch = '+'",
+        'Add the missing joint, like pin = {revolute = ["crank.end", "rod.start"]}, or leave branch out'),
+    "wrong point": ('["crank.end", "rod.start"]', '["crank.end", "rod.begin"]',
+        "Error: joints.pin.revolute = 'rod.begin'", "Known: end, mid, start"),
+    "unknown kind of joint": ("pin = {revolute", "pin = {hinge",
         "Error: joints.pin.hinge = ['crank.end', 'rod.start']",
         "Known: axes, axis, branch, clearance, cylindrical, direction, friction, near, prismatic, "
-        "relative_angle, revolute, rotation, spherical, universal, weld",
-    ),
-    "unknown section": (
-        "rectangle = [", "square = [",
-        "Error: bodies.rod.beam.section.square = ['20 mm', '12 mm']", "Known: I, circle, rectangle, tube",
-    ),
-    "loop cannot close": (
-        'length = "200 mm"', 'length = "40 mm"',
-        "Error: joints.guide.branch = '+'", "Change the lengths, or limit the drive's range",
-    ),
-    "drive of the dependent joint": (
-        'main = {speed = "1500 rpm", cycle = "360 deg"}',
+        "relative_angle, revolute, rotation, spherical, universal, weld"),
+    "unknown section": ("rectangle = [", "square = [",
+        "Error: bodies.rod.beam.section.square = ['20 mm', '12 mm']", "Known: I, circle, rectangle, tube"),
+    "loop cannot close": ('length = "200 mm"', 'length = "40 mm"',
+        "Error: joints.guide.branch = '+'", "Change the lengths, or limit the drive's range"),
+    "drive of the dependent joint": ('main = {speed = "1500 rpm", cycle = "360 deg"}',
         'main = {speed = "1500 rpm", cycle = "360 deg"}\nwrist = {speed = "10 rpm"}',
-        "Error: drives.wrist", "Leave a joint or a drive out, or give every body a pose for a fixed structure",
-    ),
-    "drive without motion": (
-        'main = {speed = "1500 rpm", cycle = "360 deg"}', 'main = {cycle = "360 deg"}',
-        "Error: drives.main", "Give exactly one of speed, law, table, free",
-    ),
-    "cycle in degrees as a number": (
-        'cycle = "360 deg"', "cycle = 360",
-        "Error: drives.main.cycle = 360", "Give a multiple of 360 deg; plain numbers are in rad",
-    ),
+        "Error: drives.wrist", "Leave a joint or a drive out, or give every body a pose for a fixed structure"),
+    "drive without motion": ('main = {speed = "1500 rpm", cycle = "360 deg"}', 'main = {cycle = "360 deg"}',
+        "Error: drives.main", "Give exactly one of speed, law, table, free"),
+    "cycle in degrees as a number": ('cycle = "360 deg"', "cycle = 360",
+        "Error: drives.main.cycle = 360", "Give a multiple of 360 deg; plain numbers are in rad"),
     "law with a power sign": (
         "400*sin(main)", "400*main^2", "Error: loads.work.law = '400 + 400*main^2'", "Write ** for a power, like t**2",
     ),
-    "unknown component": (
-        'component = "x"}\ntorque', 'component = "horizontal"}\ntorque',
-        "Error: sensors.pin_force.component = 'horizontal'", "Write one of these",
-    ),
-    "gravity of one component": (
-        'gravity = [0, "-9.81 m/s^2"]', "gravity = -9.81",
-        "Error: gravity = -9.81", "Write two components, [x, y], or three in space",
-    ),
+    "unknown component": ('component = "x"}\ntorque', 'component = "horizontal"}\ntorque',
+        "Error: sensors.pin_force.component = 'horizontal'", "Write one of these"),
+    "gravity of one component": ('gravity = [0, "-9.81 m/s^2"]', "gravity = -9.81",
+        "Error: gravity = -9.81", "Write two components, [x, y], or three in space"),
     "damping above one": (
         'ratio = "1 %"', "ratio = 5", "Warning: damping.rayleigh.ratio = 5", "write per cent with the sign, like '2 %'",
     ),
-    "angle in degrees as a number": (
-        'cycle = "360 deg"}', 'cycle = "360 deg", angle = 90}',
-        "Warning: drives.main.angle = 90", "write '90 deg' with its unit where degrees are meant",
-    ),
+    "angle in degrees as a number": ('cycle = "360 deg"}', 'cycle = "360 deg", angle = 90}',
+        "Warning: drives.main.angle = 90", "write '90 deg' with its unit where degrees are meant"),
 }  # fmt: skip
 
 

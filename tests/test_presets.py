@@ -3,7 +3,7 @@
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from runs import at_instant, model, peaks, run
+from runs import alike, at_instant, model, peaks, run
 from scipy.linalg import eigh, null_space
 from scipy.sparse import issparse
 
@@ -156,9 +156,7 @@ def test_fine_meshes_are_not_taken_for_mechanisms(elements):
     few, many = (
         run("engine", "solve.preset=quasistatic", "solve.steps=48", f"rod.elements={n}").series for n in (8, elements)
     )
-    for name in ("tip_axial", "mid_transverse"):
-        expected = few[name].values
-        assert many[name].values == pytest.approx(expected, abs=1e-3 * np.abs(expected).max()), name
+    alike(many, few, 1e-3, ("tip_axial", "mid_transverse"))
 
 
 @pytest.mark.parametrize(
@@ -273,10 +271,7 @@ def test_craig_bampton_with_every_mode_changes_nothing():
     reduced = run("engine", *settings, "solve.reduction=craig-bampton")
     assert len(reduced.model.coordinates) == len(full.model.coordinates) == 12
     assert any("mode_" in name for name in reduced.model.coordinates)
-    bounds = {"tip_axial": 1e-9, "mid_transverse": 1e-9, "mid_global_x": 1e-9, "crank_torque": 1e-7}
-    for name, bound in bounds.items():
-        expected = full.series[name].values
-        assert reduced.series[name].values == pytest.approx(expected, abs=bound * np.abs(expected).max()), name
+    alike(reduced, full, {"tip_axial": 1e-9, "mid_transverse": 1e-9, "mid_global_x": 1e-9, "crank_torque": 1e-7})
 
 
 @pytest.mark.parametrize(("modes", "bound"), [(1, 2e-4), (3, 5e-5), (6, 5e-6)])
@@ -304,9 +299,7 @@ def test_sixty_four_elements_run_banded():
     assert len(many.model.coordinates) == 3 * 64
     assert many.model.system.half_bandwidth == few.model.system.half_bandwidth <= 6
     assert many.model.system.M.shape == (192 * 11, len(many.model.monomials))
-    for name in ("tip_axial", "mid_transverse"):
-        expected = few.series[name].values
-        assert many.series[name].values == pytest.approx(expected, abs=2e-3 * np.abs(expected).max()), name
+    alike(many, few, 2e-3, ("tip_axial", "mid_transverse"))
 
 
 def test_hundreds_of_elements_stay_sparse():

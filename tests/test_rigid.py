@@ -217,31 +217,21 @@ def test_a_tilted_engine_is_the_same_engine_turned(upright):
         assert close(tilted[f"{joint}.force_y"], 0.8 * x + 0.6 * y, 1e-11)
 
 
-def test_a_joint_may_name_its_bodies_in_either_order(upright):
-    """The force is that on the second body: it changes its sign, and nothing else does."""
-    scene = with_settings(
-        read_scene("engine"),
-        ["joints.pin={revolute=['rod.start', 'crank.end']}",
-         "joints.wrist={revolute=['piston', 'rod.end']}",
-         "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}"],
-    )
+@pytest.mark.parametrize(("settings", "negated", "same"), [
+    (["joints.pin={revolute=['rod.start', 'crank.end']}", "joints.wrist={revolute=['piston', 'rod.end']}",
+      "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}"],
+     ("pin.force_x", "pin.force_y", "wrist.force_x", "wrist.force_y", "bore.normal"),
+     ("rod.omega", "rod.epsilon", "piston.a_x", "main.force_y", "main.drive", "rod.link.P_0")),
+    (["joints.bore.branch=-", "loads.gas.direction=[1, 0]", "main.angle=180 deg", "loads.gas.offset=180 deg"],
+     ("piston.x", "piston.a_x", "rod.c", "rod.s", "pin.force_x", "pin.force_y", "main.force_y"),
+     ("rod.omega", "rod.epsilon", "main.drive", "rod.link.P_0", "rod.link.a_x")),
+], ids=["bodies in the other order", "other branch"])  # fmt: skip
+def test_the_engine_written_otherwise_changes_signs_alone(upright, settings, negated, same):
+    """A joint's force is that on the second body: it changes its sign, and nothing else does. Piston on the left, crank
+    half a turn ahead, gas to the right: the engine turned by 180 degrees."""
+    scene = with_settings(read_scene("engine"), settings)
     other = motion_of(scene)
     assert imbalance(scene, other) < 1e-10
-    for name in ("pin.force_x", "pin.force_y", "wrist.force_x", "wrist.force_y", "bore.normal"):
-        assert close(other[name], -upright[name], 1e-11), name
-    for name in ("rod.omega", "rod.epsilon", "piston.a_x", "main.force_y", "main.drive", "rod.link.P_0"):
-        assert close(other[name], upright[name], 1e-11), name
-
-
-def test_the_other_branch_is_the_mirrored_engine(upright):
-    """Piston on the left, crank half a turn ahead, gas to the right: the engine turned by 180 degrees."""
-    scene = with_settings(
-        read_scene("engine"),
-        ["joints.bore.branch=-", "loads.gas.direction=[1, 0]", "main.angle=180 deg", "loads.gas.offset=180 deg"],
-    )
-    other = motion_of(scene)
-    assert imbalance(scene, other) < 1e-10
-    for name in ("piston.x", "piston.a_x", "rod.c", "rod.s", "pin.force_x", "pin.force_y", "main.force_y"):
-        assert close(other[name], -upright[name], 1e-11), name
-    for name in ("rod.omega", "rod.epsilon", "main.drive", "rod.link.P_0", "rod.link.a_x"):
-        assert close(other[name], upright[name], 1e-11), name
+    for names, sign in ((negated, -1.0), (same, 1.0)):
+        for name in names:
+            assert close(other[name], sign * upright[name], 1e-11), name

@@ -32,11 +32,9 @@ SHAPES = {
     'rectangle = ["20 mm", "10 mm"]': (200e-6, 10 * 20**3 / 12 * 1e-12, 13 / 15.3),
     'circle = "6 mm"': (math.pi * 9e-6, math.pi * 6**4 / 64 * 1e-12, 7.8 / 8.8),
     'tube = ["30 mm", "2 mm"]': (math.pi * (15**2 - 13**2) * 1e-6, math.pi / 4 * (15**4 - 13**4) * 1e-12, 0.534950),
-    'I = ["20 mm", "13 mm", "3.5 mm", "3.94 mm"]': (
-        (2 * 13 * 3.5 + 13 * 3.94) * 1e-6,
+    'I = ["20 mm", "13 mm", "3.5 mm", "3.94 mm"]': ((2 * 13 * 3.5 + 13 * 3.94) * 1e-6,
         (13 * 20**3 - 9.06 * 13**3) / 12 * 1e-12,
-        0.378957,
-    ),
+        0.378957),
 }
 
 
@@ -191,72 +189,42 @@ def test_structure_holds_what_the_equations_depend_on(arm, beam, entry):
 
 
 BAD = {
-    "two shapes": (
-        "section = {circle = 0.01, rectangle = [1, 1]}",
+    "two shapes": ("section = {circle = 0.01, rectangle = [1, 1]}",
         "bodies.arm.beam.section: rectangle and circle exclude each other. "
-        "Give exactly one of rectangle, circle, tube, I.",
-    ),
-    "no shape": (
-        "section = {}",
+        "Give exactly one of rectangle, circle, tube, I."),
+    "no shape": ("section = {}",
         "bodies.arm.beam.section: none of rectangle, circle, tube, I is given. "
-        "Give exactly one of rectangle, circle, tube, I.",
-    ),
-    "one length of two": (
-        'section = {rectangle = ["20 mm"]}',
-        "bodies.arm.beam.section.rectangle = ['20 mm']: not the 2 lengths of this shape. Write [height, width].",
-    ),
-    "a length of nothing": (
-        "section = {rectangle = [0.02, 0]}",
-        "bodies.arm.beam.section.rectangle = [0.02, 0]: a length must be above zero. Write [height, width].",
-    ),
-    "thick wall": (
-        'section = {tube = ["30 mm", "15 mm"]}',
+        "Give exactly one of rectangle, circle, tube, I."),
+    "one length of two": ('section = {rectangle = ["20 mm"]}',
+        "bodies.arm.beam.section.rectangle = ['20 mm']: not the 2 lengths of this shape. Write [height, width]."),
+    "a length of nothing": ("section = {rectangle = [0.02, 0]}",
+        "bodies.arm.beam.section.rectangle = [0.02, 0]: a length must be above zero. Write [height, width]."),
+    "thick wall": ('section = {tube = ["30 mm", "15 mm"]}',
         "bodies.arm.beam.section.tube = ['30 mm', '15 mm']: the wall fills the tube. "
-        "Give less than half the diameter, or a circle.",
-    ),
-    "flanges that meet": (
-        "section = {I = [0.02, 0.013, 0.01, 0.004]}",
+        "Give less than half the diameter, or a circle."),
+    "flanges that meet": ("section = {I = [0.02, 0.013, 0.01, 0.004]}",
         "bodies.arm.beam.section.I = [0.02, 0.013, 0.01, 0.004]: flanges or web don't fit. "
-        "Write [height, width, flange, web].",
-    ),
-    "shape and I": (
-        "section = {circle = 0.01}, I = 1e-9",
-        "bodies.arm.beam.I = 1e-09: the section's shape gives it already. Leave I out.",
-    ),
-    "taper of nothing": (
-        "A = 1e-4, I = 1e-9, taper = {circle = 0.01}",
-        "bodies.arm.beam.taper: section is missing. Give section, too, with the same shape.",
-    ),
-    "taper to another shape": (
-        "section = {circle = 0.01}, taper = {rectangle = [0.01, 0.01]}",
-        "bodies.arm.beam.taper: the taper from circle to rectangle changes the shape. Give both ends the same shape.",
-    ),
-    "kappa above one": (
-        "section = {circle = 0.01}, kappa = 1.2",
-        "bodies.arm.beam.kappa = 1.2: a shear coefficient is above 0 and at most 1. Write one like 0.85.",
-    ),
-    "nu and G": (
-        "section = {circle = 0.01}, nu = 0.3, G = 8e10",
-        "bodies.arm.beam.G = 80000000000.0: nu and G exclude each other. Give one of them.",
-    ),
-    "nu above one half": (
-        "section = {circle = 0.01}, nu = 0.6",
-        "bodies.arm.beam.nu = 0.6: no solid has a Poisson's ratio above 0.5. Write one like 0.3.",
-    ),
-    "unknown theory": (
-        'section = {circle = 0.01}, theory = "euler"',
+        "Write [height, width, flange, web]."),
+    "shape and I": ("section = {circle = 0.01}, I = 1e-9",
+        "bodies.arm.beam.I = 1e-09: the section's shape gives it already. Leave I out."),
+    "taper of nothing": ("A = 1e-4, I = 1e-9, taper = {circle = 0.01}",
+        "bodies.arm.beam.taper: section is missing. Give section, too, with the same shape."),
+    "taper to another shape": ("section = {circle = 0.01}, taper = {rectangle = [0.01, 0.01]}",
+        "bodies.arm.beam.taper: the taper from circle to rectangle changes the shape. Give both ends the same shape."),
+    "kappa above one": ("section = {circle = 0.01}, kappa = 1.2",
+        "bodies.arm.beam.kappa = 1.2: a shear coefficient is above 0 and at most 1. Write one like 0.85."),
+    "nu and G": ("section = {circle = 0.01}, nu = 0.3, G = 8e10",
+        "bodies.arm.beam.G = 80000000000.0: nu and G exclude each other. Give one of them."),
+    "nu above one half": ("section = {circle = 0.01}, nu = 0.6",
+        "bodies.arm.beam.nu = 0.6: no solid has a Poisson's ratio above 0.5. Write one like 0.3."),
+    "unknown theory": ('section = {circle = 0.01}, theory = "euler"',
         "bodies.arm.beam.theory = 'euler': must be 'euler-bernoulli', 'rayleigh', 'shear' or 'timoshenko'. "
-        "Write one of these.",
-    ),
-    "shear without kappa": (
-        'A = 1e-4, I = 1e-9, theory = "timoshenko"',
+        "Write one of these."),
+    "shear without kappa": ('A = 1e-4, I = 1e-9, theory = "timoshenko"',
         "bodies.arm.beam.theory = 'timoshenko': a Timoshenko beam needs a shear coefficient. "
-        "Give kappa, or a section by its shape.",
-    ),
-    "segments beside a section": (
-        "section = {circle = 0.01}, segments = {a = {section = {circle = 0.01}}}",
-        "bodies.arm.beam.section: every segment gives its own. Leave section out, or the segments.",
-    ),
+        "Give kappa, or a section by its shape."),
+    "segments beside a section": ("section = {circle = 0.01}, segments = {a = {section = {circle = 0.01}}}",
+        "bodies.arm.beam.section: every segment gives its own. Leave section out, or the segments."),
     "segment without section": (
         "segments = {a = {A = 1e-4}}", "bodies.arm.beam.segments.a: no section. Give section, or both A and I.",
     ),
@@ -265,14 +233,10 @@ BAD = {
         "bodies.arm.beam.segments.b.to = 0.4: a segment must end beyond the previous one. "
         "Give the distance from the body's start.",
     ),
-    "segment beyond the end": (
-        "segments = {a = {to = 1.5, A = 1, I = 1}, b = {A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave out `to` and later segments.",
-    ),
-    "last segment with an end": (
-        "segments = {a = {to = 0.5, A = 1, I = 1}}",
-        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends at the body's end. Leave out `to`.",
-    ),
+    "segment beyond the end": ("segments = {a = {to = 1.5, A = 1, I = 1}, b = {A = 1, I = 1}}",
+        "bodies.arm.beam.segments.a.to = 1.5: the segment reaches the body's end. Leave out `to` and later segments."),
+    "last segment with an end": ("segments = {a = {to = 0.5, A = 1, I = 1}}",
+        "bodies.arm.beam.segments.a.to = 0.5: the last segment ends at the body's end. Leave out `to`."),
 }
 
 
@@ -332,13 +296,11 @@ SPATIAL = {
     "rectangle": (["20 mm", "10 mm"], 20 * 10**3 / 12, 10 * 20**3 / 12, 0.228682 * 20 * 10**3, 13 / 15.3),
     "circle": ("6 mm", math.pi * 6**4 / 64, math.pi * 6**4 / 64, math.pi * 6**4 / 32, 7.8 / 8.8),
     "tube": (["30 mm", "2 mm"], *[math.pi / 4 * (15**4 - 13**4)] * 2, math.pi / 2 * (15**4 - 13**4), 0.534950),
-    "I": (
-        ["20 mm", "13 mm", "3.5 mm", "3.94 mm"],
+    "I": (["20 mm", "13 mm", "3.5 mm", "3.94 mm"],
         (2 * 3.5 * 13**3 + 13 * 3.94**3) / 12,
         (13 * 20**3 - 9.06 * 13**3) / 12,
         (2 * 13 * 3.5**3 + 16.5 * 3.94**3) / 3,
-        13 / 15.3 * 2 * 13 * 3.5 / (2 * 13 * 3.5 + 13 * 3.94),
-    ),
+        13 / 15.3 * 2 * 13 * 3.5 / (2 * 13 * 3.5 + 13 * 3.94)),
 }
 
 

@@ -197,10 +197,7 @@ def test_a_link_that_turns_freely_is_the_planar_one(damping, close):
     """
     flat = _solution(PENDULUM.format(gravity=[0, -9.81], axis="", damping=damping))
     deep = _solution(PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping=damping))
-    for name in ("angle", "bend", "height", *close):
-        expected = flat.series[name].values
-        bound = 0.01 if name in close else 2e-5
-        assert abs(deep.series[name].values - expected).max() < bound * abs(expected).max(), name
+    alike(deep, flat, dict.fromkeys(("angle", "bend", "height"), 2e-5) | dict.fromkeys(close, 0.01))
 
 
 @pytest.mark.parametrize("damping", ['rayleigh = {ratio = 0.05, at = ["20 Hz", "300 Hz"]}', "modal = {ratio = 0.05}"])
@@ -247,10 +244,7 @@ damping.""").replace("AXES", axes)
     flat = _solution(ROD.format(section=SQUARE, gravity=[0, -9.81], free="", more=more.format(axis="", push=[0, 1])))
     given = lifted(flat.model.scene) | {"solve": flat.model.scene.raw["solve"]}
     deep = _solution(given)
-    for name in given["sensors"]:
-        expected = flat.series[name].values
-        bound = 2e-3 if "tension" in name else 1e-5
-        assert abs(deep.series[name].values - expected).max() < bound * abs(expected).max(), name
+    alike(deep, flat, {name: 2e-3 if "tension" in name else 1e-5 for name in given["sensors"]})
 
 
 def _ringing(start: str, duration: float, steps: int = 40) -> str:
@@ -358,9 +352,8 @@ def test_stiff_vibrations_set_no_steps():
     coarse, fine, finest = (_solution(text + tail.format(each)) for each in ("1e-5", "1e-8", "1e-10"))
     steps = [len(each.model.motion.curve.knots) for each in (coarse, fine, finest)]
     assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
-    for name, series in finest.series.items():
-        for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
-            assert abs(found.series[name].values - series.values).max() < allowed * abs(series.values).max(), name
+    for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
+        alike(found, finest, allowed)
     assert finest.model.energy.drift < 1e-8
 
 

@@ -60,6 +60,14 @@ def pendulum(*changes, text=PENDULUM):
     ("", "bodies.loose.mass = 1", r"bodies.loose: it has neither a joint nor a position"),
     ("joints.hinge", "joints.other = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}\njoints.hinge",
      r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),
+    # no steps lead over a pole: each is shorter than the one before
+    ("{free = true}", '{law = "tan(20 * t)"}', r"drives\.hinge = 'tan.*: its motion is unbounded at t = 0\.0785398 s"),
+    ("length", "rotation = {axis = [0, 0, 1]}, length",  # it turned nothing, silently
+     r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
+    ("", 'loads.push = {force_on = "bar.end", value = 1}',
+     r"^loads\.push\.direction: the force has no direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
+    ("", 'joints.rail.prismatic = ["ground", "bar.end"]',
+     r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(old, new, said):
     with pytest.raises(SceneError, match=said):
@@ -87,20 +95,6 @@ PLANAR = (
 def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(old, new, said):
     with pytest.raises(SceneError, match=said):
         load(pendulum((old, new), text=PLANAR))
-
-
-@pytest.mark.parametrize("change, said", [
-    (("length", "rotation = {axis = [0, 0, 1]}, length"),
-     r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
-    (("", 'loads.push = {force_on = "bar.end", value = 1}'),
-     r"^loads\.push\.direction: the force has no direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
-    (("", 'joints.rail.prismatic = ["ground", "bar.end"]'),
-     r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
-])  # fmt: skip
-def test_what_is_missing_in_space_is_named_with_what_fits_there(change, said):
-    """A rotation about an axis alone turned nothing, silently."""
-    with pytest.raises(SceneError, match=said):
-        pendulum(change)
 
 
 def test_a_rotation_by_no_angle_is_one():
@@ -171,12 +165,6 @@ def rates_of(names, component="angle"):
     """Sensors of joints' coordinates and of their rates."""
     return "".join(f'sensors.{name}{tail} = {{{kind} = "{name}", component = "{component}"}}\n'
                    for name in names for kind, tail in RATES.items())  # fmt: skip
-
-
-def test_a_drive_that_runs_away_is_named():
-    """No steps lead over a pole: each is shorter than the one before."""
-    with pytest.raises(SceneError, match=r"drives\.hinge = 'tan.*: its motion is unbounded at t = 0\.0785398 s"):
-        load(pendulum(("{free = true}", '{law = "tan(20 * t)"}')))
 
 
 @pytest.mark.exhaustive
