@@ -1,5 +1,7 @@
-"""``python -m kaneflex.derive [-o FOLDER]``: all that scenes share, and modules of shipped scenes, by default into
-``generated/``."""
+"""``python -m kaneflex.derive [-o FOLDER]``: write the modules that all scenes share and those of shipped scenes.
+
+The default folder is ``generated/``.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import laws_hash, structure_hash
 
 MOTIONS = ("engine", "four-bar", "mathieu", "pulsating-strut", "rotating-cantilever", "slider-crank-150")
-"""Scenes that the README and the documentation run: modules of other rigid motions are derived at their first use."""
+"""Scenes of the README and the documentation; modules of other rigid motions are derived at their first use."""
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 
 # Structure hash -> module. Scenes of one structure share a module.
@@ -35,13 +37,11 @@ STRUCTURES = {{
 
 def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
-    texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
-    texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "packs.py": packs.TEXT}
-    texts |= {"packs_in_numba.py": packs.IN_NUMBA, "compiling.py": COMPILING}
-    texts["rows.py"] = rows_text()
-    texts |= {"body.py": body_text(), "joints.py": joints_text()}
-    texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
-    texts["spatial_shapes.py"] = spatial_shapes_text()
+    texts = element_texts() | spatial_element_texts()
+    texts |= {"tables": tables_text(), "laws": laws_text(), "packs": packs.TEXT, "packs_in_numba": packs.IN_NUMBA}
+    texts |= {"compiling": COMPILING, "rows": rows_text(), "body": body_text(), "spatial_shapes": spatial_shapes_text()}
+    texts |= {"joints": joints_text(), "spatial": spatial_text()}
+    texts |= {"contact": contact_text(), "friction": friction_text()}
     structures: dict[str, str] = {}
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
@@ -51,10 +51,10 @@ def modules() -> dict[str, str]:
         structure = (laws_hash if laws else structure_hash)(scene)
         if structure not in structures:
             structures[structure] = name.replace("-", "_") + "_laws" * laws
-            texts[f"{structures[structure]}.py"] = (generate_laws if laws else generate)(scene)
+            texts[structures[structure]] = (generate_laws if laws else generate)(scene)
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
-    texts["__init__.py"] = INDEX.format(entries=entries)
-    return texts
+    texts["__init__"] = INDEX.format(entries=entries)
+    return {f"{name}.py": text for name, text in texts.items()}
 
 
 def main() -> None:
@@ -63,7 +63,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=here, help="folder to write into")
     folder = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)
-    texts = modules()  # all of them before any is written: a failure leaves the folder as it was
+    texts = modules()  # all before any is written, so that a failure leaves the folder unchanged
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
         print(f"wrote {folder / name}")

@@ -11,7 +11,7 @@ from runs import gaps, moments
 
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
-from kaneflex.derive.bodies.plane_equations import planar_equations
+from kaneflex.derive.bodies.proof import planar_equations
 from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks

@@ -11,8 +11,7 @@ import sympy as sm
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, determinant, solve_blocks
 from kaneflex.derive.generate import derive_equations
-from kaneflex.derive.ir.program import Program, expanded_operation_count, operation_count, prune, share
-from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.ir.program import Program, Steps, expanded_operation_count, operation_count, prune, share
 from kaneflex.derive.printers import functions_text
 from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel

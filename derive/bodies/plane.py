@@ -17,8 +17,7 @@ import sympy as sm
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA
 from kaneflex.derive.bodies.kinds import PLANE, POINT, Kinds, numbers
 from kaneflex.derive.bodies.loops import Shape, added, code, grow, loops, zeroed
-from kaneflex.derive.bodies.plane_equations import AT, RIGID, by_name
-from kaneflex.derive.bodies.proof import prove
+from kaneflex.derive.bodies.proof import AT, RIGID, by_name, prove
 from kaneflex.derive.bodies.space import (
     VELOCITY,
     demanded,

@@ -16,17 +16,8 @@ from itertools import combinations_with_replacement, product
 import sympy as sm
 from sympy.polys.rings import PolyElement, PolyRing
 
-from kaneflex.derive.bodies.kane import (
-    ACCEL,
-    EPSILON,
-    MOTION,
-    PAIR,
-    SINGLE,
-    coordinates,
-    pair,
-    shaped_equations,
-    single,
-)  # fmt: skip
+from kaneflex.derive.bodies import kane
+from kaneflex.derive.bodies.kane import MOTION, coordinates, pair, single
 from kaneflex.derive.bodies.kinds import CUBIC, KINDS, SHORTENING, moment, of_shape, reading_order
 from kaneflex.derive.bodies.proof import Comparisons, demand_equal, functions
 
@@ -36,8 +27,8 @@ _COORDINATES = tuple(zip(*map(coordinates, range(2)), strict=True))
 """Coordinates of two shapes, their rates and their accelerations."""
 _ELASTIC = sm.symbols("K_0 K_1 C_00 C_01 C_11")
 _MOMENTS = list(dict.fromkeys([
-    *((single(name, j), name, j, j) for j in range(3) for name in SINGLE),
-    *((pair(name, j, k), name, j, k) for j, k in combinations_with_replacement(range(3), 2) for name in PAIR),
+    *((single(name, j), name, j, j) for j in range(3) for name in kane.SINGLE),
+    *((pair(name, j, k), name, j, k) for j, k in combinations_with_replacement(range(3), 2) for name in kane.PAIR),
 ]))  # fmt: skip
 """Moments of two shapes and of scale in Kane's equations, with their names and shapes."""
 
@@ -117,8 +108,8 @@ def _product(u: list[PolyElement], M: list[list[PolyElement]]) -> PolyElement:
 @cache
 def _kane() -> Callable:
     """Kane's equations of three shapes, and their mass matrix row by row, as a function of what they depend on."""
-    equations, own = shaped_equations(3), list(zip(*map(coordinates, range(3)), strict=True))
-    M = equations.jacobian([*ACCEL, *EPSILON, *own[2]])
+    equations, own = kane.shaped_equations(3), list(zip(*map(coordinates, range(3)), strict=True))
+    M = equations.jacobian([*kane.ACCEL, *kane.EPSILON, *own[2]])
     moments = dict.fromkeys(symbol for symbol, *_ in _MOMENTS)
     return sm.lambdify([*MOTION, *(x for of in own for x in of), *moments], [*equations, *M], "math")
 

@@ -62,11 +62,8 @@ def _text(module: str, element: Element, texts: Mapping[str, str]) -> str:
     return module_text.module(
         "Matrices of one element of an elastic link",
         _about(element),
-        [
-            element_table("PLANAR", ((name, unit, meaning) for name, _, unit, meaning in element.parameters)),
-            *data,
-            module_text.operations_table(counts),
-        ],
+        [element_table("PLANAR", (row[:1] + row[2:] for row in element.parameters)), *data,
+         module_text.operations_table(counts)],
         [*blocks, every_matrix(ELEMENT_TERMS, 6)],
         [module_text.import_called("rows", ["LINK_SCALARS"], texts["rows"]), *imports],
     )

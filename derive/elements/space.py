@@ -9,9 +9,10 @@ axial tension bring such integrals, too. The x-z plane is the x-y plane with w' 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, zip_longest
+from math import prod
 
 from sympy import Expr, Poly, Rational, S, factor_terms
 
@@ -120,32 +121,35 @@ class _Sum:
         """f(s) times the integral of two functions' products and g(s) times its transpose, each with its rows."""
         if (left[0], right[0]) not in POWERS:
             left, right, f, g = right, left, g, f
-        places = left[1], right[1], self.section.bubble(*left), self.section.bubble(*right)
-        operations = _SIZE[left[1]] * _SIZE[right[1]] * (_PER_INTEGRAL + _PER_TURN + 2 * _PER_SUM)
-        self._call("fill_both", f"{left[0]}_{right[0]}", places, (f, g), operations)
+        operations = _PER_INTEGRAL + _PER_TURN + 2 * _PER_SUM
+        self._call("fill_both", f"{left[0]}_{right[0]}", (left, right), (f, g), operations)
 
     def add_load(self, functions: str, rows: str, f: Expr) -> None:
         """f(s) times the integral of functions alone."""
-        places = rows, self.section.bubble(functions, rows)
-        self._call("fill_load", functions, places, (f,), _SIZE[rows] * (_PER_LOAD + _PER_SUM))
+        self._call("fill_load", functions, ((functions, rows),), (f,), _PER_LOAD + _PER_SUM)
 
     def square(self, functions: str, rows: str, f: Expr) -> None:
         """The matrix whose quadratic form is the integral of f(s) times the functions' square."""
-        places = rows, self.section.bubble(functions, rows)
-        operations = _SIZE[rows] ** 2 * (_PER_INTEGRAL + _PER_SUM)
-        self._call("fill_square", f"{functions}_{functions}", places, (f,), operations)
+        operations = _SIZE[rows] * (_PER_INTEGRAL + _PER_SUM)
+        self._call("fill_square", f"{functions}_{functions}", ((functions, rows),), (f,), operations)
 
-    def _call(self, loop: str, table: str, places: tuple[str, ...], of: tuple[Expr, ...], operations: int) -> None:
-        """So many operations a power of s. The first call for some rows and columns stores, reading nothing there."""
-        count = max(_powers(f) for f in of)
-        if count == 0:
+    def _call(
+        self, loop: str, table: str, of: Sequence[tuple[str, str]], factors: Sequence[Expr], operations: int
+    ) -> None:
+        """A call of one of the loops, with so many operations a row and a power of s.
+
+        The first call for some rows and columns stores, the others add.
+        """
+        powers = list(zip_longest(*map(_coefficients, factors), fillvalue=S.Zero))
+        if not powers:
             return
-        block = frozenset(_SIZE).intersection(places)
-        names = (", ".join(map(self._name, _factors(f, count))) for f in of)
-        factors = (f"({name}{',' * (count == 1)})" for name in names)
-        self.calls.append(f"{loop}(out, {block not in self.filled}, {table}, {', '.join([*places, *factors])})")
-        self.filled.add(block)
-        self.operations += count * operations
+        places = [rows for _, rows in of]
+        names = [", ".join(map(self._name, each)) for each in zip(*powers, strict=True)]
+        arguments = [*places, *(self.section.bubble(*each) for each in of)]
+        arguments += [f"({name}{',' * (len(powers) == 1)})" for name in names]
+        self.calls.append(f"{loop}(out, {frozenset(places) not in self.filled}, {table}, {', '.join(arguments)})")
+        self.filled.add(frozenset(places))
+        self.operations += len(powers) * prod(_SIZE[rows] for rows in places) * operations
 
     def _name(self, number: Expr) -> str:
         if number == 0:
@@ -155,16 +159,37 @@ class _Sum:
         return self.numbers.setdefault(number, f"f_{len(self.numbers)}")
 
 
-def _powers(f: Expr) -> int:
-    """Number of powers of s, from the zeroth."""
+def _coefficients(f: Expr) -> list[Expr]:
+    """Coefficients of the powers of s, from the zeroth."""
     f = f.expand()
-    return Poly(f, s).degree() + 1 if f != 0 else 0
+    return [factor_terms(f.coeff(s, k)) for k in range(Poly(f, s).degree() + 1)] if f != 0 else []
 
 
-def _factors(f: Expr, count: int) -> list[Expr]:
-    """Coefficients of so many powers of s."""
-    f = f.expand()
-    return [factor_terms(f.coeff(s, k)) for k in range(count)]
+def _fill(total: _Sum, kernel: str) -> None:
+    """Integrals of a kernel: of slices, and of strains.
+
+    M has the correction rho_A phi l^4 / (144 E I) K of ``mass_correction`` in each plane.
+    """
+    section = total.section
+    if kernel in ("M", "C", "K_d"):
+        _sum_of_slices(total, kernel[0])
+    if kernel == "K_s":
+        for functions, rows, rigidity in _strains(section):
+            total.square(functions, rows, rigidity)
+    if kernel == "M" and section.shear:
+        for functions, rows, rigidity in list(_strains(section))[2:]:
+            stiffness, flexibility = (PARAMETERS[name] for name in _PLANES[rows])
+            total.square(functions, rows, rho_A * flexibility * length**4 / (144 * stiffness) * rigidity)
+    if kernel == "K_g":
+        P = section.tension() / length
+        for rows in _PLANES:
+            total.square("SLOPE", rows, P)
+        total.square("GRADIENT", "T", P * PARAMETERS["I_p_A"])
+    if kernel == "F":
+        for name in section.coordinates:
+            functions, rows, sign = _FUNCTIONS[name]
+            unit = sign * (1 if functions == "ROTATION" else length)
+            total.add_load(functions, rows, _entry(section, "F", name) * unit)
 
 
 def _sum_of_slices(total: _Sum, target: str) -> None:
@@ -187,7 +212,8 @@ def _entry(section: _Section, target: str, i: str, j: str = "") -> Expr:
 
 
 def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
-    """Functions, rows, rigidity by s of each generalised strain, in the scale of the functions.
+    """Functions, rows, rigidity by s of each generalised strain, in the scale of the functions: stretch, twist, then in
+    each plane bending and shear.
 
     Of shear it is kappa G A gamma^2 l = 12 E I beta (1 - beta) / l ((P - growth/6 Q) / (2 l))^2, by ``beam_shape``.
     """
@@ -198,40 +224,6 @@ def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
         if section.shear:
             beta = 1 / (1 + PARAMETERS[flexibility])
             yield "SHEAR", rows, 3 * PARAMETERS[stiffness] * PARAMETERS[flexibility] * beta**2 / length**3
-
-
-def _M(total: _Sum) -> None:
-    """With the correction rho_A phi l^4 / (144 E I) K of ``mass_correction`` in each plane."""
-    _sum_of_slices(total, "M")
-    for functions, rows, rigidity in _strains(total.section):
-        if total.section.shear and rows in _PLANES:
-            stiffness, flexibility = (PARAMETERS[name] for name in _PLANES[rows])
-            total.square(functions, rows, rho_A * flexibility * length**4 / (144 * stiffness) * rigidity)
-
-
-def _K_s(total: _Sum) -> None:
-    for functions, rows, rigidity in _strains(total.section):
-        total.square(functions, rows, rigidity)
-
-
-def _K_g(total: _Sum) -> None:
-    P = total.section.tension() / length
-    for rows in _PLANES:
-        total.square("SLOPE", rows, P)
-    total.square("GRADIENT", "T", P * PARAMETERS["I_p_A"])
-
-
-def _F(total: _Sum) -> None:
-    for name in total.section.coordinates:
-        functions, rows, sign = _FUNCTIONS[name]
-        unit = sign * (1 if functions == "ROTATION" else length)
-        total.add_load(functions, rows, _entry(total.section, "F", name) * unit)
-
-
-_KERNELS = {
-    "M": _M, "K_s": _K_s, "K_d": lambda total: _sum_of_slices(total, "K"), "K_g": _K_g,
-    "C": lambda total: _sum_of_slices(total, "C"), "F": _F,
-}  # fmt: skip
 
 
 def spatial_element_texts() -> dict[str, str]:
@@ -251,20 +243,12 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
     kernels = emit.print_kernels((kernel for kernel, _, _ in built), Names({}))
     words = sorted({word for kernel, _, _ in built for call in kernel.calls for word in re.findall(r"\w+", call)})
     called = [word for word in words if f"\n{word} = " in integrals or f"\ndef {word}(" in integrals]
-    counts = {
-        name: tuple(count + loops for count in counts)
-        for (name, counts), (_, _, loops) in zip(
-            emit.operations([pair[:2] for pair in built]).items(), built, strict=True
-        )
-    }
+    counts = emit.operations([pair[:2] for pair in built])
+    counts = {name: tuple(count + built[k][2] for count in counts[name]) for k, name in enumerate(counts)}
     return module_text.module(
         "Matrices of one element of an elastic link in space",
         _about(section),
-        [
-            element_table("SPATIAL", section.parameters),
-            *data,
-            module_text.operations_table(counts),
-        ],
+        [element_table("SPATIAL", section.parameters), *data, module_text.operations_table(counts)],
         [*kernels, every_matrix(SPATIAL_ELEMENT_TERMS, 12)],
         [module_text.import_called("shape_integrals", called, integrals), *imports],
     )
@@ -273,7 +257,7 @@ def _text(section: _Section, texts: Mapping[str, str]) -> str:
 def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     """A kernel, the raw program of the numbers before its integrals, the operations of its loops."""
     total = _Sum(section)
-    _KERNELS[name](total)
+    _fill(total, name)
     numbers = [(called, number) for number, called in total.numbers.items()]
     _demand_terms(name, numbers)
     outputs, pairs = [], []

@@ -8,12 +8,13 @@ groups by Newton's method (see :mod:`kaneflex.derive.equations.newton`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import sympy as sm
 
 from kaneflex.derive.equations.newton import Closed, Loop, close_group, hung
 from kaneflex.derive.ir.functions import T
-from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.ir.program import Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, cross, dot, minus, quarter_turn
 
@@ -46,7 +47,7 @@ def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: S
     poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     margins: dict[str, sm.Expr] = {}
     closed: list[Closed] = []
-    # What the seeds of Newton's method are tabulated against: the drive where there is one.
+    # the seeds of Newton's method are tabulated against the drive where there is one
     against = next(iter(drive_angle.values())) if len(drive_angle) == 1 else T
     while len(poses) <= len(mechanism.bodies):
         if _place_driven(mechanism, drive_angle, poses, steps) or _place_dyad(mechanism, poses, margins, steps):
@@ -63,21 +64,19 @@ def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: S
 
 
 def _assign_pose(name: str, c: sm.Expr, s: sm.Expr, at: Vector, point: BodyPoint, steps: Steps) -> Pose:
-    """The pose with direction cosines c, s whose ``point`` lies at ``at``."""
-    c, s = steps.assign(sm.Symbol(f"c_{name}"), c), steps.assign(sm.Symbol(f"s_{name}"), s)
+    """Pose with direction cosines c, s whose ``point`` lies at ``at``."""
+    c, s = steps.assign(f"c_{name}", c), steps.assign(f"s_{name}", s)
     dx, dy = Pose(sm.S.Zero, sm.S.Zero, c, s).turn(point.at)
-    x, y = steps.assign(sm.Symbol(f"x_{name}"), at[0] - dx), steps.assign(sm.Symbol(f"y_{name}"), at[1] - dy)
-    return Pose(x, y, c, s)
+    return Pose(steps.assign(f"x_{name}", at[0] - dx), steps.assign(f"y_{name}", at[1] - dy), c, s)
 
 
-def _place_driven(mechanism, drive_angle, poses, steps) -> bool:
+def _place_driven(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], poses: dict[str, Pose], steps: Steps) -> bool:
     """Place one body that a driven joint or a weld attaches to a placed one."""
     for name, joint in mechanism.joints.items():
-        if (name not in mechanism.drives and joint.kind != "weld") or not _one_open(joint, poses):
-            continue
-        body, at, (c, s) = hung(joint, poses, drive_angle.get(name, joint.angle), steps.assign)
-        poses[body.body] = _assign_pose(body.body, c, s, at, body, steps)
-        return True
+        if (name in mechanism.drives or joint.kind == "weld") and _one_open(joint, poses):
+            body, at, (c, s) = hung(joint, poses, drive_angle.get(name, joint.angle), steps.assign)
+            poses[body.body] = _assign_pose(body.body, c, s, at, body, steps)
+            return True
     return False
 
 
@@ -85,23 +84,17 @@ def _one_open(joint: Joint, poses: dict[str, Pose]) -> bool:
     return (joint.first.body in poses) != (joint.second.body in poses)
 
 
-def _place_dyad(mechanism, poses, margins, steps) -> bool:
+def _place_dyad(mechanism: Mechanism, poses: dict[str, Pose], margins: dict[str, sm.Expr], steps: Steps) -> bool:
     """Place two bodies that a joint connects to each other and one joint each to placed bodies."""
     for middle in mechanism.joints.values():
-        if (
-            middle.first.body in poses
-            or middle.second.body in poses
-            or GROUND in (middle.first.body, middle.second.body)
-        ):
+        if not {GROUND, *poses}.isdisjoint(middle.bodies):
             continue
-        for outer in _outer_joints(mechanism, poses, middle.first.body, middle):
-            for other in _outer_joints(mechanism, poses, middle.second.body, middle):
-                kinds = (outer.kind, middle.kind, other.kind)
-                if kinds not in _DYADS:
-                    continue
-                closing = next((joint for joint in (middle, outer, other) if joint.closes_loop), other)
-                dyad = _Dyad(middle, _side(outer, poses), _side(other, poses), closing)
-                margins[closing.name] = _DYADS[kinds](dyad, poses, steps)
+        for one, other in product(*(_sides(mechanism, poses, body, middle) for body in middle.bodies)):
+            kinds = one.joint.kind, middle.kind, other.joint.kind
+            if kinds in _DYADS:
+                joints = middle, one.joint, other.joint
+                closing = next((joint for joint in joints if joint.closes_loop), other.joint)
+                margins[closing.name] = _DYADS[kinds](_Dyad(middle, one, other, closing), poses, steps)
                 return True
     return False
 
@@ -124,22 +117,24 @@ class _Dyad:
     second: _Side
     closing: Joint
 
+    def pivots(self, poses: dict[str, Pose], steps: Steps) -> tuple[Vector, Vector, Vector, sm.Expr]:
+        """Points of both outer joints on the placed bodies, the vector d between them, and d^2."""
+        pivot, other = (poses[side.base.body].place(side.base.at) for side in (self.first, self.second))
+        d = _assigned(f"d_{self.first.foot.body}", minus(other, pivot), steps)
+        return pivot, other, d, steps.assign(f"square_{self.first.foot.body}", dot(d, d))
 
-def _outer_joints(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: Joint) -> list[Joint]:
+
+def _sides(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: Joint) -> list[_Side]:
+    """Joints of a body to placed ones, without one joint."""
     return [
-        joint
+        _Side(joint, *(joint.sides if joint.first.body in poses else reversed(joint.sides)))
         for joint in mechanism.joints.values()
-        if joint is not but and body in (joint.first.body, joint.second.body) and _one_open(joint, poses)
+        if joint is not but and body in joint.bodies and _one_open(joint, poses)
     ]
 
 
-def _side(joint: Joint, poses: dict[str, Pose]) -> _Side:
-    known = joint.first.body in poses
-    return _Side(joint, *((joint.first, joint.second) if known else (joint.second, joint.first)))
-
-
 def _assigned(name: str, vector: Vector, steps: Steps) -> Vector:
-    return tuple(steps.assign(sm.Symbol(f"{name}_{axis}"), v) for axis, v in zip("xy", vector, strict=True))
+    return tuple(steps.assign(f"{name}_{axis}", v) for axis, v in zip("xy", vector, strict=True))
 
 
 def _align(name: str, inside: Vector, outside: Vector, square: sm.Expr, at: Vector, foot: BodyPoint, steps) -> Pose:
@@ -164,11 +159,11 @@ def _close_slider(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
     line, pivot = frame.place(guide.base.at), poses[rod.base.body].place(rod.base.at)
     name = head.body
     gap = tuple(line[k] + offset[k] - pivot[k] for k in range(2))
-    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), dot(n, gap))
+    gamma = steps.assign(f"gamma_{name}", dot(n, gap))
     ab = minus(head.at, rod.foot.at)
     square = dot(ab, ab)
-    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - gamma**2 / square)
-    reach = steps.assign(sm.Symbol(f"w_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
+    margin = steps.assign(f"closure_{dyad.closing.name}", 1 - gamma**2 / square)
+    reach = steps.assign(f"w_{name}", dyad.closing.branch * sm.sqrt(square * margin))
     v = _assigned(f"span_{name}", (gamma * n[0] + reach * t[0], gamma * n[1] + reach * t[1]), steps)
     poses[name] = _align(name, ab, v, square, pivot, rod.foot, steps)
     tip = (pivot[0] + v[0], pivot[1] + v[1])
@@ -182,17 +177,14 @@ def _close_triangle(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Exp
     With d from the first pivot to the second, the first body's span is v = a d + branch h S d,
     a = (r_1^2 - r_2^2 + d^2) / (2 d^2) and h^2 = r_1^2 / d^2 - a^2.
     """
-    one, two = dyad.first, dyad.second
-    pivot, other = (poses[side.base.body].place(side.base.at) for side in (one, two))
-    name = one.foot.body
+    one, two, name = dyad.first, dyad.second, dyad.first.foot.body
     inside_1 = minus(dyad.middle.first.at, one.foot.at)
     inside_2 = minus(dyad.middle.second.at, two.foot.at)
-    d = _assigned(f"d_{name}", minus(other, pivot), steps)
-    square = steps.assign(sm.Symbol(f"square_{name}"), dot(d, d))
+    pivot, other, d, square = dyad.pivots(poses, steps)
     r_1, r_2 = dot(inside_1, inside_1), dot(inside_2, inside_2)
-    a = steps.assign(sm.Symbol(f"share_{name}"), (r_1 - r_2 + square) / (2 * square))
-    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - a**2 * square / r_1)
-    h = steps.assign(sm.Symbol(f"height_{name}"), dyad.closing.branch * sm.sqrt(r_1 * margin / square))
+    a = steps.assign(f"share_{name}", (r_1 - r_2 + square) / (2 * square))
+    margin = steps.assign(f"closure_{dyad.closing.name}", 1 - a**2 * square / r_1)
+    h = steps.assign(f"height_{name}", dyad.closing.branch * sm.sqrt(r_1 * margin / square))
     v = _assigned(f"span_{name}", (a * d[0] - h * d[1], a * d[1] + h * d[0]), steps)
     poses[name] = _align(name, inside_1, v, r_1, pivot, one.foot, steps)
     poses[two.foot.body] = _align(two.foot.body, inside_2, minus(v, d), r_2, other, two.foot, steps)
@@ -205,20 +197,16 @@ def _close_lever(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
     In the lever's axes the pivots are apart by w = w_n n + u t with t along the guide, w_n fixed by the bodies, and
     u^2 = d^2 - w_n^2.
     """
-    one, two = dyad.first, dyad.second
-    pivot, other = (poses[side.base.body].place(side.base.at) for side in (one, two))
-    name, t = one.foot.body, dyad.middle.direction
-    d = _assigned(f"d_{name}", minus(other, pivot), steps)
-    square = steps.assign(sm.Symbol(f"square_{name}"), dot(d, d))
+    one, two, name, t = dyad.first, dyad.second, dyad.first.foot.body, dyad.middle.direction
+    pivot, other, d, square = dyad.pivots(poses, steps)
     fixed = tuple(
         dyad.middle.first.at[k] - one.foot.at[k] + two.foot.at[k] - dyad.middle.second.at[k] for k in range(2)
     )
-    across = steps.assign(sm.Symbol(f"across_{name}"), cross(t, fixed))
-    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - across**2 / square)
-    along = steps.assign(sm.Symbol(f"along_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
+    across = steps.assign(f"across_{name}", cross(t, fixed))
+    margin = steps.assign(f"closure_{dyad.closing.name}", 1 - across**2 / square)
+    along = steps.assign(f"along_{name}", dyad.closing.branch * sm.sqrt(square * margin))
     w = (along * t[0] - across * t[1], along * t[1] + across * t[0])
-    lever = _align(name, w, d, square, pivot, one.foot, steps)
-    poses[name] = lever
+    poses[name] = lever = _align(name, w, d, square, pivot, one.foot, steps)
     poses[two.foot.body] = _assign_pose(two.foot.body, lever.c, lever.s, other, two.foot, steps)
     return margin
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import sympy as sm
 from sympy.utilities.iterables import strongly_connected_components
 
-from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.ir.program import Steps
 
 
 class StructurallySingular(ValueError):
@@ -88,9 +88,9 @@ def _eliminate(matrix: sm.Matrix, known: sm.Matrix, block: list[sm.Symbol], step
             factor = matrix[other, j] * matrix[i, j]
             for column in filled[i]:
                 entry = sm.S.Zero if column == j else matrix[other, column] - factor * matrix[i, column]
-                matrix[other, column] = steps.assign(sm.Symbol(f"{block[j]}_row_{other}_{column}"), entry)
+                matrix[other, column] = steps.assign(f"{block[j]}_row_{other}_{column}", entry)
             rest = known[other] - factor * known[i]
-            known[other] = steps.assign(sm.Symbol(f"{block[j]}_known_{other}"), rest)
+            known[other] = steps.assign(f"{block[j]}_known_{other}", rest)
         order.append((i, j))
         rows.remove(i)
         columns.remove(j)
@@ -105,7 +105,7 @@ def _eliminate(matrix: sm.Matrix, known: sm.Matrix, block: list[sm.Symbol], step
 def _cramer(matrix: sm.Matrix, known: sm.Matrix, block: list[sm.Symbol], steps: Steps) -> dict[sm.Symbol, sm.Expr]:
     if len(block) == 1:
         return {block[0]: steps.assign(block[0], known[0] / matrix[0, 0])}
-    inverse = steps.assign(sm.Symbol(f"inverse_det_{block[0]}"), 1 / determinant(matrix))
+    inverse = steps.assign(f"inverse_det_{block[0]}", 1 / determinant(matrix))
     values = {}
     for k, unknown in enumerate(block):
         replaced = matrix.copy()

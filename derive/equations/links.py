@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import sympy as sm
 
-from kaneflex.derive.equations.constraints import multiplier
-from kaneflex.derive.equations.rigid import Rates, Solved
-from kaneflex.derive.ir.steps import Scalar, Steps
+from kaneflex.derive.equations.rigid import Rates, Solved, multiplier
+from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import Vector
 from kaneflex.support.contract import LINK_SCALARS
@@ -35,12 +34,9 @@ def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
 def frame_scalars(name: str, values: Mapping[str, sm.Expr], steps: Steps) -> tuple[Scalar, ...]:
     """LINK_SCALARS of a link, zero where no value is given."""
     return tuple(
-        Scalar(
-            f"{name}.link.{key}", unit, meaning,
-            steps.assign(sm.Symbol(f"{name}_link_{key}"), values.get(key, sm.S.Zero)),
-        )
+        Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(f"{name}_link_{key}", values.get(key, sm.S.Zero)))
         for key, unit, meaning in LINK_SCALARS
-    )  # fmt: skip
+    )
 
 
 def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:
@@ -48,7 +44,7 @@ def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
     found = []
     for point in sorted(forced_points(mechanism, name) - {"start", "end"}):
         force = _axial_force(mechanism, name, point, solved)
-        value = steps.assign(sm.Symbol(f"{name}_link_jump_{point}"), -force)
+        value = steps.assign(f"{name}_link_jump_{point}", -force)
         found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
     return found
 

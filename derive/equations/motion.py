@@ -15,18 +15,16 @@ from dataclasses import dataclass
 import sympy as sm
 
 from kaneflex.derive.equations.closure import UnsupportedLoop, place_bodies
-from kaneflex.derive.equations.constraints import multiplier
 from kaneflex.derive.equations.law_expression import FUNCTIONS, law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.equations.links import frame_scalars, jump_scalars, link_scalars
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.equations.newton import Loop
-from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, rigid_equations
+from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, multiplier, rigid_equations
 from kaneflex.derive.equations.springs import spring_scalars
 from kaneflex.derive.ir.functions import T, table, table_curvature, table_rate
 from kaneflex.derive.ir.names import Names
-from kaneflex.derive.ir.program import Program
-from kaneflex.derive.ir.steps import Scalar, Steps
+from kaneflex.derive.ir.program import Program, Scalar, Steps
 from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, Pose
 from kaneflex.support.contract import BODY_SCALARS, COURSES
@@ -146,9 +144,8 @@ def _still(mechanism: SymbolicMechanism) -> Motion:
     rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
     for name, body in mechanism.bodies.items():
         x, y, angle = body.pose
-        c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
-        pose = Pose(x, y, c, s)
-        poses[name] = pose
+        c, s = (steps.assign(f"{f}_{name}", g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
+        poses[name] = pose = Pose(x, y, c, s)
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
             g_x, g_y = mechanism.gravity
@@ -170,15 +167,11 @@ def _drives(mechanism: SymbolicMechanism, steps: Steps, states: Sequence[str] = 
 
 def drive_courses(mechanism: SymbolicMechanism, names: Sequence[str], steps: Steps) -> dict[str, Drive]:
     """Assign coordinate, speed and acceleration of prescribed drives as functions of time."""
-    drives = {}
+    assigned = {}
     for name in names:
-        angle, speed, acceleration = _course(mechanism, name, steps)
-        drives[name] = Drive(
-            steps.assign(sm.Symbol(f"{name}_coordinate"), angle),
-            steps.assign(sm.Symbol(f"{name}_rate"), speed),
-            steps.assign(sm.Symbol(f"{name}_acceleration"), acceleration),
-        )
-    return drives
+        course = zip(("coordinate", "rate", "acceleration"), _course(mechanism, name, steps), strict=True)
+        assigned[name] = Drive(*(steps.assign(f"{name}_{what}", value) for what, value in course))
+    return assigned
 
 
 def _course(mechanism: SymbolicMechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
@@ -199,8 +192,8 @@ def _course(mechanism: SymbolicMechanism, name: str, steps: Steps) -> tuple[sm.E
         return start + speed * T, speed, sm.S.Zero
     # The smooth spin-up of Kane, Ryan & Banerjee (1987): theta'' = (speed / end) (1 - cos(2 pi t / end)) until ``end``.
     end = mechanism.symbol(f"drives.{name}.spin_up")
-    tau = steps.assign(sm.Symbol(f"tau_{name}"), sm.Min(T, end))
-    turn = steps.assign(sm.Symbol(f"turn_{name}"), 2 * sm.pi * tau / end)
+    tau = steps.assign(f"tau_{name}", sm.Min(T, end))
+    turn = steps.assign(f"turn_{name}", 2 * sm.pi * tau / end)
     rise = tau**2 / 2 + (end / (2 * sm.pi)) ** 2 * (sm.cos(turn) - 1)
     return (
         start + speed / end * rise + speed * (T - tau),
@@ -217,7 +210,7 @@ def _loads(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps)
             check_known(load.law, mechanism, mechanism.names.text(f"loads.{name}.law"))
         elif load.kind == "table":
             check_known(mechanism.names.text(load.against), mechanism, mechanism.names.text(f"loads.{name}.against"))
-        magnitude[name] = steps.assign(sm.Symbol(name), load_size(mechanism, load, states))
+        magnitude[name] = steps.assign(name, load_size(mechanism, load, states))
     return magnitude
 
 
@@ -264,12 +257,9 @@ def _reactions(
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
     magnitude = {symbol: pushes[name] for name, symbol in equations.magnitude.items()}
-    rows = []
-    row_names = iter(equations.balance)
-    for name in equations.speeds:
-        at = equations.coordinates[name]
-        for coordinate in (at.x, at.y, at.phi):
-            row, balance = next(row_names)
-            pushed = sum(c.multiplier * c.residual.diff(coordinate) for c in equations.constraints)
-            rows.append((row, (balance + pushed).xreplace(rates.to_symbols).xreplace(magnitude)))
+    poses, rows = (equations.coordinates[name] for name in equations.speeds), []
+    places = (place for pose in poses for place in (pose.x, pose.y, pose.phi))
+    for place, (row, balance) in zip(places, equations.balance, strict=True):
+        pushed = sum(c.multiplier * c.residual.diff(place) for c in equations.constraints)
+        rows.append((row, (balance + pushed).xreplace(rates.to_symbols).xreplace(magnitude)))
     return solve_blocks(rows, [constraint.multiplier for constraint in equations.constraints], steps)

@@ -18,7 +18,7 @@ import sympy as sm
 from kaneflex.derive.equations.linear import determinant, solve_blocks
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.ir.functions import table
-from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.ir.program import Steps
 from kaneflex.mechanism.joints import demanded
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import BodyPoint, Pose, Vector, cross, dot, minus
@@ -89,7 +89,7 @@ def close_group(
 
     def now(name: str, expression: sm.Expr) -> sm.Expr:
         """Value at the current unknowns."""
-        return steps.assign(sm.Symbol(name), expression.xreplace(values))
+        return steps.assign(name, expression.xreplace(values))
 
     for turn in range(_ITERATIONS):
         changes = [sm.Symbol(f"change_{name}_{turn}") for name in unknowns]
@@ -104,9 +104,9 @@ def close_group(
     size = len(residuals), len(unknowns)
     matrix = sm.Matrix(*size, lambda k, j: now(f"slope_{loop.closing}_{k}_{j}_", jacobian[k][j]))
     side = mechanism.parameter(f"joints.{loop.closing}.side", "1")
-    margin = steps.assign(sm.Symbol(f"closure_{loop.closing}"), side * determinant(matrix))
+    margin = steps.assign(f"closure_{loop.closing}", side * determinant(matrix))
     left = [now(f"left_{loop.closing}_{k}", residual) for k, residual in enumerate(residuals)]
-    gap = steps.assign(sm.Symbol(f"gap_{loop.closing}"), sm.sqrt(sum(residual**2 for residual in left)))
+    gap = steps.assign(f"gap_{loop.closing}", sm.sqrt(sum(residual**2 for residual in left)))
     found = {}
     for name in group:
         pose = tree.frames[name]
@@ -120,12 +120,8 @@ def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, 
     waiting = [name for name in mechanism.bodies if name not in poses]
     for size in range(1, len(waiting) + 1):
         for group in combinations(waiting, size):
-            known = {*poses, *group}
-            joints = [
-                name
-                for name, joint in mechanism.joints.items()
-                if {joint.first.body, joint.second.body} <= known and {joint.first.body, joint.second.body} & {*group}
-            ]
+            held = {name: {*joint.bodies} for name, joint in mechanism.joints.items()}
+            joints = [name for name, bodies in held.items() if bodies <= {*poses, *group} and bodies & {*group}]
             count = sum(len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in joints)
             if count == 3 * size:
                 return group, joints
@@ -152,8 +148,8 @@ def hung(
         along = frame.turn(joint.direction)
         at = tuple(at[k] + sign * coordinate * along[k] for k in range(2))
     elif coordinate is not None:
-        cosine = assign(sm.Symbol(f"cos_{joint.name}"), sm.cos(coordinate))
-        sine = assign(sm.Symbol(f"sin_{joint.name}"), sm.sin(coordinate))
+        cosine = assign(f"cos_{joint.name}", sm.cos(coordinate))
+        sine = assign(f"sin_{joint.name}", sm.sin(coordinate))
         c, s = c * cosine - sign * s * sine, s * cosine + sign * c * sine
     return body, at, (c, s)
 
@@ -176,12 +172,8 @@ class _Tree:
 
     def _next(self, mechanism: Mechanism, group: tuple[str, ...]) -> str:
         """A joint from a body with a frame to one without; first those that add no unknown."""
-        open_ones = [
-            name
-            for name, joint in mechanism.joints.items()
-            if (joint.first.body in self.frames) != (joint.second.body in self.frames)
-            and {joint.first.body, joint.second.body} - {*self.frames} <= {*group}
-        ]
+        waiting = {name: {*joint.bodies} - {*self.frames} for name, joint in mechanism.joints.items()}
+        open_ones = [name for name, bodies in waiting.items() if len(bodies) == 1 and bodies <= {*group}]
         fixed = [name for name in open_ones if name in mechanism.drives or mechanism.joints[name].kind == "weld"]
         return (fixed or open_ones)[0]
 
@@ -231,14 +223,14 @@ def _seeds(
 ) -> dict[sm.Symbol, sm.Expr]:
     def read(name: str, what: str) -> sm.Expr:
         lookup = table(against, mechanism.parameter(seed_path(name, what), "1"))
-        return steps.assign(sm.Symbol(f"seed_{name}_{what}"), lookup)
+        return steps.assign(f"seed_{name}_{what}", lookup)
 
     values = {tree.slide[name]: read(name, "slide") for name in loop.sliding}
     for name in loop.turning:
         c, s = read(name, "c"), read(name, "s")
-        size = steps.assign(sm.Symbol(f"size_{name}"), sm.sqrt(c**2 + s**2))
-        values[tree.cosine[name]] = steps.assign(sm.Symbol(f"c_{name}_0"), c / size)
-        values[tree.sine[name]] = steps.assign(sm.Symbol(f"s_{name}_0"), s / size)
+        size = steps.assign(f"size_{name}", sm.sqrt(c**2 + s**2))
+        values[tree.cosine[name]] = steps.assign(f"c_{name}_0", c / size)
+        values[tree.sine[name]] = steps.assign(f"s_{name}_0", s / size)
     return values
 
 
@@ -247,11 +239,11 @@ def _moved(tree: _Tree, loop: Loop, values, changes: list[sm.Expr], turn: int, s
     moved, of = {}, dict(zip((*loop.turning, *loop.sliding), changes, strict=True))
     for name in loop.sliding:
         slide = tree.slide[name]
-        moved[slide] = steps.assign(sm.Symbol(f"slide_{name}_{turn + 1}"), values[slide] + of[name])
+        moved[slide] = steps.assign(f"slide_{name}_{turn + 1}", values[slide] + of[name])
     for name in loop.turning:
         c, s = values[tree.cosine[name]], values[tree.sine[name]]
-        dc = steps.assign(sm.Symbol(f"dc_{name}_{turn}"), sm.cos(of[name]))
-        ds = steps.assign(sm.Symbol(f"ds_{name}_{turn}"), sm.sin(of[name]))
-        moved[tree.cosine[name]] = steps.assign(sm.Symbol(f"c_{name}_{turn + 1}"), c * dc - s * ds)
-        moved[tree.sine[name]] = steps.assign(sm.Symbol(f"s_{name}_{turn + 1}"), s * dc + c * ds)
+        dc = steps.assign(f"dc_{name}_{turn}", sm.cos(of[name]))
+        ds = steps.assign(f"ds_{name}_{turn}", sm.sin(of[name]))
+        moved[tree.cosine[name]] = steps.assign(f"c_{name}_{turn + 1}", c * dc - s * ds)
+        moved[tree.sine[name]] = steps.assign(f"s_{name}_{turn + 1}", s * dc + c * ds)
     return moved

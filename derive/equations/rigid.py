@@ -13,14 +13,36 @@ from dataclasses import dataclass, field
 import sympy as sm
 from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
-from kaneflex.derive.equations.constraints import Constraint, drive_constraint, joint_constraints
 from kaneflex.derive.equations.linear import solve_blocks
 from kaneflex.derive.equations.newton import Loop
-from kaneflex.derive.ir.steps import Scalar, Steps
+from kaneflex.derive.ir.program import Scalar, Steps
+from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
 from kaneflex.mechanism.parts import Joint, Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus, pose_at
 
 TIME = dynamicsymbols._t
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Scalar equation residual(q, t) = 0 of a joint or a drive; its multiplier is a reaction with unit and meaning.
+
+    A positive multiplier acts on the second body.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    residual: sm.Expr
+
+    @property
+    def multiplier(self) -> sm.Symbol:
+        return multiplier(self.name)
+
+
+def multiplier(name: str) -> sm.Symbol:
+    """Symbol of a reaction "<joint>.<row>"."""
+    return sm.Symbol(name.replace(".", "_"))
 
 
 @dataclass(frozen=True)
@@ -151,11 +173,15 @@ def _constraints(
     def sections(joint: Joint) -> list[Pose]:
         return [coordinates[side.body].section(side.at) for side in joint.sides]
 
-    found = [row for joint in mechanism.joints.values() for row in joint_constraints(joint, *sections(joint))]
+    found = [
+        Constraint(*reaction, residual)
+        for joint in mechanism.joints.values()
+        for reaction, residual in zip(reactions(joint), residuals(joint, *sections(joint)), strict=True)
+    ]
     drive_coordinate = {name: dynamicsymbols(f"drive_{name}") for name in mechanism.drives}
     for name, angle in drive_coordinate.items():
         joint = mechanism.joints[name]
-        found.append(drive_constraint(joint, *sections(joint), angle))
+        found.append(Constraint(*drive_reaction(joint), coordinate(joint, *sections(joint)) - angle))
     return tuple(found), drive_coordinate
 
 
@@ -182,10 +208,10 @@ class Rates:
             at, pose = equations.coordinates[name], poses[name]
             self.to_symbols |= {at.c: pose.c, at.s: pose.s, at.x: pose.x, at.y: pose.y}
             for order, letters in enumerate((_SPEEDS, _ACCELERATIONS), start=1):
-                rates = (coordinate.diff(TIME, order) for coordinate in (at.x, at.y, at.phi))
+                rates = (place.diff(TIME, order) for place in (at.x, at.y, at.phi))
                 rate |= zip(rates, _of_body(name, letters), strict=True)
-        for name, coordinate in equations.drive_coordinate.items():
-            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): drives[name].acceleration}
+        for name, angle in equations.drive_coordinate.items():
+            rate |= {angle.diff(TIME): drives[name].speed, angle.diff(TIME, 2): drives[name].acceleration}
 
         def solved(order: int, letters: Sequence[str], known: dict[sm.Symbol, sm.Expr]) -> dict[sm.Symbol, sm.Expr]:
             """Velocities by J v = -dg/dt, accelerations by J a = -dJ/dt v, of total derivatives of constraints g."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import sympy as sm
 
-from kaneflex.derive.ir.steps import Scalar, Steps
+from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.parts import Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_velocity, minus
@@ -40,18 +40,18 @@ def _between_points(spring: Spring, poses, values: Values, elastic: bool, steps:
     """
     name = spring.name
     starts, rates_of = zip(*(_point(point, poses, values) for point in (spring.first, spring.second)), strict=True)
-    d = [steps.assign(sm.Symbol(f"{name}_d_{axis}"), b - a) for axis, a, b in zip("xy", *starts, strict=True)]
-    length = steps.assign(sm.Symbol(f"{name}_now"), sm.sqrt(d[0] ** 2 + d[1] ** 2))
+    d = [steps.assign(f"{name}_d_{axis}", b - a) for axis, a, b in zip("xy", *starts, strict=True)]
+    length = steps.assign(f"{name}_now", sm.sqrt(d[0] ** 2 + d[1] ** 2))
     more = []
     tension = springs.tension(spring, length)
     if springs.is_directed(spring):
         d_rate = minus(*rates_of[::-1])
         rate = springs.rate_of_length(d, d_rate, length)
-        tension = steps.assign(sm.Symbol(f"{name}_pull"), springs.tension(spring, length, rate))
+        tension = steps.assign(f"{name}_pull", springs.tension(spring, length, rate))
         if elastic:
             more = _direction(name, d, d_rate, length, tension, steps)
     force = springs.force(spring, d, tension, length)
-    force = [steps.assign(sm.Symbol(f"{name}_push_{axis}"), f) for axis, f in zip("xy", force, strict=True)]
+    force = [steps.assign(f"{name}_push_{axis}", f) for axis, f in zip("xy", force, strict=True)]
     on = f"force on {spring.second.body} by {spring.first.body}"
     return [
         Scalar(f"{name}.length", "m", "length of the spring", length),
@@ -64,9 +64,9 @@ def _between_points(spring: Spring, poses, values: Values, elastic: bool, steps:
 
 def _direction(name: str, d, d_rate, length: sm.Expr, tension: sm.Expr, steps: Steps) -> list[Scalar]:
     """Direction cosines, their turning omega = (d x d') / L^2, and T / L, by the names that a body's axes have."""
-    c, s = (steps.assign(sm.Symbol(f"{name}_{key}"), part / length) for key, part in zip("cs", d, strict=True))
-    omega = steps.assign(sm.Symbol(f"{name}_omega"), (c * d_rate[1] - s * d_rate[0]) / length)
-    pull = steps.assign(sm.Symbol(f"{name}_per_length"), tension / length)
+    c, s = (steps.assign(f"{name}_{key}", part / length) for key, part in zip("cs", d, strict=True))
+    omega = steps.assign(f"{name}_omega", (c * d_rate[1] - s * d_rate[0]) / length)
+    pull = steps.assign(f"{name}_per_length", tension / length)
     return [
         Scalar(f"{name}.c", "1", "direction of the spring, cosine", c),
         Scalar(f"{name}.s", "1", "direction of the spring, sine", s),
@@ -97,12 +97,10 @@ def _at_joint(spring: Spring, drive_angle, poses, values: Values, steps: Steps) 
         a, b = poses[first], poses[second]
         c, s = a.c * b.c + a.s * b.s, a.c * b.s - a.s * b.c
         c_0, s_0 = sm.cos(spring.free), sm.sin(spring.free)
-        angle = steps.assign(
-            sm.Symbol(f"{name}_now"), spring.free + sm.atan2(s * c_0 - c * s_0, c * c_0 + s * s_0)
-        )
+        angle = steps.assign(f"{name}_now", spring.free + sm.atan2(s * c_0 - c * s_0, c * c_0 + s * s_0))
     omega = {body: sm.S.Zero if body == GROUND else values[body]["omega"] for body in (first, second)}
     torque = springs.tension(spring, angle, omega[second] - omega[first])
-    torque = steps.assign(sm.Symbol(f"{name}_torque_now"), torque)
+    torque = steps.assign(f"{name}_torque_now", torque)
     return [
         Scalar(f"{name}.angle", "rad", f"angle of {second} against {first} at the spring", angle),
         Scalar(f"{name}.torque", "N m", f"torque on {first} by the spring, its opposite on {second}", torque),

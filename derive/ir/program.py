@@ -1,4 +1,4 @@
-"""``Program``: the one intermediate form between symbols and text.
+"""``Program``: the one intermediate form between symbols and text; ``Steps``: the record that it is made from.
 
 A program is a list of scalar assignments in an order in which they can be executed, with its inputs and its
 outputs. Common-subexpression elimination, pruning and operation counts are functions from programs to
@@ -217,3 +217,37 @@ def _cost(expression: sm.Expr, cost_of: Mapping[sm.Symbol, int]) -> int:
 
 def _is_divisor(expression: sm.Expr) -> bool:
     return bool(expression.is_Pow and expression.exp.is_negative)
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Scalar of the motion for the elastic stage and sensors: name, unit, meaning, and its expression (a number where
+    the scene fixes it)."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: sm.Expr
+
+
+class Steps:
+    """Assignments in the order in which they were derived.
+
+    What turns out to be a number or another symbol is handed on instead of being assigned: this is how a zero
+    (a fixed pivot, a constant speed, a piston that can't turn) prunes every term that it multiplies.
+    """
+
+    def __init__(self, taken: Iterable[sm.Symbol] = ()) -> None:
+        self.assignments: list[Assignment] = []
+        self._taken = {symbol.name for symbol in taken}
+
+    def assign(self, symbol: sm.Symbol | str, expression: sm.Expr) -> sm.Expr:
+        """Record ``symbol = expression`` and return the symbol or number that replaces the expression."""
+        expression, name = sm.sympify(expression), str(symbol)
+        if expression.is_Atom or (-expression).is_Atom:
+            return expression
+        while name in self._taken:  # a scene's own name may be one that the derivation uses
+            name += "_"
+        self._taken.add(name)
+        self.assignments.append((sm.Symbol(name), expression))
+        return sm.Symbol(name)

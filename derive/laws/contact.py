@@ -1,6 +1,6 @@
-"""The module of contacts between two sections of bodies, printed once for every scene.
+"""Module of contacts between two sections of bodies, printed once for all scenes.
 
-What touches and what pushes is said in :mod:`kaneflex.mechanism.contacts`; here it is differentiated.
+Gaps and contact forces are those of :mod:`kaneflex.mechanism.contacts`; here they are differentiated.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _g, _g_rate, _v_0, _size = sm.symbols("g rate v_0 size")
 _number = {name: sm.Symbol(name) for name in NUMBERS}
 _OMEGAS = sm.symbols("omega_1 omega_2")
 _TINY = sm.Float("1e-300")
-"""Square of a length [m^2] that keeps circles about one centre from dividing by zero, and changes no other."""
+"""Square of a length [m^2]: avoids division by zero for concentric circles, is lost in rounding for others."""
 
 _ABOUT = """
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global. A
@@ -53,7 +53,7 @@ _FORCES = {
 }
 _ODD = "\n\nd = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."
 _FUNCTION = {"hertz": "elastic", "kelvin-voigt": "damped", "hunt-crossley": "hysteretic"}
-"""Law -> its kernel; chi alone tells the others from Hunt and Crossley's."""
+"""Law -> its kernel."""
 
 _SLIDING = """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
 
@@ -135,7 +135,7 @@ def _sliding(arm: Vector) -> sm.Expr:
 
 
 def _sliding_kernel(kind: str) -> emit.Printed:
-    """Kernel of the sliding speed with its rate, and its derivatives by the twists."""
+    """Kernel of the sliding speed, its rate and its derivatives by the twists."""
     steps, rates, _ = _moving(kind)
     speed, place = _sliding(contacts.touched(_NORMAL, _number["radius"])), sm.S.Zero
     if kind == "point-line":
@@ -149,10 +149,7 @@ def _sliding_kernel(kind: str) -> emit.Printed:
 
 
 def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
-    """g' is what the velocities make of g: its derivative by d, the length and the normal times the rates of these.
-
-    g'' is in the same way what velocities and accelerations make of g', in a kernel of its own.
-    """
+    """Kernel of g with g', or of g'': total derivatives by d, the length and the normal, times the rates of these."""
     if kind == "angle":
         return _flank_kernel(kind, acceleration)
     steps, rates, gap = _moving(kind)
@@ -165,7 +162,7 @@ def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
 
 
 def _flank_kernel(kind: str, acceleration: bool) -> emit.Printed:
-    """The angle of the second section against the first, which turns."""
+    """Kernel of the angle between two sections."""
     phi, omega, epsilon = (of_side(letter, 2) - of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
     turn = _number["direction_x"]
     if acceleration:
@@ -187,18 +184,18 @@ def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], d
 
 
 def _odd(force: sm.Expr) -> sm.Expr:
-    """A force of a depth d above zero, for depths of both signs: what of it is K d^n becomes K d |d|^(n - 1)."""
+    """Odd continuation of a force to depths d below zero: K d^n becomes K d |d|^(n - 1)."""
     n = _number["n"]
     return sm.expand(force).xreplace({_DEPTH**n: -_g * _size ** (n - 1)})
 
 
 def _even(slope: sm.Expr) -> sm.Expr:
-    """The same of a force's derivative, whose powers are those of |d|."""
+    """Even continuation of a force's derivative, whose powers are those of |d|."""
     return sm.powsimp(sm.expand(slope)).xreplace({_DEPTH: _size})
 
 
 def _force_kernel(law: str, slopes: bool = False) -> emit.Printed:
-    """The force, or its derivatives by g and by its rate, with d = -g and d' = -g'."""
+    """Kernel of the force, or of its derivatives by g and g', with d = -g and d' = -g'."""
     K, n, chi = (_number[name] for name in ("K", "n", "chi"))
     force = contacts.push(law, K, n, chi, _v_0, _DEPTH, _RATE)
     if slopes:
@@ -212,7 +209,7 @@ def _force_kernel(law: str, slopes: bool = False) -> emit.Printed:
 
 
 def _energy_kernel() -> emit.Printed:
-    """int K d^n dd, which is even in d where the force is odd."""
+    """Kernel of the energy int K d^n dd, which is even in d."""
     K, n = _number["K"], sm.Symbol("n", positive=True)
     energy = sm.integrate(contacts.elastic(K, n, _DEPTH), (_DEPTH, 0, _DEPTH))
     energy = (energy / _DEPTH ** (n + 1)).simplify() * _g**2 * _size ** (n - 1)  # whose power is that of the force
@@ -221,7 +218,7 @@ def _energy_kernel() -> emit.Printed:
 
 
 def _returning(name: str, values: list[sm.Expr], doc: str) -> emit.Printed:
-    """A kernel of a contact's own numbers, its gap, and what else the values read."""
+    """Kernel that returns values, with a contact's numbers, its gap and what else they depend on as arguments."""
     read = set().union(*(value.free_symbols for value in values))
     own = [symbol.name for symbol in (_v_0, _g, _g_rate) if symbol in read or symbol == _g]
     return emit.kernel(name, ("p", "c", *own), _OWN, values, doc, ((_size, sm.Abs(_g)),))

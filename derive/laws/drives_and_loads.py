@@ -1,13 +1,13 @@
-"""Module of a structure's laws: how its drives move, and sizes of its loads.
+"""Module of a structure's laws: motion of its drives and sizes of its loads.
 
-Everything else of the engine is numbers. The bodies' kernels are printed for any numbers of shapes
-(``generated/body.py``, ``generated/spatial_shapes.py``), those of joints and springs once (``generated/joints.py``,
-``generated/spatial.py``).
+Kernels of bodies, joints and springs are printed once for all structures (``generated/body.py``,
+``generated/spatial_shapes.py``, ``generated/joints.py``, ``generated/spatial.py``); the solver gets them as numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import sympy as sm
@@ -17,8 +17,8 @@ from kaneflex.derive.equations.mechanism import SymbolicMechanism, read_structur
 from kaneflex.derive.equations.motion import drive_courses, load_size
 from kaneflex.derive.ir.functions import T
 from kaneflex.derive.ir.names import Names
-from kaneflex.derive.ir.program import Assignment
-from kaneflex.derive.ir.steps import Steps
+from kaneflex.derive.ir.program import Assignment, Steps
+from kaneflex.derive.laws.joints import change
 from kaneflex.derive.printers import functions_text, module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.scene.structure import laws_hash, laws_of
@@ -28,22 +28,22 @@ def generate_laws(scene: Any, progress: Callable[[str], None] = lambda stage: No
     """Text of the module of a scene's drives and loads; equal laws give equal text."""
     progress("courses and loads")
     mechanism, switches = read_structure(laws_of(scene)), Switches()
-    kernels, parameters = courses_and_loads(mechanism, switches)
+    kernels, parameters = _courses_and_loads(mechanism, switches)
     progress("module text")
     return module_text.module(
         "Drives and loads of a mechanism",
         ["Courses of its drives and sizes of its loads, for the engine of all structures.", "", module_text.CHECKED],
         [*_tables(mechanism, switches, parameters), module_text.operations_table(emit.operations(kernels))],
-        *printed(kernels, mechanism.names),
+        *_printed(kernels, mechanism.names),
         structure=laws_hash(scene),
         made="kaneflex derive SCENE --preset coupled -o FILE.py",
     )
 
 
-def courses_and_loads(
+def _courses_and_loads(
     mechanism: SymbolicMechanism, switches: Switches
 ) -> tuple[list[emit.Printed], dict[str, tuple[sm.Symbol, str]]]:
-    """Kernels of a structure's own in the coupled equations, and the parameters that they read."""
+    """Kernels of a structure's drives and loads, and the parameters that they read."""
     parts = {"courses": _courses(mechanism), "magnitudes": _magnitudes(mechanism, switches)}
     values = [sm.sympify(value) for of, steps in parts.values() for value in (*of, *dict(steps).values())]
     read = set().union(*(value.free_symbols for value in values))
@@ -59,7 +59,7 @@ def courses_and_loads(
 
 
 def _courses(mechanism: SymbolicMechanism) -> tuple[list[sm.Expr], list[Assignment]]:
-    """Coordinate, speed and acceleration of every prescribed drive, and what they are written in."""
+    """Coordinate, speed and acceleration of every prescribed drive, and the assignments before them."""
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     found = drive_courses(mechanism, prescribed, steps).values()
@@ -72,37 +72,26 @@ def _magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> tuple[list[
 
     A law whose value or slope jumps stays on the given side of each of its ``switches``.
     """
-    states = {name: _state(name) for name in (*mechanism.drives, *mechanism.observed)}
-    values = []
+    values, states = [], _states(mechanism)
     for load in mechanism.loads.values():
         switches.load = load.name
-        values.append(load_size(mechanism, load, states, switches.functions))
+        values.append(load_size(mechanism, load, {name: of[:2] for name, of in states.items()}, switches.functions))
+    rates = {T: sm.S.One} | {of: rate for each in states.values() for of, rate in pairwise(each)}
     for argument in switches.sides:
-        values += [argument, _rate(argument, states)]
+        values += [argument, change(argument, rates)]
     return values, []
+
+
+def _states(mechanism: SymbolicMechanism) -> dict[str, tuple[sm.Symbol, ...]]:
+    """Coordinate, speed and acceleration of each joint that loads may depend on."""
+    names, letters = (*mechanism.drives, *mechanism.observed), ("coordinate", "rate", "acceleration")
+    return {name: tuple(sm.Symbol(f"{name}_{letter}") for letter in letters) for name in names}
 
 
 def _inputs(mechanism: SymbolicMechanism, switches: Switches) -> list[sm.Symbol]:
     """Entries of x: coordinates and speeds, then accelerations, then sides, in the order of their numbers."""
-    names = (*mechanism.drives, *mechanism.observed)
-    states = [symbol for name in names for symbol in _state(name)]
-    return [*states, *(_acceleration(name) for name in names), *switches.sides.values()]
-
-
-def _state(joint: str) -> tuple[sm.Symbol, sm.Symbol]:
-    return sm.Symbol(f"{joint}_coordinate"), sm.Symbol(f"{joint}_rate")
-
-
-def _acceleration(joint: str) -> sm.Symbol:
-    return sm.Symbol(f"{joint}_acceleration")
-
-
-def _rate(argument: sm.Expr, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) -> sm.Expr:
-    """d/dt of what depends on t, coordinates and speeds."""
-    found = argument.diff(T)
-    for name, (coordinate, speed) in states.items():
-        found += argument.diff(coordinate) * speed + argument.diff(speed) * _acceleration(name)
-    return found
+    states = _states(mechanism).values()
+    return [*(each for of in states for each in of[:2]), *(of[2] for of in states), *switches.sides.values()]
 
 
 _DOCS = {
@@ -116,8 +105,8 @@ side of zero the loads count as of each of SWITCHES: 1 above, -1 below, 0 where 
 _ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
 
 
-def printed(kernels: Iterable[emit.Printed], names: Names) -> tuple[list[str], list[str]]:
-    """The functions of a structure's kernels, and what it imports: those that do nothing, and what the others call."""
+def _printed(kernels: Sequence[emit.Printed], names: Names) -> tuple[list[str], list[str]]:
+    """Functions of a structure's kernels, and imports: kernels that do nothing, functions that the others call."""
     idle = [f"no_{kernel.program.name} as {kernel.program.name}" for kernel, raw in kernels if not raw.outputs]
     own = [(kernel, raw) for kernel, raw in kernels if raw.outputs]
     imports = [module_text.import_names("laws", idle)] if idle else []
@@ -134,9 +123,7 @@ def _tables(
     switched = "loads that change where magnitudes' next pass zero"
     return [
         module_text.literal("PARAMETERS", read, "p: path, unit"),
-        module_text.literal(
-            "TABLES", told(mechanism.tables), "what has a table in p, which begins at <path>.table"
-        ),
+        module_text.literal("TABLES", told(mechanism.tables), "what has a table in p, which begins at <path>.table"),
         module_text.literal("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
         module_text.literal("LOADS", told(tuple(mechanism.loads)), "in the order of magnitudes"),
         module_text.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),

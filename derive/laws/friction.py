@@ -1,7 +1,4 @@
-"""The module of friction, printed once for every scene.
-
-What resists sliding is said in :mod:`kaneflex.mechanism.friction`; here it is printed.
-"""
+"""Module of friction by the laws of :mod:`kaneflex.mechanism.friction`, printed once for all scenes."""
 
 from __future__ import annotations
 
@@ -60,7 +57,7 @@ def _kernels() -> list[emit.Printed]:
 
 
 def _bristles() -> list[emit.Printed]:
-    """Kernels of law lugre: its rate is linear in z; its derivatives include those of |v| and g by v."""
+    """Kernels of law lugre, whose rate is linear in z; derivatives by v include those of |v| and g."""
     stiffness, damping = _number["sigma_0"], _number["sigma_1"]
     rate = friction.bristle_rate(stiffness, _g, _v, _size, _z)
     force = friction.bristle_force(stiffness, damping, _number["viscous"], rate, _v, _z)

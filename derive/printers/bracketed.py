@@ -1,4 +1,4 @@
-"""Entries between brackets, which every text breaks over lines in one way."""
+"""Entries between brackets, broken over lines in the same way in all texts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LINE = 120
 
 
 def bracketed(opening: str, entries: Sequence[str], closing: str, width: int = LINE) -> str:
-    """Entries on one line if it holds them, else on so many lines of their own as do; none of them is broken."""
+    """Entries on one line, or on as many lines of their own as they need; no entry is broken."""
     line = f"{opening}{', '.join(entries)}{closing}"
     if len(line) <= width:
         return line

@@ -1,4 +1,4 @@
-"""Functions of kernels beside math, for numba: lookups in cubic tables, and functions of laws."""
+"""Functions that kernels call beside ``math``: lookups in cubic tables, and functions of laws."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from kaneflex.derive.printers.module_text import function, import_called, module
 
 
 def calls(program: Program, function: str) -> bool:
-    """True if a program looks a table up by this function."""
+    """True if a program calls this function."""
     everything = (*program.assignments, *program.outputs)
     return any(call.func.__name__ == function for _, e in everything for call in e.atoms(AppliedUndef))
 
 
 def import_lookups(programs: Sequence[Program]) -> list[str]:
-    """The imports of the lookups and the functions of laws that programs call, none if there are none."""
+    """Imports of the lookups and functions of laws that programs call."""
     found = []
     for where, functions, text in (("tables", TABLE_LOOKUPS, tables_text), ("laws", LAW_FUNCTIONS, laws_text)):
         called = [name for name in functions if any(calls(program, name) for program in programs)]
@@ -59,7 +59,7 @@ TABLE_LOOKUPS = {
 
 
 def tables_text() -> str:
-    """Text of the module of lookups in tables, which every module imports what it calls from."""
+    """Text of the module of lookups in tables."""
     said = "Names of a block's numbers are said in kaneflex.scene.tables."
     return module("Piecewise cubic tables", [said], [], [_PLACE, *TABLE_LOOKUPS.values()])
 
@@ -85,7 +85,7 @@ LAW_FUNCTIONS = {
 
 
 def laws_text() -> str:
-    """Text of the module of what laws call beside math, which every module imports what it calls from."""
+    """Text of the module of functions of laws."""
     said = "What is no number comes through as none."
     idle = [
         function(head, doc, [])

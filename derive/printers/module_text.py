@@ -16,10 +16,9 @@ from kaneflex.support.contract import FORMAT
 
 
 def literal(name: str, value: object, comment: str = "") -> str:
-    """A module-level table; where one line does not hold it one entry a line, so that differences between modules read
-    well, and of mere words as many as there is room for.
+    """A module-level table on one line, or with one entry a line if it is longer; words fill their lines.
 
-    Names that a scene gives enter the text of a module here, as literals, and as identifiers; nowhere else.
+    Names of a scene enter the text of a module as these literals and as identifiers, in no other way.
     """
     brackets = "{}" if isinstance(value, dict) else "()"
     line = f"{name} = {value!r}" + (f"  # {comment}" if comment else "")
@@ -34,7 +33,7 @@ def literal(name: str, value: object, comment: str = "") -> str:
 
 
 def operations_table(counts: Mapping[str, tuple[int, int]], more: str = "") -> str:
-    """OPERATIONS of a module's own kernels; ``more``: what has those of others."""
+    """OPERATIONS of a module's own kernels; ``more``: an expression for those of others."""
     entries = [f"{name!r}: {pair!r}" for name, pair in counts.items()]
     comment = "# kernel -> operations written out, operations with shared subexpressions"
     return f"{comment}\n{bracketed('OPERATIONS = {', entries, f'}}{more}')}"
@@ -89,8 +88,8 @@ def module(
 ) -> str:
     """Text of a module, which imports ``math``, ``rows`` and ``packs`` where its text calls them.
 
-    ``imports`` are those of other siblings, ``before`` those of other packages; ``made``: the command that makes a
-    module of this ``structure``, or of every one.
+    ``imports``: of other siblings; ``before``: of other packages; ``structure``: hash, empty for modules of all scenes;
+    ``made``: command that makes the module.
     """
     kernels, tables = "\n\n".join(kernels), _together(tables)
     packed = [name for name in packs.CALLED if f" {name}(" in kernels]
@@ -143,16 +142,16 @@ def version() -> str:
 
 
 def import_called(module: str, names: Iterable[str], text: str) -> str:
-    """Import kernels that this module's own ones call, from the module of this text.
+    """Import of kernels that this module's own ones call, from the module of this text, with the digest of the text.
 
-    numba keeps what it compiled of a function for as long as the function's own file stays as it is, whatever becomes
-    of a callee in another file. So the digest of that file is part of this one.
+    numba's cache depends on the file of a function only, not on the files of its callees. With the digest the file
+    changes when a callee does.
     """
     return f"{import_names(module, names)}  # digest {hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def import_names(module: str, names: Iterable[str]) -> str:
-    """Import from a sibling, over several lines where one is too short."""
+    """Import from a sibling, over several lines if one is too short."""
     head, names = f"from kaneflex.generated.{module} import ", list(names)
     line = f"{head}{', '.join(names)}"
     return line if len(line) <= LINE else bracketed(f"{head}(", names, ")")

@@ -19,9 +19,9 @@ from kaneflex.derive.printers.module_text import UNCHECKED, function, module, op
 
 
 class NumbaPrinter(PythonCodePrinter):
-    """Python as numba compiles it: rationals are divided beforehand, small powers multiplied out.
+    """Python for numba: rationals are printed as one number, small powers as products.
 
-    ``identifiers`` has the names of symbols that are printed differently.
+    ``identifiers``: names of symbols that are printed differently.
     """
 
     def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
@@ -73,11 +73,11 @@ class NumbaPrinter(PythonCodePrinter):
 
 @dataclass(frozen=True)
 class Kernel:
-    """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
+    """A program, and what its function needs beside it.
 
-    One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
-    program's own, which read its outputs. ``inline``: into what calls it, whatever its size. ``packed``: outputs are
-    stored at last, in one go where they are neighbours; with ``fill`` those of a matrix by its independent entries.
+    zeros: zero outputs are stored too, as the array may contain other numbers. returns: the outputs are returned, not
+    stored. calls: statements after the program's own, which read its outputs by name. inline: into every caller.
+    packed: outputs are stored at the end, neighbours together; with fill those of a matrix by its independent entries.
     """
 
     program: Program
@@ -93,7 +93,7 @@ class Kernel:
 
 
 Printed = tuple[Kernel, Program]
-"""A kernel, and its program before it was known what it shares."""
+"""A kernel, and its program before common subexpressions were extracted."""
 Reads = tuple[tuple[sm.Symbol, str], ...]
 """Numbers that a kernel reads, and their places."""
 
@@ -101,9 +101,9 @@ Reads = tuple[tuple[sm.Symbol, str], ...]
 def kernel(
     name: str, arguments: Iterable[str], reads: Reads, values: Iterable[sm.Expr], doc: str, steps=(), out: str = ""
 ) -> Printed:
-    """A kernel that stores values at out[``out``] and behind, or returns them if that is empty.
+    """A kernel that stores values from out[``out``] on, or returns them if ``out`` is empty.
 
-    Beside what it reads they depend on its arguments, and on what ``steps`` assign.
+    Values depend on ``reads``, on the arguments and on symbols that ``steps`` assign.
     """
     arguments = tuple(arguments)
     outputs = tuple((f"out[{offset(out, k)}]" if out else str(k), sm.sympify(value)) for k, value in enumerate(values))
@@ -112,12 +112,12 @@ def kernel(
 
 
 def places(symbols: Iterable[sm.Symbol], array: str, begin: str = "") -> Reads:
-    """Numbers that stand side by side in an array, from its beginning or from this index on."""
+    """Neighbouring numbers of an array, from its beginning or from an index on."""
     return tuple((symbol, f"{array}[{offset(begin, k)}]") for k, symbol in enumerate(symbols))
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
-    """The functions of a module, in which a symbol is called alike in all of them."""
+    """Functions of a module, with one name for a symbol in all of them."""
     kernels = list(kernels)
     arguments = [argument for kernel in kernels for argument in kernel.arguments]
     programs = [kernel.program for kernel in kernels]
@@ -126,8 +126,7 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
 
 
 def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
-    """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
-    the other stores."""
+    """One compiled function: reads, then assignments, which store outputs at once, then the other stores."""
     printer = NumbaPrinter(identifiers)
     used = set().union(*(e.free_symbols for _, e in (*kernel.program.assignments, *kernel.program.outputs)))
     told = statements(kernel, printer)
@@ -149,9 +148,9 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
 
 
 def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, list[str], str]]:
-    """Statements of a kernel: the number's name, empty if it has none; where it is stored; its value.
+    """Statements of a kernel: name of a number, or ""; places of its stores; its value.
 
-    Arrays usually arrive zeroed: entries that are zero by structure are not stored. Equal entries share a statement.
+    Entries that are zero by structure are stored only if ``kernel.zeros``. Equal entries share a statement.
     """
     program, text = kernel.program, printer.doprint
     stored: dict[sm.Expr, list[str]] = {}
@@ -164,7 +163,7 @@ def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, lis
 
 
 def _bare(text: str) -> str:
-    """A product that is a whole right-hand side needs no parentheses."""
+    """Text without parentheses around all of it."""
     return text[1:-1] if text.startswith("(") and text.find(")") == len(text) - 1 else text
 
 
@@ -176,15 +175,14 @@ def operations(kernels: Sequence[Printed]) -> dict[str, tuple[int, int]]:
 
 
 def offset(begin: str, k: int) -> str:
-    """The text of an index that is k after another one."""
+    """Text of an index k after another one."""
     return f"{begin} + {k}" if k and begin else begin or str(k)
 
 
 def kernels_module(
     title: str, about: str, tables: Iterable[str], kernels: Sequence[Printed], more: Iterable[str]
 ) -> str:
-    """Text of a module that is printed once for every scene, of kernels with their operations; ``more``: those that
-    call the others."""
+    """Text of a module for all scenes: kernels with their operations, and ``more`` functions, which call them."""
     printed = print_kernels((kernel for kernel, _ in kernels), Names({}))
     tables = [*tables, operations_table(operations(kernels))]
     return module(title, [*textwrap.wrap(about.strip(), 118), "", UNCHECKED], tables, [*printed, *more])

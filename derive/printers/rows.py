@@ -1,6 +1,6 @@
-"""Rows of the tables in modules of scenes: what names, units and meanings follow from is said there, the rest here.
+"""Rows of the tables in modules of scenes, folded into calls that make the same rows.
 
-The functions are printed into ``generated/rows.py`` as they stand, so that a module and its printer have one law.
+The functions that make rows are printed into ``generated/rows.py`` as they are, so that a module and its printer agree.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import keyword
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import groupby
 
 from kaneflex.derive.printers import module_text
@@ -53,7 +54,6 @@ def less(rows, *names):
     return tuple(row for row in rows if row[0] not in names)
 
 
-LINK_TABLE = module_text.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning")
 _ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
 _FUNCTIONS = (link, body, force, numbers, element, constants, less)
 
@@ -68,7 +68,7 @@ def rows_text() -> str:
         "",
         f"FORMAT = {FORMAT}",
         "",
-        LINK_TABLE,
+        module_text.literal("LINK_SCALARS", LINK_SCALARS, "s: name, unit, meaning"),
         "",
         module_text.literal("BODY_SCALARS", BODY_SCALARS, "name -> unit, meaning"),
         "",
@@ -86,7 +86,8 @@ def scalars_table(rows: Sequence[Row]) -> str:
 
 def parameters_table(rows: Sequence[Row], elements: Iterable[str] = (), comment: str = "") -> str:
     """PARAMETERS, by rows of path and unit; then those of the links' elements."""
-    lines = [*_folded(rows, _numbers_call), *(f"*rows.element({link!r}, ELEMENT_PARAMETERS)" for link in elements)]
+    lines = list(_folded(rows, partial(_call, "numbers")))
+    lines += [f"*rows.element({link!r}, ELEMENT_PARAMETERS)" for link in elements]
     return module_text.table("PARAMETERS", lines, comment)
 
 
@@ -108,7 +109,7 @@ def constants_table(values: Mapping[str, float]) -> str:
 
 
 def _folded(rows: Iterable[Row], call: Callable[[str, list[Row]], str]) -> Iterator[str]:
-    """Neighbouring rows of one owner by the call that makes them, where there is one; else as they are."""
+    """Neighbouring rows of one owner as the call that makes them, or as literals if there is none."""
     for (owner, _), group in groupby(rows, lambda row: (row[0].rpartition(".")[0], ".force_" in row[0])):
         entries = list(group)
         text = call(owner, entries) if len(entries) > 1 else ""
@@ -116,7 +117,7 @@ def _folded(rows: Iterable[Row], call: Callable[[str, list[Row]], str]) -> Itera
 
 
 def _scalars_call(owner: str, rows: list[Row]) -> str:
-    """The call of ``link``, ``body`` or ``force`` that makes these rows of one owner; empty if there is none."""
+    """Call of ``link``, ``body`` or ``force`` that makes these rows of one owner; empty if there is none."""
     names = [name.rpartition(".")[2] for name, *_ in rows]
     frame, bodies = owner.removesuffix(".link"), rows[0][2].removeprefix("force on ").removesuffix(", global x")
     if tuple(rows) == link(frame):
@@ -126,12 +127,8 @@ def _scalars_call(owner: str, rows: list[Row]) -> str:
     return f"rows.force({owner!r}, {bodies!r})" if tuple(rows) == force(owner, bodies) else ""
 
 
-def _numbers_call(owner: str, rows: list[Row]) -> str:
-    return _call("numbers", owner, rows)
-
-
 def _call(function: str, owner: str, given: Iterable[tuple[str, object]]) -> str:
-    """The call of ``numbers`` or ``constants``, if all that it names can be written as keywords."""
+    """Call of ``numbers`` or ``constants``; empty if a name can't be written as a keyword."""
     named = [(name.rpartition(".")[2], value) for name, value in given]
     words = all(name.isascii() and name.isidentifier() and not keyword.iskeyword(name) for name, _ in named)
     entries = [repr(owner), *(f"{name}={value!r}" for name, value in named)]
