@@ -18,7 +18,7 @@ PIECE = 100
 def scipy_motion(model) -> Solution:
     """The run of a coupled model, in its independent coordinates, by the tolerance of its scene."""
     times = model.step * np.arange(model.options.steps + 1)
-    run = Run(model.coupled, beginning(model), times, method_of(model), np.zeros(0))
+    run = Run(model.coupled, beginning(model), times, method_of(model))
     for first in range(0, len(times) - 1, PIECE):
         follow(run, times[first : first + PIECE + 1])
     return Solution.of(as_result(model, finished(run, (Outcome.COMPLETED, "completed"), 0.0), 0.0))
@@ -61,5 +61,5 @@ def follow(run, times):
         now = row(t, curve(t))
         if t == run.times[run.filled + 1]:
             run.filled += 1
-            run.rows[run.filled] = run.here = now
+            run.table[run.filled] = run.here = now
     run.counts[0] += len(curve.ts) - 1

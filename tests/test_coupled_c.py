@@ -122,7 +122,7 @@ def test_a_run_in_space_takes_other_speeds_where_python_does(compiler, tmp_path)
     """The slider's speed is independent at first, and zero at the dead centre, which the crank passes."""
     scene = kaneflex.scene_of(ASTRAY)
     motion = kaneflex.simulate(kaneflex.load(scene)).model.motion
-    first, *_, last = (start.choice.independent.tolist() for _, start in motion.curve.curves)
+    first, *_, last = (choice.independent.tolist() for _, choice in motion.curve.pieces)
     assert first != last
     names, found = in_c(scene, tmp_path, compiler)
     assert len(found) == 61

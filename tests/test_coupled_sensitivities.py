@@ -166,19 +166,19 @@ def test_neighbours_take_the_steps_of_the_run():
 def test_neighbours_in_space_take_the_steps_of_the_run(integrator):
     solution = run(*CRANK, f"solve.integrator={integrator}")
     own, parameters = solution.model.motion.curve, find_parameters(solution.model.scene, ["rod.E", "shaft.speed"])
-    assert len(own.knots) > 2 * solution.model.options.steps
+    assert len(own.ends) > 2 * solution.model.options.steps
     for parameter in parameters:
         found = solver_of(solution)(neighbour_at(solution.model, parameter, 1e-8, True)).model
-        stretch = found.options.duration / own.options.duration
-        np.testing.assert_array_equal(found.motion.curve.knots, np.array(own.knots) * stretch)
+        stretch = found.options.duration / solution.model.options.duration
+        np.testing.assert_array_equal(found.motion.curve.ends, own.ends * stretch)
         assert 0 < abs(found.motion.curve.end.q - own.end.q).max() < 1e-7
 
 
 def test_a_run_in_space_divides_no_given_step():
     own = run(*CRANK).model.motion.curve
-    long = Run(own.system, own.options, own.start, given=np.array(own.knots[-1:]))
+    long = Run(own.system, own.start, own.times[[0, -1]], own.method, own.ends[-1:])
     long.go()
-    assert long.knots == own.knots[-1:] and abs(long.end.q - own.end.q).max() > 1e-6
+    assert long.ends == own.ends[-1:] and abs(long.end.q - own.end.q).max() > 1e-6
 
 
 def test_command_study_and_refusals(tmp_path):

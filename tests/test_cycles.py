@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.shooting import Cycles
 
 
@@ -16,7 +17,7 @@ class Halving(Cycles):
     def __init__(self, tangent, goes_on=np.inf):
         engine = SimpleNamespace(contacts=(), holds=())
         equations = SimpleNamespace(measure=np.ones(1), shapes=np.zeros(1, bool), engine=engine)
-        super().__init__(equations, 0.0, 1.0, 0.0)
+        super().__init__(equations, np.array([0.0, 1.0]), Method("radau", 0.0, 1.0))
         self.tangent, self.goes_on = tangent, goes_on
 
     def run(self, start):

@@ -8,7 +8,7 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from kaneflex.multibody.dynamics.rotation_vectors import spin
-from kaneflex.multibody.time.step_curves import _rates_of
+from kaneflex.multibody.time.dense_output import rates_of_turns
 
 Record = namedtuple("Record", "y u du")
 STENCIL, STEP = np.array([1, -8, 0, 8, -1]) / 12.0, 2e-3
@@ -45,6 +45,6 @@ def test_angular_velocities_and_accelerations_follow_from_rates(motion):
 def test_rates_follow_from_angular_velocities_and_accelerations(motion):
     (theta, rate, faster), *_ = motion
     omega, alpha = (np.array(each)[None] for each in spun(theta, rate, faster))
-    found = _rates_of(theta[None], omega, alpha)
+    found = rates_of_turns(theta[None], omega, alpha)
     np.testing.assert_allclose(found[0][0], rate, atol=1e-13)
     np.testing.assert_allclose(found[1][0], faster, atol=1e-12)

@@ -169,7 +169,7 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta():
     system, momenta = found.model.module.system, []
     for t in (0.0, 0.0213, 0.05):
         state = curve(t)
-        of_speeds = system.mass() @ state.u
+        of_speeds = system.engine.mass() @ state.u
         node = system.layout.node_of["rod"]
         r, R = system.work.r[node].copy(), system.work.R[node].copy()
         momenta.append([*of_speeds[:3], *(R @ of_speeds[3:6] + np.cross(r, of_speeds[:3]))])
@@ -324,7 +324,7 @@ def test_turns_of_a_joint_in_the_tree_take_no_further_evaluations(monkeypatch):
     angle = pytest.approx(solution["angle"].values, abs=1e-12)
     monkeypatch.setattr(SpatialSystem, "near", lambda *args: (evaluated.extend(args[2]), near(*args)))
     motion = replace(solution.model.motion)
-    assert motion.moved(solution.times)["hinge.angle"] == angle
+    assert motion.at(solution.times)["hinge.angle"] == angle
     assert evaluated == solution.times.tolist()
 
 
@@ -350,7 +350,7 @@ def test_stiff_vibrations_set_no_steps():
     text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
     tail = '\n[solve]\npreset = "coupled"\nstart = "quasistatic"\nsteps = 90\ntolerance = {}\n'
     coarse, fine, finest = (_solution(text + tail.format(each)) for each in ("1e-5", "1e-8", "1e-10"))
-    steps = [len(each.model.motion.curve.knots) for each in (coarse, fine, finest)]
+    steps = [len(each.model.motion.curve.ends) for each in (coarse, fine, finest)]
     assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
     for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
         alike(found, finest, allowed)

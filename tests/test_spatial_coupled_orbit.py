@@ -14,6 +14,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time.cycles import SpatialCycles
 from kaneflex.multibody.time.linearisation import Equations
 from kaneflex.solve import spatial_run
+from kaneflex.solve.coupled import method_of
 
 
 @pytest.fixture
@@ -160,8 +161,8 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start():
     system, flung = model.motion.module.system, model.motion.curve.start
 
     def over(duration):
-        equations = Equations(system, flung.choice)
-        return SpatialCycles(equations, replace(model.options, duration=duration, tolerance=1e-7))
+        method = replace(method_of(model), tolerance=1e-7)
+        return SpatialCycles(Equations(system, flung.choice), np.linspace(0.0, duration, 3), method)
 
     before, cycles = over(0.5), over(0.1)
     own = cycles.run(before.end(before.run(flung)))

@@ -86,7 +86,7 @@ def test_states_and_reactions_are_those_of_numba(system, states, in_c):
             basis = np.zeros((len(start.choice.independent), speeds))
             call(reduction.basis, start.choice.independent, len(basis), basis)
             parts = "q", "u", "R", "r", "v", "omega", "a", "wrenches", "multipliers", "du", "e"
-            inertia_forces = system.mass() @ work.du
+            inertia_forces = system.engine.mass() @ work.du
             found.append([basis, inertia_forces, *(getattr(work, name).copy() for name in parts)])
         *alike, rates, e = zip(*found, strict=True)
         for one, other in alike:

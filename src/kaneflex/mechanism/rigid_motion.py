@@ -54,11 +54,6 @@ class RigidKinematics:
         times = np.atleast_1d(np.asarray(times, dtype=float))
         return RigidMotion(self, times, self.table(times))
 
-    def moved(self, times: np.ndarray) -> RigidMotion:
-        """The same at ``times`` [s] in their order, where accelerations and reactions are not read: in space these take
-        most of the time."""
-        return self.at(times)
-
     def acting(self, times: np.ndarray, seen: RigidMotion) -> RigidMotion:
         """Motion at ``times`` [s], at least its loads and speeds of links; ``seen`` holds all of it at every step."""
         return self.at(times)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
 """Entries of a body's axes: ``rod.axes_xy`` is the global x of its y axis."""
 _STILL = np.zeros((3, 1))
+_SMALL = 1e-2
+"""Square of an angle below which a series, exact to 1e-12, avoids the difference of nearly equal numbers."""
 
 
 class SpatialFrame(BodyFrame):
@@ -119,6 +121,20 @@ def skew(v: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(np.asarray(v), -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
+
+
+def rotation_rates(theta: np.ndarray) -> np.ndarray:
+    """Matrices H of the rates H omega of rotation vectors (..., 3), with the angular velocity in the turned axes.
+
+    Transposed for omega in the axes from which they turn (Sola, Deray & Atchuthan 2018, arXiv:1812.01537, eq. 144 and
+    146).
+    """
+    square, tilde = (theta * theta).sum(axis=-1)[..., None, None], skew(theta)
+    far = abs(square) > _SMALL
+    half = 0.5 * np.sqrt(np.where(far, square, 1.0))
+    series = 1.0 / 12.0 + square / 720.0 + square**2 / 30240.0
+    curved = np.where(far, (1.0 - half / np.tan(half)) / (4.0 * half**2), series)
+    return np.asarray(np.eye(3) + 0.5 * tilde + curved * tilde @ tilde)
 
 
 def at_point(p: np.ndarray) -> np.ndarray:

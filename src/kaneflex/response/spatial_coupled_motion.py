@@ -36,7 +36,7 @@ class SpatialCoupledMotion(Motion):
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         system, curve = self._moving.system, cast(CoupledKinematics, self._moving.motion).curve
-        found = system.instants(curve.moved(self.times))
+        found = system.instants(curve.rows(self.times))
         return found.q.T, rates_of(system.engine, found.q, found.u).T
 
     def modal(self, body: str) -> Rates:

@@ -14,6 +14,7 @@ from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.cycles import PlanarCycles
@@ -75,13 +76,7 @@ def repeated(
     system.compile()
     equations, first = prepare(system, near)
     cycles = PlanarCycles(equations, times, method_of(model), closer)
-
-    def sizes(t: float) -> np.ndarray:  # where free joints start
-        system.engine.set(first)
-        system.engine.project(t)
-        return system.engine.sizes.copy()
-
-    check_repeats(system, system.engine.layout.driven, sizes, near.t, cycles.period)
+    check_repeats(system, system.engine.layout.driven, first, cycles.period)
     if by_harmonics and not cycles.touches:
         bare = partial(_undeformed, model, equations, near)
         start = orbit_start(equations, bare, near.t, cycles.period, HARMONICS)
@@ -90,9 +85,12 @@ def repeated(
 
 
 def method_of(model: Model) -> Method:
-    """Integration method of a model's options."""
-    options = model.options
-    return Method(options.integrator, options.tolerance, longest(model.scene), options.bounded)
+    """Integration method of a model's options; in space without coupling that of the motion before anything deforms."""
+    options, scene = model.options, model.scene
+    size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(scene)
+    if options.dynamics != "coupled":
+        return Method(options.forward_method, options.forward_tolerance, size)
+    return Method(options.integrator, options.tolerance, size, options.bounded)
 
 
 def beginning(model: Model) -> State:
@@ -107,8 +105,9 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 
 
 def _beginning(model: Model) -> State:
+    if model.coupled is None:
+        return _beginning_in_space(model)
     system, start = model.coupled, undeformed(model, np.zeros(1))[0]
-    assert system is not None
     if model.options.start == "given":
         start = _given(model, start)
     _check_turns(model.scene, system, start)
@@ -117,6 +116,16 @@ def _beginning(model: Model) -> State:
     if model.options.start != "given":
         _check_speeds(model.scene, system, start)
     return start
+
+
+def _beginning_in_space(model: Model) -> State:
+    from kaneflex.solve.spatial_loading import given_state
+
+    system, options = model.motion.module.system, model.options
+    start = start_of(system)
+    if options.start == "quasistatic":
+        return slow_state(Equations(system, start.choice), start, options.duration)
+    return given_state(system, start) if options.start == "given" else start
 
 
 def _given(model: Model, start: State) -> State:

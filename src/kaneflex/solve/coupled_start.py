@@ -4,29 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from kaneflex.mechanism.spatial_frame import AXES
 from kaneflex.multibody.compile import library
 from kaneflex.multibody.dynamics import spatial_entries, spatial_unfolding, unfolding
-from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
-from kaneflex.multibody.time.run import Run
-from kaneflex.multibody.time.spatial_forward import PATIENT
+from kaneflex.multibody.time.run import PATIENT, Run
 from kaneflex.multibody.time.spatial_forward import Run as SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.simulation import simulate
-from kaneflex.solve.spatial_run import first_state
 from kaneflex.support.errors import SceneError
 
 _XYZ = "xyz"
@@ -74,49 +73,43 @@ class Begun:
 
 def begun(model: Model) -> Begun:
     """First instant of the run of a coupled model. Raises SceneError if it has none."""
-    return _in_plane(model) if model.coupled is not None else _in_space(model)
-
-
-def _in_plane(model: Model) -> Begun:
-    system = model.coupled
-    assert system is not None
-    times = model.step * np.arange(model.options.steps + 1)
-    if model.options.start == "periodic":
-        found = simulate(model).trajectory
-        assert isinstance(found, CoupledTrajectory)
-        if not len(found.times):
-            raise SceneError("solve.start", "periodic", found.message, "Start from zero")
-        start = next(system.engine.states_of(found.rows[:1], system.engine.choice))
-    else:
-        start = beginning(model)
-    run = Run(system, start, times, method_of(model), np.zeros(0))
+    system, start = model.coupled, beginning(model) if model.options.start != "periodic" else _periodic(model)
+    kind, of = (SpatialRun, model.motion.module.system) if system is None else (Run, system)
+    run = kind(of, start, model.step * np.arange(model.options.steps + 1), method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")
+    ahead = run.engine, run.here, run.step, run.sloped, run.method.integrator, run.engine.choice.independent
+    return Begun(*ahead, *(_in_space(model) if system is None else _in_plane(system)))
+
+
+def _periodic(model: Model) -> State:
+    """Start of a periodic motion."""
+    if model.coupled is None:
+        return cast(SpatialKinematics, integrated(model).motion).curve.start
+    found, engine = simulate(model).trajectory, model.coupled.engine
+    assert isinstance(found, CoupledTrajectory)
+    if not len(found.times):
+        raise SceneError("solve.start", "periodic", found.message, "Start from zero")
+    return next(engine.states_of(found.rows[:1], engine.choice))
+
+
+def _in_plane(system: CoupledSystem) -> tuple:
     engine, entries = system.engine, {"project": collocation.project, "unfold": unfolding.unfold}
     room = 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5  # one contact: the compiler can't see that the
     # loop over contacts is empty
-    return Begun(
-        engine, run.here, run.step, 0.0, run.method.integrator,
-        engine.choice.independent,
-        {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names},
-        system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
+    names = {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names}
+    return (
+        names, system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
         {"order": system.order, "exerted": system.exerted},
         {"EXERTED": room, "WORKS": engine.count(at.WORKS)}, {"Y": at.Y, "RATE": at.RATE},
     )  # fmt: skip
 
 
-def _in_space(model: Model) -> Begun:
-    motion, options = model.coupled_in_space, model.options
+def _in_space(model: Model) -> tuple:
+    motion = model.coupled_in_space
     assert motion is not None
     system = motion.module.system
-    if options.start == "periodic":
-        found = integrated(model).motion
-        assert isinstance(found, SpatialKinematics)
-        start = found.curve.start
-    else:
-        start = first_state(system, options)
-    row, step = SpatialRun(system, options, start).first_row(start)
     joints, points = _joints(system)
     entries = {
         "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
@@ -124,15 +117,12 @@ def _in_space(model: Model) -> Begun:
     }
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": len(system.state_coordinates), "SPEEDS": system.engine.size}
-    return Begun(
-        system.engine, row, step, DAMPED if system.has_slopes and options.integrator == "radau" else 0.0,
-        options.integrator, start.choice.independent, names,
-        motion.module.open_reactions, entries, {"joints": joints, "points": points, "driven": system.engine.prescribed,
-         "level": system.engine.levels},
-        sizes, {"joints": len(points), "drives": len(system.driven), "patience": PATIENT,
-               "fixed": int(system.has_light_bodies), "FIXED": spatial_unfolding.FIXED,
-               "CHANGED": spatial_unfolding.CHANGED},
-    )  # fmt: skip
+    tables = {"joints": joints, "points": points, "driven": system.engine.prescribed, "level": system.engine.levels}
+    numbers = {
+        "joints": len(points), "drives": len(system.driven), "patience": PATIENT, "fixed": int(system.engine.light),
+        "FIXED": spatial_unfolding.FIXED, "CHANGED": spatial_unfolding.CHANGED,
+    }  # fmt: skip
+    return names, motion.module.open_reactions, entries, tables, sizes, numbers
 
 
 def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:

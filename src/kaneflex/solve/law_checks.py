@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.multibody.model.state import State
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -33,7 +34,7 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
     free_bodies = options.dynamics == "coupled" and free
-    rigid = motion.moved(times) if free_bodies else motion.at(times)
+    rigid = motion.at(times)
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
@@ -110,19 +111,20 @@ def refuse_unrepeated(reason: str | None) -> None:
         )  # fmt: skip
 
 
-def check_repeats(
-    system: Any, driven: Sequence[str], sizes: Callable[[float], np.ndarray], begin: float, period: float
-) -> None:
-    """Raise SceneError unless courses of drives, up to full turns, and ``sizes`` of loads by the time [s] are the same
-    after a period [s], in the plane and in space."""
-    times, joints = (begin, begin + period), system.mechanism.joints
+def check_repeats(system: Any, driven: Sequence[str], start: State, period: float) -> None:
+    """Raise SceneError unless courses of drives, up to full turns, and sizes of loads where free joints start are the
+    same after a period [s], in the plane and in space."""
+    times, joints = (start.t, start.t + period), system.mechanism.joints
     courses = system.engine.courses(np.array(times)).reshape(2, -1, 3)
     turns = [joints[name].kind != "prismatic" for name in driven]
     courses[1, turns, 0] -= whole_turns(courses[1, turns, 0] - courses[0, turns, 0])
 
+    def sizes(t: float) -> np.ndarray:
+        return np.asarray(system.project(t, start.q, start.u, start.choice).sizes[:, None])
+
     def known() -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         yield from zip(driven, *courses, strict=True)
-        yield from zip(system.mechanism.loads, *(sizes(t)[:, None] for t in times), strict=True)
+        yield from zip(system.mechanism.loads, *(sizes(t) for t in times), strict=True)
 
     for name, before, after in known():
         change = abs(after - before)

@@ -21,11 +21,10 @@ from kaneflex.multibody.time.shooting import COMPLETED, Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed
 from kaneflex.multibody.time.spatial_forward import Run
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.scene.options import Options
+from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.coupled_state import SavedState, state_after
 from kaneflex.solve.law_checks import check_finite, check_repeats, check_springs
-from kaneflex.solve.slow_start import slow_state
-from kaneflex.solve.spatial_loading import check_stage, given_state, with_open_reactions
+from kaneflex.solve.spatial_loading import check_stage, with_open_reactions
 
 Share = Callable[[float], None]
 Near = tuple[State, Mapping[str, float] | None]
@@ -41,11 +40,12 @@ def integrated_in_space(model: Model, share: Share, after: SavedState | None = N
     system, verdict = begun.module.system, COMPLETED
     near = None if after is None else state_after(system, after, lambda given: choose(system, given.q))
     if coupled is not None and options.start == "periodic":
-        run, verdict = _cycle(system, near, options, share, closer)
+        run, verdict = _cycle(model, system, near, share, closer)
     else:
-        start = near or (begun.curve.start if coupled is None else first_state(system, options), None)
-        run = Run(system, options, start[0], share, start[1])
-        run.go()
+        start, turned = near or (begun.curve.start if coupled is None else beginning(model), None)
+        run = Run(system, start, start.t + model.step * np.arange(options.steps + 1), method_of(model))
+        run.turned = turned
+        run.go(share)
     return with_run(model, run, verdict)
 
 
@@ -73,39 +73,28 @@ def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
     return found
 
 
-def first_state(system: SpatialSystem, options: Options) -> State:
-    """Initial state of a coupled mechanism in space."""
-    start = start_of(system)
-    if options.start == "quasistatic":
-        return slow_state(Equations(system, start.choice), start, options.duration)
-    return given_state(system, start) if options.start == "given" else start
-
-
 def _cycle(
-    system: SpatialSystem, near: Near | None, options: Options, share: Share, closer: float
+    model: Model, system: SpatialSystem, near: Near | None, share: Share, closer: float
 ) -> tuple[Run, Verdict]:
     """Periodic motion near a state, by default that of its harmonics or an equilibrium, and the verdict on it.
 
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.
     """
     start, (state, turned) = start_of(system), near or (None, None)
-    first = state or start
-    begin = first.t
-
-    def sizes(t: float) -> np.ndarray:  # where free joints start
-        return system.project(t, first.q, first.u, first.choice).sizes
-
-    check_repeats(system, system.driven, sizes, begin, options.duration)
+    begin, period = (state or start).t, model.options.duration
+    check_repeats(system, system.driven, state or start, period)
     equations, path = Equations(system, start.choice), Followed(system, start)
     if equations.shapes.all():
-        times = begin + np.linspace(0.0, options.duration, _POSITIONS)
+        times = begin + np.linspace(0.0, period, _POSITIONS)
         choice = choose_for_all(system, system.instants(path.rows(times)).q)
         equations, start = Equations(system, choice), system.project(0.0, start.q, start.u, choice)
         bare = partial(_undeformed, path, choice)
-        state = state or orbit_start(equations, bare, begin, options.duration, HARMONICS)
+        state = state or orbit_start(equations, bare, begin, period, HARMONICS)
     # fast motion may have no equilibrium nearby
     start = state or equations.equilibrium(start) or start
-    run, verdict = SpatialCycles(equations, options, closer, begin, turned).repeated(start, share)
+    instants = begin + model.step * np.arange(model.options.steps + 1)
+    run, verdict = SpatialCycles(equations, instants, method_of(model), closer).repeated(start, share)
+    run.turned = turned
     if verdict is None:
         assert run.stopped is not None
         raise run.stopped

@@ -273,16 +273,15 @@ def follow(m, times, count, out):
 
 
 @njit(**ENTRY)
-def near(m, times, count, given, width, out, whole):
+def near(m, times, count, given, width, out):
     """Rows at times near given coordinates and speeds; returns their number; ``now`` as of :func:`follow`.
 
     Discontinuous loads keep the sides of their arguments.
-    Without ``whole`` accelerations and reactions are left out: their mass matrix takes most of the time.
     """
     for i in range(count):
         t = times[i]
         reduction.stand_near(m, after(given, width * i), width)
-        m.now[0], m.now[1] = t, _project(m, t) if whole else _stand(m, t)
+        m.now[0], m.now[1] = t, _project(m, t)
         if m.now[1] != DONE:
             return i
         _give(m)
@@ -296,12 +295,10 @@ PRESCRIBED_ENTRIES = {
     unfolding.magnitudes_at: unfolding.ENTRIES[unfolding.magnitudes_at],
     place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
     advance: void(SPACE, N, int64, N), mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
-    near: int64(SPACE, N, int64, N, int64, N, boolean),
+    near: int64(SPACE, N, int64, N, int64, N),
     **reduction.ENTRIES, independent_speeds.choose: independent_speeds.ENTRIES[independent_speeds.choose],
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],
 }  # fmt: skip
 """Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""
-NEAR, MOVED = range(2)
-"""Rows of :func:`near`, whole or not."""

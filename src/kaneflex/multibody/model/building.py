@@ -244,7 +244,7 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     if instant is not None or options.dynamics == "rigid" or motion.is_start:
         return instant or 0.0, ()
     name, drive = next(iter(scene.drives.items()))
-    angles = motion.moved(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
+    angles = motion.at(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
     wanted, start, lowest, highest = (
         scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
     )
@@ -277,7 +277,7 @@ def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float
         instant = (coordinate - drive.start) / drive.speed
         return instant if 0.0 <= instant <= scene.horizon else instant % (turn / abs(drive.speed))
     times = np.zeros(1) if motion.is_start else np.linspace(0.0, scene.horizon, _SAMPLES)
-    ahead = motion.moved(times)[f"{name}.angle"] - coordinate
+    ahead = motion.at(times)[f"{name}.angle"] - coordinate
     around = ahead if math.isinf(turn) else ahead - turn * np.round(ahead / turn)
     reached = REACHED["m" if math.isinf(turn) else "rad"]
     for gap in (ahead, around):
@@ -297,7 +297,7 @@ def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: floa
     interpolation."""
     for _ in range(3):
         times = np.linspace(start, end, 101)
-        gap = motion.moved(times)[f"{drive}.angle"] - coordinate
+        gap = motion.at(times)[f"{drive}.angle"] - coordinate
         k = int((gap[:-1] * gap[1:] <= 0.0).argmax())
         start, end, before, rise = times[k], times[k + 1], gap[k], gap[k + 1] - gap[k]
     return float(start - (end - start) * before / rise) if rise else float(start)

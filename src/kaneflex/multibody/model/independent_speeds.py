@@ -76,8 +76,7 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
     if prefer:
         for speeds, later in ((named_speeds(system), NAMED), (list(given_speeds(system)), GIVEN)):
             level[speeds] = np.maximum(level[speeds], later)
-    choice, _ = system.engine.chosen_by(level)
-    return system.choice_of(choice.rows, choice.dependent)
+    return system.engine.chosen_by(level)[0]
 
 
 def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
@@ -100,7 +99,7 @@ def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
         dependent.append(int(free[pivot]))
         q = J[:, :, pivot] / np.maximum(sizes[:, pivot], 1e-300)[:, None]
         J -= q[:, :, None] * np.einsum("pr,prs->ps", q, J)[:, None, :]
-    return system.choice_of(first.rows, np.array(dependent, np.int64))
+    return system.engine.choice_of(first.rows, np.array(dependent, np.int64))
 
 
 def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:

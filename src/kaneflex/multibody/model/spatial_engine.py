@@ -11,13 +11,18 @@ import numpy as np
 
 from kaneflex.multibody.compile import spatial_library
 from kaneflex.multibody.dynamics import spatial_entries
+from kaneflex.multibody.dynamics.spatial_entries import DONE
 from kaneflex.multibody.dynamics.spatial_work import Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.determinacy import virtual_inertia
 from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, STRUCTURE_KERNELS, SWITCHED_SPACE
 from kaneflex.multibody.model.places import Counts, assign_rows
 from kaneflex.multibody.model.spatial_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SPEED, Layout
 from kaneflex.multibody.model.state import Choice
+
+_LIGHT = 1e-9
+"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +37,46 @@ class SpatialEngine(Engine):
         Those that compiled functions fill.
     integrates : bool
         True if it uses the library that integrates motions.
+    light : bool
+        True if some body has no mass, or no inertia about some axis.
     """
 
     layout: Layout  # type: ignore[assignment]
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     work: Work = None  # type: ignore[assignment]
     integrates: bool = False
+    light: bool = False
+
+    def stand(self, row: np.ndarray) -> None:
+        super().stand(row)
+        self.work.q[:] = self.state_of(row)[0]
+
+    def openings(self, t: float) -> np.ndarray:
+        self.call(spatial_entries.place, self.coordinates)
+        return self.work.rows[:, 0].copy()
+
+    def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
+        choice, dropped = super().chosen_by(level)
+        return self.choice_of(choice.rows, choice.dependent), dropped
+
+    def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
+        """Choice of the given rows and speeds at the position of ``work``."""
+        inertia = np.zeros(self.size)
+        if len(dependent) and self.light:
+            free = np.isin(np.arange(self.size), self.open_speeds)
+            inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
+        return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
+
+    def mass(self) -> np.ndarray:
+        """Mass matrix of all speeds at the position of ``work``, (speeds, speeds)."""
+        self.call(spatial_entries.mass, np.zeros(self.size))
+        return self.work.M
+
+    def project(self, t: float) -> bool:
+        return bool(self.call(spatial_entries.project, t, self.coordinates, self.motion[1].copy()) == DONE)
+
+    def cut_of(self, row: int) -> str:
+        return next(name for name, rows in self.layout.cuts.items() if row < rows.stop)
 
     def choose_speeds(self, choice: Choice) -> None:
         if self.chosen[0] is choice:
@@ -144,8 +183,10 @@ def spatial_engine(system: Any) -> SpatialEngine:
     p = np.ascontiguousarray(system.parameters, float)
     stiff = system.coupled or (system.integrates and system.has_slopes)
     space, pair = SWITCHED_SPACE if counts.switches else SPACE if stiff else RIGID_SPACE, np.zeros(size, complex)
+    inertias = [(body.mass, *body.inertia[:3]) for body in system.mechanism.bodies.values()]
+    light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
     return SpatialEngine(
-        tables, layout, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates
+        tables, layout, kernels, p, real, pair, space, parts=parts, work=work, integrates=system.integrates, light=light
     )
 
 

@@ -134,7 +134,7 @@ def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
     """Check that every freedom moves some inertia, at the position of ``work``."""
     if not len(choice.independent):
         return
-    B, M = system.engine.basis(choice), system.mass()
+    B, M = system.engine.basis(choice), system.engine.mass()
     unit = system.engine.measure[choice.independent][:, None]
     inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
     if inertia[0] > _HEAVY * inertia[-1]:

@@ -13,10 +13,9 @@ import numpy as np
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.spatial_entries import DONE, NEAR, check
+from kaneflex.multibody.dynamics.spatial_entries import DONE, check
 from kaneflex.multibody.dynamics.spatial_work import Instants, Work
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.determinacy import virtual_inertia
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.spatial_engine import SpatialEngine, spatial_engine
 from kaneflex.multibody.model.spatial_layout import (
@@ -34,9 +33,6 @@ from kaneflex.multibody.model.spatial_layout import (
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene import Scene
-
-_LIGHT = 1e-9
-"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +101,9 @@ class SpatialSystem:
         t, outcome, _ = self.work.now.tolist()
         return count, t, int(outcome)
 
-    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray, what: int = NEAR) -> None:
+    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray) -> None:
         """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
-        u' and ``engine.additions``; with MOVED see it in :mod:`kaneflex.multibody.dynamics.spatial_entries`.
+        u' and ``engine.additions``.
 
         Raises
         ------
@@ -118,7 +114,7 @@ class SpatialSystem:
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         asked = times, len(times), given, given.shape[1], out
         try:
-            count = self.engine.call(spatial_entries.near, *asked, what == NEAR)
+            count = self.engine.call(spatial_entries.near, *asked)
         finally:
             if given.shape[1] > len(self.layout.positions) + self.engine.size:
                 self.engine.additions[:] = 0.0
@@ -155,28 +151,9 @@ class SpatialSystem:
         self.engine.call(spatial_entries.pass_on)
         return self.instants(self.work.kept[None])
 
-    def mass(self) -> np.ndarray:
-        """Mass matrix of all speeds at the position of ``work``, (speeds, speeds)."""
-        self.engine.call(spatial_entries.mass, np.zeros(self.engine.size))
-        return self.work.M
-
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""
         return {name: value for name, value in vars(self).items() if name != "engine"}
-
-    def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
-        """Choice of the given rows and speeds at the position of ``work``."""
-        engine, inertia = self.engine, np.zeros(self.engine.size)
-        if len(dependent) and self.has_light_bodies:
-            free = np.isin(np.arange(engine.size), engine.open_speeds)
-            inertia = virtual_inertia(dependent, self.mass(), engine.measure, self.tables.bodies, free)
-        return Choice(rows, dependent, np.setdiff1d(engine.open_speeds, dependent), inertia)
-
-    @cached_property
-    def has_light_bodies(self) -> bool:
-        """True if some body has no mass, or no inertia about some axis."""
-        bodies = self.mechanism.bodies.values()
-        return any(body.mass <= 0.0 or min(body.inertia[:3]) <= _LIGHT * max(body.inertia[:3]) for body in bodies)
 
     @property
     def state_coordinates(self) -> tuple[tuple[str, str], ...]:

@@ -1,20 +1,122 @@
-"""Motion of a run between its stored instants, and energies of states."""
+"""Motion of a run between its stored instants, in space between the ends of its steps, and energies of states."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.spatial_frame import rotation_rates
+from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
-from kaneflex.multibody.time.hermite import Pieces
 from kaneflex.multibody.unilateral import friction_results
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
+
+_STEP = 1e-30
+"""Complex step [s] for second rates of rotation vectors."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Indices k of the knots before some instants, their share of the interval, and its length."""
+
+    k: np.ndarray
+    share: np.ndarray
+    length: np.ndarray
+
+    @classmethod
+    def of(cls, knots: np.ndarray, last: np.ndarray, times: np.ndarray) -> Pieces:
+        """Pieces for instants; ``last``: last knot at or before each."""
+        k = np.minimum(last, len(knots) - 2)
+        length = knots[k + 1] - knots[k]
+        share = np.divide(times - knots[k], length, out=np.ones(len(times)), where=length > 0.0)
+        return cls(k, share[:, None], length[:, None])
+
+    def line(self, values: np.ndarray) -> np.ndarray:
+        before, after = values[self.k], values[self.k + 1]
+        return before + self.share * (after - before)
+
+    def cubic(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Hermite cubic of one series."""
+        s, h = self.share[:, 0], self.length[:, 0]
+        first = (1.0 + 2.0 * s) * values[self.k] + s * h * slopes[self.k]
+        last = (3.0 - 2.0 * s) * values[self.k + 1] + (s - 1.0) * h * slopes[self.k + 1]
+        return (1.0 - s) ** 2 * first + s**2 * last
+
+    def quintic(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Hermite quintic through q and its two rates, with its slope."""
+        s, h, k = self.share, self.length, self.k
+        # Horner's scheme in s for the error of the first knot's Taylor polynomial at the second knot
+        c_1, c_2 = h * v[k], 0.5 * h**2 * a[k]
+        off = q[k + 1] - q[k] - c_1 - c_2
+        off_rate, off_accel = h * v[k + 1] - c_1 - 2.0 * c_2, h**2 * a[k + 1] - 2.0 * c_2
+        c_3 = 10.0 * off - 4.0 * off_rate + 0.5 * off_accel
+        c_4 = -15.0 * off + 7.0 * off_rate - off_accel
+        c_5 = 6.0 * off - 3.0 * off_rate + 0.5 * off_accel
+        place = q[k] + s * (c_1 + s * (c_2 + s * (c_3 + s * (c_4 + s * c_5))))
+        slope = c_1 + s * (2.0 * c_2 + s * (3.0 * c_3 + s * (4.0 * c_4 + s * 5.0 * c_5)))
+        return place, np.divide(slope, h, out=v[k + 1].copy(), where=h > 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Curve in space through rows of the integration: their coordinates, rates and accelerations determine quintics.
+
+    A ball's quintic is that of the rotation vector from its axes at the beginning of the step.
+    """
+
+    engine: Engine
+    rows: np.ndarray
+
+    @property
+    def sides(self) -> np.ndarray:
+        """Sides on which discontinuous loads stand."""
+        return self.rows[0, self.engine.columns["modes"]]
+
+    @cached_property
+    def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates y, rates and accelerations at the beginning and the end of each step, (2 steps, n) each."""
+        y, v, a = (np.repeat(self.rows[:, self.engine.columns[name]], 2, axis=0)[1:-1] for name in ("q", "u", "du"))
+        for _, s, turned in self._balls():
+            own = slice(s, s + 3)
+            y[1::2, own] = (turned[:-1].inv() * turned[1:]).as_rotvec()
+            v[1::2, own], a[1::2, own] = rates_of_turns(y[1::2, own], v[1::2, own], a[1::2, own])
+        return y, v, a
+
+    def _balls(self) -> Iterator[tuple[int, int, Any]]:
+        """First coordinate and speed of every ball, and its axes at all rows."""
+        from scipy.spatial.transform import Rotation
+
+        quaternions = self.rows[:, self.engine.columns["quaternions"]].reshape(len(self.rows), -1, 4)
+        for n, (k, s) in enumerate(self.engine.balls.tolist()):
+            yield k, s, Rotation.from_quat(np.roll(quaternions[:, n], -1, axis=1))
+
+    def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates q and speeds u at ``times`` [s], (n_times, .) each."""
+        knots, (own, speeds) = self.rows[:, 0], self.engine.own.T
+        pieces = Pieces.of(knots, np.searchsorted(knots, times, side="right") - 1, times)
+        y, u = Pieces(2 * pieces.k, pieces.share, pieces.length).quintic(*self._ends)
+        q = np.zeros((len(times), len(own) + 4 * len(self.engine.balls)))
+        q[:, own] = y[:, speeds]
+        for k, s, turned in self._balls():
+            theta = y[:, s : s + 3]
+            q[:, k : k + 4] = np.roll((turned[pieces.k] * type(turned).from_rotvec(theta)).as_quat(), 1, axis=1)
+            u[:, s : s + 3] = np.linalg.solve(rotation_rates(theta), u[:, s : s + 3, None])[:, :, 0]
+        return q, u
+
+
+def rates_of_turns(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rates theta' and theta'' of rotation vectors by angular velocities and accelerations in their axes, (n, 3)."""
+    rate = np.einsum("tij,tj->ti", rotation_rates(theta), omega)
+    ahead = rotation_rates(theta + 1j * _STEP * rate), omega + 1j * _STEP * alpha
+    return rate, np.einsum("tij,tj->ti", *ahead).imag / _STEP
 
 
 def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tuple[Energy, np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
@@ -25,7 +26,7 @@ from kaneflex.multibody.unilateral import friction_results, impact_results
 
 _PATIENCE = 5_000_000
 """Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
-_PIECE, _GROWTH, _WORK = 100, 8, 40_000
+_PIECE, _GROWTH, _WORK = 256, 8, 40_000
 """Pieces of a run between reports of progress, after which it can be interrupted: most stored instants, and first
 number of steps; largest growth of that number, and its limit times the number of coordinates, about 0.2 s. Steps
 are counted and not timed, as error bounds by largest values so far depend on the ends of pieces."""
@@ -36,6 +37,8 @@ _AGREE = 1e-7
 """Largest misfit of redundant constraints, as a share of the mechanism's size."""
 _MOST_CHANGES = 20_000
 """Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
+PATIENT = 16
+"""Steps per call of compiled code with dependent coordinates that should be replaced, but have no better ones."""
 _NONE = np.zeros(0)
 
 
@@ -56,7 +59,7 @@ def integrate(
 
     ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control.
     """
-    run = Run(system, start, times, method, _NONE if ends is None else ends)
+    run = Run(system, start, times, method, ends)
     started = time.perf_counter()
     ended = run.go(progress, stop)
     return finished(run, ended, 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1]))
@@ -64,7 +67,7 @@ def integrate(
 
 def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajectory:
     """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
-    found = run.trajectory(run.rows[: run.filled + 1], *ended, ns, np.concatenate([_NONE, *run.ends]))
+    found = run.trajectory(run.table[: run.filled + 1], *ended, ns, run.ends)
     if len(found.energy.jumps()):
         from kaneflex.multibody.time.lost_branch import departure  # which few runs need
 
@@ -87,38 +90,57 @@ def held(engine: Engine, module: ModuleType) -> str:
 
 
 class Run:
-    """Rows of one integration, filled piece by piece."""
+    """Rows of one integration in the plane or in space, filled piece by piece, up to the state ``here``.
+
+    ``pieces``: for each call of compiled code rows at its first instant and at the ends of its steps, and its choice of
+    speeds; in the plane only the instants [s] of these rows.
+    """
+
+    whole = False
+    """True if ``pieces`` have whole rows."""
 
     def __init__(
-        self, system: CoupledSystem, start: State, times: np.ndarray, method: Method, given: np.ndarray
+        self, system: Any, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
     ) -> None:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
-        self.given: np.ndarray = given
-        self.ends: list[np.ndarray] = []
+        self.given = _NONE if given is None else given
+        self.pieces: list[tuple[np.ndarray, Choice]] = []
         system.compile()
-        engine = self.engine
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
         self.longest = float(times[1] - times[0])
-        self.bounds = ErrorBounds(engine, method, self.longest)
+        self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
-        self.touching = tuple(system.mechanism.contacts)
+        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), _NONE
+        self.impacts: tuple[impact_results.Impact, ...] = ()
+        self.changes: list[np.ndarray] = []
+        self.projected, self.step = self._begun(start)
+        self.here = self.engine.row(float(times[0]))
+        self.table = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
+        self.table[0] = self.here
+
+    def _begun(self, start: State) -> tuple[bool, float]:
+        """Set the tables to the start; returns whether it is regular, and the first step [s]."""
+        engine, t = self.engine, float(self.times[0])
         if len(engine.holds):
             engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
-        self.impacts: tuple[impact_results.Impact, ...] = ()
+        self.touching = tuple(self.system.mechanism.contacts)
         if self.touching:
             engine.take_impacts()
         engine.set(start)
-        dropped = engine.choose(float(times[0]))
-        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in dropped.tolist()))
-        self.projected = engine.project(float(times[0]))
-        self.here = engine.row(float(times[0]))
-        self.rows = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
-        self.changes: list[np.ndarray] = []
-        self.rows[0] = self.here
-        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else _NONE
-        self.step = first_step(engine.motion[2], self.bounds.scale, self.longest)
+        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
+        regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
+        if self.touching:
+            self.stored = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), 2]
+        return regular, step
 
-    def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
+    @property
+    def ends(self) -> np.ndarray:
+        """Ends of the steps [s]."""
+        return np.concatenate([_NONE, *(rows[1:, 0] for rows, _ in self.pieces)])
+
+    def go(
+        self, progress: Callable[[float], None] | None = None, stop: Stop | None = None
+    ) -> tuple[Outcome, str]:
         """Integrate to the end, or to the last possible state."""
         if not self.projected:
             rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
@@ -153,7 +175,7 @@ class Run:
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
-            if stop and self.filled > before and stop(self.trajectory(self.rows[before : self.filled + 1])):
+            if stop and self.filled > before and stop(self.trajectory(self.table[before : self.filled + 1])):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
 
@@ -227,20 +249,22 @@ class Run:
         return self.engine.choice.differs(before)
 
     def _collocation(self, rows: slice, most: int) -> int:
-        self.bounds.update(np.vstack([self.rows[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
-        keeps = float(len(self.changes) < 2 * _MOST_CHANGES)
+        self.bounds.update(np.vstack([self.table[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
+        keeps, wide = float(self.whole or len(self.changes) < 2 * _MOST_CHANGES), len(self.here) if self.whole else 1
+        before, choice, most = self.here[:wide].copy(), self.engine.choice, min(most, PATIENT) if self.patient else most
         control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped, keeps])
         given = self.given
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
-        ends = np.zeros(int(most) + 1)
-        table = TABLES["radau" if self.sloped == load_derivatives.DAMPED else self.method.integrator]
+        ends = np.zeros((int(most) + 1, wide))
+        method = TABLES["radau" if self.sloped == load_derivatives.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
-            table, control, self.here, given, self.times[rows], self.rows[rows], self.counts, ends
+            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, ends, wide=wide
         )
-        self.ends.append(ends[: int(control[4])])
+        if control[4]:
+            self.pieces.append((np.vstack([before, ends[: int(control[4])]]), choice))
         if control[8] == 2.0:
-            self.changes.append(self.rows[rows.start + len(self.times[rows])].copy())
+            self.changes.append(self.table[rows.start + len(self.times[rows])].copy())
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
         self.sloped = float(control[7])
         if self.touching:
@@ -260,10 +284,10 @@ class Run:
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
         """Part of the run up to stored instant k, where it left its branch."""
-        self.filled, self.here = k, self.rows[k].copy()
+        self.filled, self.here = k, self.table[k].copy()
         self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
         ends = found.ends[found.ends <= self.times[k]]
-        return self.trajectory(self.rows[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)
+        return self.trajectory(self.table[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)
 
     def _rest(self) -> bool:
         """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
@@ -274,11 +298,12 @@ class Run:
     def _projected(self) -> bool:
         """Continue from the current state, with the reactions of the kept rows; False: singular."""
         t, works = float(self.here[0]), self.engine.count(at.WORKS)
-        projected = self.engine.project(t)
+        if not self.engine.project(t):
+            return False
         self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
-        if self.rows[self.filled, 0] == t:
-            self.rows[self.filled] = self.here
-        return projected
+        if self.table[self.filled, 0] == t:
+            self.table[self.filled] = self.here
+        return True
 
     def trajectory(
         self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,

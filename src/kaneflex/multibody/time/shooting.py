@@ -22,6 +22,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.linearisation import Equations, state_matrix
 
 _CYCLES = 100
@@ -66,20 +67,24 @@ class Cycles(ABC, Generic[Cycle]):
     ----------
     equations : Equations
         Of the coordinates of x; they hold between changes of contacts and friction.
-    begin, period : float
-        First instant and length of a cycle [s].
-    tolerance : float
+    times : ndarray (n_times,)
+        Stored instants of a cycle [s].
+    method : Method
         Of the integration.
     closer : float
         Factor on REPEATS; other than 1 for neighbours of a known cycle, whose stability is not determined.
+    ends : ndarray, optional
+        Given ends of the steps [s].
     """
 
     def __init__(
-        self, equations: Equations, begin: float, period: float, tolerance: float, closer: float = 1.0
-    ) -> None:
-        self.equations, self.begin, self.period, self.judges = equations, begin, period, closer == 1.0
+        self, equations: Equations, times: np.ndarray, method: Method, closer: float = 1.0,
+        ends: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.equations, self.times, self.method, self.ends, self.judges = equations, times, method, ends, closer == 1.0
+        self.begin, self.period = float(times[0]), float(times[-1] - times[0])
         self.measure, self.shapes = equations.measure, equations.shapes
-        self.left, self.error = closer * REPEATS, tolerance * self.measure
+        self.left, self.error = closer * REPEATS, method.tolerance * self.measure
 
     @property
     def touches(self) -> bool:

@@ -36,17 +36,13 @@ class Curve(ABC):
     def __call__(self, t: float) -> State:
         """The state at t [s]."""
         self.rows(np.array([float(t)]))
-        return self.system.engine.state(t, self.start.choice)
+        return self.system.engine.state(t, self.system.engine.choice)
 
     @abstractmethod
     def rows(self, times: np.ndarray) -> np.ndarray:
         """Rows of :class:`kaneflex.multibody.dynamics.spatial_work.Instants` at ``times`` [s], which are in their
         order.
         """
-
-    def moved(self, times: np.ndarray) -> np.ndarray:
-        """The same, where accelerations and what joints exert are not read."""
-        return self.rows(times)
 
 
 class Standing(Curve):
@@ -71,10 +67,6 @@ class Followed(Curve):
 
     def __init__(self, system: SpatialSystem, start: State) -> None:
         self.system, self.start, self.track, self.last = system, start, [start], start
-
-    def __call__(self, t: float) -> State:
-        self.rows(np.array([float(t)]))
-        return self.last
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         out, done = np.zeros((len(times), len(self.system.work.kept))), 0

@@ -125,35 +125,20 @@ class SpatialKinematics(RigidKinematics):
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
         times = np.ascontiguousarray(times, dtype=float)
-        out = np.zeros((len(times), len(self.column) - len(self.module.more)))
-        order = np.argsort(times, kind="stable")
-        for first in range(0, len(times), _AT_ONCE):
-            part = order[first : first + _AT_ONCE]
-            out[part] = self._scalars(times[part], self.curve.rows(times[part]))
+        out = self._open(times)
         self._close(times, out)
         lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
         out[:, lost] = np.nan
         return out
 
-    def moved(self, times: np.ndarray) -> SpatialMotion:
-        """Places, velocities, loads and energies at ascending ``times`` [s]; accelerations and reactions are NaN."""
-        out = self._moved(times)
-        self._close(times, out)
-        return SpatialMotion(self, times, out)
-
-    def _moved(self, times: np.ndarray) -> np.ndarray:
-        parts = np.split(times, range(_AT_ONCE, len(times), _AT_ONCE))
-        out = np.vstack([self._scalars(part, self.curve.moved(part)) for part in parts])
-        out[:, self._dynamic] = np.nan
+    def _open(self, times: np.ndarray) -> np.ndarray:
+        """The same without coordinates of joints that close loops."""
+        out = np.zeros((len(times), len(self.column) - len(self.module.more)))
+        order = np.argsort(times, kind="stable")
+        for first in range(0, len(times), _AT_ONCE):
+            part = order[first : first + _AT_ONCE]
+            out[part] = self._scalars(times[part], self.curve.rows(times[part]))
         return out
-
-    @cached_property
-    def _dynamic(self) -> list[int]:
-        """Columns of accelerations and reactions."""
-        count = len(self.column) - len(self.module.more)
-        tails = {name: name.rpartition(".")[2] for name, *_ in self.module.SCALARS[:count]}
-        return [self.column[name] for name, tail in tails.items()
-                if tail.startswith(("a_", "epsilon_", *COMPONENTS, "drive")) or tail.endswith("_accel")]  # fmt: skip
 
     def _close(self, times: np.ndarray, out: np.ndarray) -> None:
         """Fill in coordinates of joints that close loops, with turns counted from the start."""
@@ -201,7 +186,7 @@ class SpatialKinematics(RigidKinematics):
     @cached_property
     def _counts(self) -> Counts:
         def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return self._angles(SpatialMotion(self, times, self._moved(times)))
+            return self._angles(SpatialMotion(self, times, self._open(times)))
 
         known = self.curve.turned or {}
         angles = np.array([known.get(name, np.nan) for name in self._turning])

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from kaneflex.mechanism.spatial_frame import skew
+from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 
@@ -34,7 +34,7 @@ def displacements(
             E, other = axes[axis : axis + 3], axes[axis + 3 : axis + 6]
             phi = Rotation.from_matrix(E @ other.T).as_rotvec()
             slid = v[:, second] - v[:, first] - np.cross(omega[:, first], places[second] - places[first])
-            turned = (omega[:, second] - omega[:, first]) @ E.T @ rotation_rates(phi).T
+            turned = (omega[:, second] - omega[:, first]) @ E.T @ rotation_rates(phi)
             yield np.hstack([slid @ E.T, turned]), numbers[:18:3]
 
 
@@ -48,11 +48,3 @@ def _pulled(
     if damping or length:
         parts = parts @ (apart / np.linalg.norm(apart))[:, None]
     return parts, np.full(parts.shape[1], stiffness)
-
-
-def rotation_rates(phi: np.ndarray) -> np.ndarray:
-    """Matrix H of the rates H omega of a rotation vector, see
-    :func:`kaneflex.multibody.dynamics.spatial_bushings.cushion`."""
-    theta, cross = np.linalg.norm(phi), skew(phi)
-    curved = (1.0 - 0.5 * theta / np.tan(0.5 * theta)) / theta**2 if theta > 1e-4 else 1.0 / 12.0
-    return np.eye(3) - 0.5 * cross + curved * cross @ cross

@@ -6,7 +6,6 @@ of the model's run.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,20 +14,17 @@ from typing import Any
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.multibody.time.spatial_forward import Run
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.one_way_run import run_one_way
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
-from kaneflex.solve.spatial_run import first_state, with_run
+from kaneflex.solve.spatial_run import with_run
 from kaneflex.solve.variants import Solver
 from kaneflex.support.errors import SceneError
 
@@ -45,11 +41,7 @@ _SINGULAR = 1e14
 def solver_of(solution: Solution) -> Solver:
     """Solver of the neighbours of a run: in its steps if the run chose these."""
     model = solution.model
-    if model.coupled is not None:
-        return _PlanarReplay(solution)
-    if model.coupled_in_space is not None:
-        return _SpatialReplay(solution)
-    return solve
+    return Replay(solution) if model.options.dynamics == "coupled" else solve
 
 
 def slope(values: Sequence[np.ndarray], step: float) -> np.ndarray:
@@ -59,7 +51,7 @@ def slope(values: Sequence[np.ndarray], step: float) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Replay(ABC):
+class Replay:
     """Solver of a run's neighbours in the steps of the run."""
 
     solution: Solution
@@ -89,22 +81,37 @@ class Replay(ABC):
             start = cycles.moved(start, -np.linalg.solve(self._returning, cycles.missed(cycle)))
         return self.result(model, cycles.run(start))
 
-    @property
-    @abstractmethod
+    @cached_property
     def own(self) -> Any:
         """The run of the model itself, as a cycle."""
+        model = self.solution.model
+        return integrated(model).motion.curve if model.coupled is None else self.solution.trajectory
 
-    @abstractmethod
-    def first(self, model: Model) -> Any:
+    def first(self, model: Model) -> State:
         """Start of a model's run; of a periodic one that of the undeformed mechanism."""
+        return replace(beginning(model), t=float(self.own.times[0]), choice=self._equations.choice)
 
-    @abstractmethod
     def cycles(self, model: Model) -> Cycles[Any]:
         """Cycles of a model in the steps of the own run, by the same independent coordinates."""
+        stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
+        kind = SpatialCycles if model.coupled is None else PlanarCycles
+        equations = replace(self._equations, system=model.coupled or model.motion.module.system)
+        return kind(equations, self.own.times * stretch, method, ends=self.own.ends * stretch)
 
-    @abstractmethod
     def result(self, model: Model, cycle: Any) -> RunResult:
-        """Result of a model's cycle."""
+        """Result of a model's cycle. Raises SceneError if it stopped early in space."""
+        if model.coupled is not None:
+            return as_result(model, cycle, 0.0)
+        if cycle.stopped is not None:
+            raise cycle.stopped
+        return run_one_way(with_run(model, cycle))
+
+    @cached_property
+    def _equations(self) -> Equations:
+        own, system = self.own, self.solution.model.coupled
+        if system is None:
+            return Equations(own.system, own.start.choice)
+        return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
 
     @cached_property
     def _cycles(self) -> Cycles[Any]:
@@ -129,55 +136,3 @@ class Replay(ABC):
             gaps = [cycles.missed(cycles.run(start)) for start in starts]
             columns.append(slope(gaps, _APART) / unit.max())
         return np.array(columns).T
-
-
-class _PlanarReplay(Replay):
-    @property
-    def own(self) -> CoupledTrajectory:
-        assert isinstance(self.solution.trajectory, CoupledTrajectory)
-        return self.solution.trajectory
-
-    def first(self, model: Model) -> State:
-        return replace(beginning(model), t=float(self.own.times[0]), choice=self._prepared.choice)
-
-    def cycles(self, model: Model) -> PlanarCycles:
-        stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
-        return PlanarCycles(self._equations(model), self.own.times * stretch, method, ends=self.own.ends * stretch)
-
-    def result(self, model: Model, cycle: CoupledTrajectory) -> RunResult:
-        return as_result(model, cycle, 0.0)
-
-    def _equations(self, model: Model) -> Equations:
-        assert model.coupled is not None
-        return replace(self._prepared, system=model.coupled)
-
-    @cached_property
-    def _prepared(self) -> Equations:
-        own, system = self.own, self.solution.model.coupled
-        assert system is not None
-        return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
-
-
-class _SpatialReplay(Replay):
-    @cached_property
-    def own(self) -> Run:
-        motion = integrated(self.solution.model).in_space
-        assert motion is not None and isinstance(motion.curve, Run)
-        return motion.curve
-
-    def first(self, model: Model) -> State:
-        system = model.motion.module.system
-        if model.options.start != "periodic":
-            return first_state(system, model.options)
-        start = start_of(system)
-        return system.project(start.t, start.q, start.u, self.own.start.choice)
-
-    def cycles(self, model: Model) -> SpatialCycles:
-        equations = Equations(model.motion.module.system, self.own.start.choice)
-        ends = np.array(self.own.knots) * (model.step / self.solution.model.step)
-        return SpatialCycles(equations, replace(model.options, tolerance=_SOLVED), ends=ends)
-
-    def result(self, model: Model, cycle: Run) -> RunResult:
-        if cycle.stopped is not None:
-            raise cycle.stopped
-        return run_one_way(with_run(model, cycle))
