@@ -14,7 +14,7 @@ from kaneflex.multibody.dynamics import spatial_entries, spatial_unfolding, unfo
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_tables
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
@@ -110,14 +110,17 @@ def _in_space(model: Model) -> tuple:
     motion = model.coupled_in_space
     assert motion is not None
     system = motion.module.system
-    joints, points = _joints(system)
+    joints, points = joint_tables(system)
     entries = {
         "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
         **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
     }
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": len(system.state_coordinates), "SPEEDS": system.engine.size}
-    tables = {"joints": joints, "points": points, "driven": system.engine.prescribed, "level": system.engine.levels}
+    tables = {
+        "joints": np.vstack([joints, [spatial_unfolding.NO_JOINT, 0, 0, 0, 0]]), "points": points,
+        "driven": system.engine.prescribed, "level": system.engine.levels,
+    }  # fmt: skip
     numbers = {
         "joints": len(points), "drives": len(system.driven), "patience": PATIENT, "fixed": int(system.engine.light),
         "FIXED": spatial_unfolding.FIXED, "CHANGED": spatial_unfolding.CHANGED,
@@ -141,16 +144,3 @@ def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
         "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
         "position": [name for name, _ in system.state_coordinates], "speed": layout.speeds,
     }  # fmt: skip
-
-
-def _joints(system: SpatialSystem) -> tuple[np.ndarray, np.ndarray]:
-    """Tables ``joints`` and ``points`` of :func:`kaneflex.multibody.dynamics.spatial_unfolding.unfold`."""
-    layout, rows, points = system.layout, list[tuple[int, ...]](), list[np.ndarray]()
-    for name, joint in system.mechanism.joints.items():
-        nodes, sign = layout.tree.get(name, ((-1,), 1))
-        of_cut = layout.cuts.get(name, slice(0, 0))
-        on, place = layout.on(joint.sides[1])
-        rows.append((nodes[-1], sign, on, of_cut.start, of_cut.stop))
-        points.append(place)
-    rows.append((spatial_unfolding.NO_JOINT, 0, 0, 0, 0))
-    return np.array(rows, np.int64).reshape(-1, 5), np.array(points, float).reshape(-1, 3)

@@ -270,27 +270,29 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
         Whether to keep the modal bases and the modes of the damping.
     """
     if scene.is_spatial:
-        from kaneflex.solve.spatial_loading import neighbour_in_space
+        from kaneflex.solve.spatial_loading import beside_in_space
 
-        return neighbour_in_space(model, scene, neighbour_options(model, scene), frozen)
+        return beside_in_space(model, scene, neighbour_options(model, scene), model.module.system, frozen)
     scene = as_it_starts(scene if model.coupled is None else without_poses(scene))
     options = neighbour_options(model, scene)
     scene = acting(scene, options)
     if model.coupled is not None:
-        from kaneflex.multibody.model.system import neighbour_system
-
-        return _beside(model, scene, neighbour_system(model.coupled, scene, frozen), options, frozen)
+        return _beside(model, scene, options, model.coupled, frozen)
     return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
 
 
-def _beside(model: Model, scene: Scene, system: CoupledSystem, options: Options, frozen: bool = False) -> Model:
-    """Model of another system of the same mechanism."""
+def _beside(
+    model: Model, scene: Scene, options: Options, like: CoupledSystem | None = None, frozen: bool = False
+) -> Model:
+    """Coupled model of another scene of the same mechanism, see
+    :func:`kaneflex.multibody.model.system.bound_system`."""
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.system import with_stretch
+    from kaneflex.multibody.model.system import bound_system, with_stretch
     from kaneflex.multibody.time.rigid_reference import rigid_reference
 
     assert model.coupled is not None
-    system, scene = replace(system, undetermined=model.coupled.undetermined), with_stretch(scene)
+    system = replace(bound_system(scene, model.coupled.module, like, frozen), undetermined=model.coupled.undetermined)
+    scene = with_stretch(scene)
     motion = rigid_reference(scene, system, place(scene))
     found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
     return replace(found, coupled=system)
@@ -302,14 +304,10 @@ def refined(model: Model, scene: Scene, options: Options) -> Model:
     The module is reused.
     """
     if scene.is_spatial:
-        from kaneflex.solve.spatial_loading import refined_in_space
+        from kaneflex.solve.spatial_loading import beside_in_space
 
-        return refined_in_space(model, scene, options)
-    from kaneflex.multibody.model.system import refined_system
-
-    assert model.coupled is not None
-    scene = acting(as_it_starts(without_poses(scene)), options)
-    return _beside(model, scene, refined_system(model.coupled, scene), options)
+        return beside_in_space(model, scene, options)
+    return _beside(model, acting(as_it_starts(without_poses(scene)), options), options)
 
 
 def neighbour_options(model: Model, scene: Scene) -> Options:

@@ -84,21 +84,17 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
     return model_without_equations(scene, options, motion, reference_instant(scene, options, rigid)[0], {})
 
 
-def neighbour_in_space(model: Model, scene: Scene, options: Options, frozen: bool) -> Model:
-    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, with options of the neighbour."""
-    scene, system = acting(scene, options), model.module.system
+def beside_in_space(
+    model: Model, scene: Scene, options: Options, like: SpatialSystem | None = None, frozen: bool = False
+) -> Model:
+    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, and of ``refined`` without a system
+    that its own is like."""
+    scene, module = acting(scene, options), model.module.system.module
     if options.dynamics == "coupled":
-        found = build_coupled_system(scene, system.module, options, system, frozen)
-        return _coupled_model(scene, options, _bound(found, options))
-    motion = _bound(build_spatial_system(scene, system.module), options)
+        system = build_coupled_system(scene, module, options, like, frozen)
+        return _coupled_model(scene, options, _bound(system, options))
+    motion = _bound(build_spatial_system(scene, module), options)
     return build_model(scene, options, motion, model if frozen else None)
-
-
-def refined_in_space(model: Model, scene: Scene, options: Options) -> Model:
-    """Variant of :func:`kaneflex.solve.loading.refined` for mechanisms in space."""
-    scene = acting(scene, options)
-    system = build_coupled_system(scene, model.module.system.module, options)
-    return _coupled_model(scene, options, _bound(system, options))
 
 
 def _bound(system: SpatialSystem, options: Options) -> SpatialKinematics:

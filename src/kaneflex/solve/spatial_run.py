@@ -63,7 +63,7 @@ def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
     if coupled is not None:
         reference = model.reference_time
         if run.turned is not None:
-            reference = run.begin
+            reference = run.start.t
         elif model.motion.is_start:
             reference = reference_instant(scene, options, motion)[0]
         found = replace(model, motion=motion, reference_time=reference, energy=energy)

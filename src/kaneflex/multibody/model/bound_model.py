@@ -200,7 +200,7 @@ class Model:
     def solved_for(self) -> int:
         """Number of coordinates that are integrated."""
         if self.coupled_in_space is not None:
-            return self.coupled_in_space.freedoms
+            return len(self.coupled_in_space.curve.start.choice.independent)
         if self.coupled is not None:
             return len(mechanism_of(self.scene).free) + int(self.coupled.engine.shapes.sum())
         return self.reduced.size

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from types import ModuleType
@@ -28,11 +27,10 @@ from kaneflex.scene.options import Options
 @dataclass(frozen=True, eq=False)
 class CoupledKinematics(SpatialKinematics):
     """Motion of deforming bodies: their axes and shapes; ``rigid``: motion of the rigid mechanism with the same
-    positions of free joints; ``freedoms``: independent speeds; ``verdict``: outcome of the run. Before it there is
-    none: bodies are undeformed, and follow the drives or, with free joints, are at their start."""
+    positions of free joints; ``verdict``: outcome of the run. Before it there is none: bodies are undeformed, and
+    follow the drives or, with free joints, are at their start."""
 
     rigid: SpatialKinematics
-    freedoms: int
     verdict: Verdict | None = None
 
     def along(self, curve: Curve) -> CoupledKinematics:
@@ -84,10 +82,9 @@ def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
     alone = build_spatial_system(system.scene, system.module, coupled=True)
     start = start_of(alone)
     rigid = SpatialKinematics(SpatialModule(alone), alone.parameters, Followed(alone, start))
-    freedoms = len(first.choice.independent)
     if not module.FREE:
-        return CoupledKinematics(module, system.parameters, Followed(system, start_of(system)), rigid, freedoms)
-    found = CoupledKinematics(module, system.parameters, Standing(system, first), rigid, freedoms)
+        return CoupledKinematics(module, system.parameters, Followed(system, start_of(system)), rigid)
+    found = CoupledKinematics(module, system.parameters, Standing(system, first), rigid)
     return found.along(found.curve)
 
 
@@ -98,23 +95,16 @@ class _Beside(Curve):
     """
 
     def __init__(self, coupled: SpatialKinematics, system: SpatialSystem, start: State) -> None:
-        self.coupled, self.system, self.start = coupled, system, start
-        of = coupled.module.system
+        self.coupled, self.system, self.start = coupled, system, replace(start, t=coupled.begin)
+        of, self.turned = coupled.module.system, coupled.curve.turned
         coordinates, speeds = of.engine.modal
         self.q = np.setdiff1d(np.arange(len(of.state_coordinates)), coordinates)
         self.u = np.setdiff1d(np.arange(of.engine.size), speeds)
 
-    @property
-    def begin(self) -> float:
-        return self.coupled.curve.begin
-
-    @property
-    def turned(self) -> Mapping[str, float] | None:  # type: ignore[override]
-        return self.coupled.curve.turned
-
     def rows(self, times: np.ndarray) -> np.ndarray:
-        given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)
-        done = 0
+        found = self.coupled.module.system.instants(self.coupled.curve.rows(times))
+        given = np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))
+        out, done = np.full((len(times), len(self.system.work.kept)), np.nan), 0
         while done < len(times):
             try:
                 self.system.near(self.start.choice, times[done:], given[done:], out[done:])
@@ -124,8 +114,3 @@ class _Beside(Curve):
                 out[done] = np.nan
                 done += 1
         return out
-
-    def _given(self, times: np.ndarray) -> np.ndarray:
-        of = self.coupled.module.system
-        found = of.instants(self.coupled.curve.rows(times))
-        return np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
 
 import numpy as np
 
+from kaneflex.mechanism.spatial_frame import cross
 from kaneflex.multibody.dynamics.spatial_work import Instants
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.spatial_system import SpatialSystem
@@ -17,51 +17,34 @@ COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in 
 """Components of a joint's force and moment, global."""
 
 
-class _TreeJoints(NamedTuple):
-    """Joints of the tree: their last nodes, 1 or -1 (if traversed from the second body), and second points: node (-1:
-    the ground), and place in that node's axes, (n, 3)."""
-
-    nodes: np.ndarray
-    signs: np.ndarray
-    on: np.ndarray
-    at: np.ndarray
+_TABLES: Kept[SpatialSystem, tuple[np.ndarray, np.ndarray]] = Kept()
 
 
-_TREE: Kept[SpatialSystem, _TreeJoints] = Kept()
-
-
-def _tree_joints(system: SpatialSystem) -> _TreeJoints:
-    layout = system.layout
-    second = [layout.on(system.mechanism.joints[name].sides[1]) for name in layout.tree]
-    return _TreeJoints(
-        np.array([nodes[-1] for nodes, _ in layout.tree.values()], int),
-        np.array([sign for _, sign in layout.tree.values()], float),
-        np.array([node for node, _ in second], int),
-        np.array([at for _, at in second], float).reshape(-1, 3),
-    )
+def joint_tables(system: SpatialSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of all joints, (n, 5), see :mod:`kaneflex.multibody.dynamics.spatial_unfolding`, and the places of their
+    second points in the axes of the nodes that carry these, (n, 3)."""
+    layout, rows, places = system.layout, list[tuple[int, ...]](), list[np.ndarray]()
+    for name, joint in system.mechanism.joints.items():
+        nodes, sign = layout.tree.get(name, ((-1,), 1))
+        of_cut = layout.cuts.get(name, slice(0, 0))
+        on, place = layout.on(joint.sides[1])
+        rows.append((nodes[-1], sign, on, of_cut.start, of_cut.stop))
+        places.append(place)
+    return np.array(rows, np.int64).reshape(-1, 5), np.array(places, float).reshape(-1, 3)
 
 
 def joint_wrenches(system: SpatialSystem, found: Instants) -> dict[str, np.ndarray]:
     """Force and moment, global, of every joint on its second body at its second point, (n_instants, 6)."""
-    of = _TREE.of(system, lambda: _tree_joints(system))
-    wrenches = of.signs[:, None] * found.wrenches[:, of.nodes]
-    arms = found.r[:, of.nodes] - of.at
-    held = of.on >= 0
-    on = of.on[held]
-    arms[:, held] = found.r[:, of.nodes[held]] - found.r[:, on] - (found.R[:, on] @ of.at[held][:, :, None])[..., 0]
-    wrenches[..., 3:] += cross(arms, wrenches[..., :3])
-    by_name = {name: wrenches[:, k] for k, name in enumerate(system.layout.tree)}
-    for name, rows in system.layout.cuts.items():
-        by_name[name] = by_name.get(name, 0.0) + (found.multipliers[:, None, rows] @ found.rows[:, rows, 9:15])[:, 0]
-    return {name: by_name[name] for name in system.mechanism.joints}
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b along the last axis: NumPy's own takes several times as long."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
-    return out
+    table, places = _TABLES.of(system, lambda: joint_tables(system))
+    nodes, signs, on, *of_cut = table.T
+    arms, held = found.r[:, nodes] - places, on >= 0
+    turned = (found.R[:, on[held]] @ places[held][:, :, None])[..., 0]
+    arms[:, held] = found.r[:, nodes[held]] - found.r[:, on[held]] - turned
+    wrenches = np.where(nodes < 0, 0, signs)[:, None] * found.wrenches[:, nodes]
+    wrenches[..., 3:] += cross(arms.T, wrenches[..., :3].T).T
+    for k, rows in enumerate(map(slice, *of_cut)):
+        wrenches[:, k] += (found.multipliers[:, None, rows] @ found.rows[:, rows, 9:15])[:, 0]
+    return dict(zip(system.mechanism.joints, wrenches.swapaxes(0, 1), strict=True))
 
 
 def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:

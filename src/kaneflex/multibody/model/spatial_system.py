@@ -122,17 +122,9 @@ class SpatialSystem:
             t, outcome, _ = self.work.now.tolist()
             check(int(outcome), t)
 
-    def row(self) -> np.ndarray:
-        """Row of an instant, ``work`` being as left by :meth:`project`, (n,)."""
-        return self.work.kept.copy()
-
     def instants(self, rows: np.ndarray) -> Instants:
         """Rows by names."""
         return Instants.of(rows, self.work)
-
-    def gaps(self) -> np.ndarray:
-        """Absolute violation of every row at the position of ``work``, in rad or sizes of the mechanism."""
-        return abs(self.work.rows[:, 0]) / self.row_measure
 
     def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
         """Joints, by how much a state opens them [m or rad], and the unit of that."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -277,48 +277,33 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
 
     Returns the system and the seconds spent on deriving its module.
     """
-    beams = [name for name, body in scene.bodies.items() if body.elastic]
-    for name in beams:
-        check_modes(scene, name)
+    for name, body in scene.bodies.items():
+        if body.elastic:
+            check_modes(scene, name)
     module, seconds = find_laws_module(scene, progress)
-    return _bound(scene, module, *_deforming(scene, beams)), seconds
+    return bound_system(scene, module), seconds
 
 
-def _deforming(scene: Scene, names: Iterable[str]) -> tuple[dict[str, Link], dict[str, Shapes]]:
-    """Links and shapes of beams."""
-    links = _links(scene, names)
-    return links, {name: link_shapes(scene, link, link_modes(scene, name)) for name, link in links.items()}
+def bound_system(
+    scene: Scene, module: ModuleType, like: CoupledSystem | None = None, frozen: bool = False
+) -> CoupledSystem:
+    """System of a scene with its module.
 
-
-def _links(scene: Scene, names: Iterable[str]) -> dict[str, Link]:
-    stretching, element = with_stretch(scene), element_of(scene)
-    return {name: link_of_scene(stretching, name, scene.bodies[name].beam.elements, element) for name in names}
-
-
-def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
+    ``like``: system of a scene that differs in numbers only, and whose links' shapes have the same signs and scales;
+    ``frozen`` keeps the space spanned by them.
+    """
+    stretching, element, links, shapes = with_stretch(scene), element_of(scene), dict[str, Link](), dict[str, Shapes]()
+    for name, body in scene.bodies.items():
+        if body.elastic:
+            link = link_of_scene(stretching, name, body.beam.elements, element)
+            kept = None if like is None or not frozen else spanned(scene, like.shapes[name], link)
+            found = kept or link_shapes(scene, link, link_modes(scene, name))
+            links[name], shapes[name] = link, found if like is None else alike(found, like.shapes[name])
     mechanism = mechanism_of(scene)
     counts = {name: shapes[name].counts if name in shapes else (0, 0) if body.modal is None else body.modal.counts
               for name, body in scene.bodies.items()}  # fmt: skip
     engine = build_engine(mechanism, module, Blocks(scene, counts, shapes), bind_parameters(scene, module))
     return CoupledSystem(module, engine, mechanism, links, shapes, counts)
-
-
-def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
-    """System of a scene with other numbers; ``frozen`` keeps the space spanned by its shapes."""
-    links, shapes = _links(scene, system.links), {}
-    for name, link in links.items():
-        before = system.shapes[name]
-        found = spanned(scene, before, link) if frozen else link_shapes(scene, link, link_modes(scene, name))
-        shapes[name] = alike(found, before)
-    return _bound(scene, system.module, links, shapes)
-
-
-def refined_system(system: CoupledSystem, scene: Scene) -> CoupledSystem:
-    """System of a scene with other numbers of elements and shapes of its links.
-
-    It uses the same module: no equations are derived.
-    """
-    return _bound(scene, system.module, *_deforming(scene, system.links))
 
 
 def check_modes(scene: Scene, name: str) -> None:

@@ -20,18 +20,13 @@ _STUCK = 1e-9
 
 
 class Curve(ABC):
-    """States of a mechanism by the time [s]; ``work`` of the system then has the last one."""
+    """States of a mechanism by the time [s], from its start on; ``work`` of the system then has the last one."""
 
     system: SpatialSystem
     start: State
     turned: Mapping[str, float] | None = None
     """Angles [rad] with whole turns at the start, of joints that close loops, from the run that this one continues;
     None if it continues none."""
-
-    @property
-    def begin(self) -> float:
-        """First instant [s]."""
-        return self.start.t
 
     def __call__(self, t: float) -> State:
         """The state at t [s]."""
@@ -56,7 +51,7 @@ class Standing(Curve):
         for t in times[times != start.t].tolist():
             raise not_integrated(t)
         self.system.project(start.t, start.q, start.u, start.choice)
-        return np.tile(self.system.row(), (len(times), 1))
+        return np.tile(self.system.work.kept, (len(times), 1))
 
 
 class Followed(Curve):

@@ -94,11 +94,6 @@ class Run(run.Run, Curve):
         """Evaluations of the accelerations."""
         return 3 * int(self.counts[2])
 
-    @property
-    def end(self) -> State:
-        """Final state."""
-        return self(float(self.ends[-1]))
-
     def rows(self, times: np.ndarray) -> np.ndarray:
         system, n = self.system, len(self.system.state_coordinates)
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.engine.size))

@@ -120,7 +120,7 @@ class SpatialKinematics(RigidKinematics):
 
     @property
     def begin(self) -> float:  # type: ignore[override]
-        return self.curve.begin
+        return self.curve.start.t
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
