@@ -17,7 +17,7 @@ from runs import alike, solved
 import kaneflex
 from kaneflex import SceneError, scene_of, shipped_scenes, with_settings
 from kaneflex.multibody.model.spatial_system import SpatialSystem
-from kaneflex.multibody.time.spatial_revolutions import Counts
+from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.scene.sections import torsion_constant
 
 DATA = Path(__file__).parent / "data"

@@ -13,8 +13,7 @@ from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.time.cycles import SpatialCycles
 from kaneflex.multibody.time.linearisation import Equations
-from kaneflex.solve import spatial_run
-from kaneflex.solve.coupled import method_of
+from kaneflex.solve import coupled
 
 
 @pytest.fixture
@@ -56,7 +55,7 @@ def test_harmonics_begin_on_the_cycle(monkeypatch, count):
     assert found.message == "completed" and len(more) < 2
     alike(found, plane, 2e-4, ("coupler_mid", "follower_mid", "crank_tip", "coupler_force", "crank_torque"))
 
-    monkeypatch.setattr(spatial_run, "orbit_start", lambda *_: None)
+    monkeypatch.setattr(coupled, "orbit_start", lambda *_: None)
     count.clear()
     shot = solved(deep)
     assert shot.message == "completed" and len(count) > 3
@@ -161,7 +160,7 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start():
     system, flung = model.motion.module.system, model.motion.curve.start
 
     def over(duration):
-        method = replace(method_of(model), tolerance=1e-7)
+        method = replace(coupled.method_of(model), tolerance=1e-7)
         return SpatialCycles(Equations(system, flung.choice), np.linspace(0.0, duration, 3), method)
 
     before, cycles = over(0.5), over(0.1)

@@ -63,9 +63,9 @@ class Motion(ABC):
         return self.model.energy
 
     @property
-    @abstractmethod
     def has_rigid_forces(self) -> bool:
         """True if forces of the rigid mechanism are available, too."""
+        return False
 
     @abstractmethod
     def taken(self, instants: np.ndarray) -> Motion:
@@ -85,10 +85,10 @@ class Motion(ABC):
         """Rigid mechanism from which sensors of displacements count."""
         return self.rigid
 
-    @abstractmethod
     def nodes(self, link: str) -> np.ndarray:
         """Displacements u, v, theta of an elastic link's nodes in the axes of its equations, without foreshortening;
-        (3 n, n_times)."""
+        (3 n, n_times). Unknown in coupled motions in space."""
+        raise LookupError(link)
 
     @abstractmethod
     def reaction(self, name: str) -> np.ndarray:

@@ -42,10 +42,6 @@ class SpatialCoupledMotion(Motion):
     def modal(self, body: str) -> Rates:
         return self._moving.modal(body)
 
-    @property
-    def has_rigid_forces(self) -> bool:
-        return False
-
     def taken(self, instants: np.ndarray) -> SpatialCoupledMotion:
         return replace(self, rigid=self.rigid.taken(instants), whole=self.whole or self)
 
@@ -76,9 +72,6 @@ class SpatialCoupledMotion(Motion):
     def beside(self) -> SpatialMotion:  # type: ignore[override]
         """Rigid mechanism at these instants."""
         return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)
-
-    def nodes(self, link: str) -> np.ndarray:
-        raise LookupError(link)
 
     def reaction(self, name: str) -> np.ndarray:
         return self.rigid[name]

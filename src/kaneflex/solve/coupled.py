@@ -1,4 +1,5 @@
-"""Solution of a coupled model: initial state, integration, and the motion that sensors read."""
+"""Solution of a coupled model: initial state, integration, and the motion that sensors read; in space also of a motion
+of free joints that no elastic equations act on."""
 
 from __future__ import annotations
 
@@ -14,33 +15,43 @@ from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.building import moving, reference_instant
+from kaneflex.multibody.model.independent_speeds import choose, choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
-from kaneflex.multibody.time.cycles import PlanarCycles
+from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
 from kaneflex.multibody.time.run import Method, integrate
+from kaneflex.multibody.time.shooting import COMPLETED, Verdict
+from kaneflex.multibody.time.spatial_curves import Curve, Followed
+from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import given_start
-from kaneflex.solve.law_checks import check_repeats
+from kaneflex.solve.law_checks import check_finite, check_repeats, check_springs
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
+Share = Callable[[float], None]
+_POSITIONS = 200
+"""Positions in a cycle at which independent shapes must not become dependent."""
 _MISSED = 1e-3
 """Largest change of a free joint's initial speed by loops, as a share of it."""
 
 
 def simulate_coupled(
-    model: Model, progress: Callable[[float], None] | None = None, after: SavedState | None = None, closer: float = 1.0
+    model: Model, progress: Share | None = None, after: SavedState | None = None, closer: float = 1.0
 ) -> RunResult:
     """Integrate the coupled equations over the model's duration, from the state ``after`` if given; ``closer``: see
     :func:`repeated`."""
@@ -56,20 +67,19 @@ def simulate_coupled(
         return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        trajectory = repeated(model, times, start, progress, closer, by_harmonics=closer == 1.0)
+        trajectory = repeated(model, times, start, progress, closer)
     else:
         trajectory = integrate(system, start, times, method, progress, stop if stops else None)
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
 
 def repeated(
-    model: Model, times: np.ndarray, near: State, progress: Callable[[float], None] | None = None, closer: float = 1.0,
-    by_harmonics: bool = False,
-) -> CoupledTrajectory:  # fmt: skip
-    """Periodic motion over ``times`` [s] near a start, or ``by_harmonics`` if these find one.
+    model: Model, times: np.ndarray, near: State, progress: Share | None = None, closer: float = 1.0
+) -> CoupledTrajectory:
+    """Periodic motion over ``times`` [s] near a start, or by harmonics if these find one.
 
     ``closer``: factor on the tolerance of its change over the cycle; other than 1 for a cycle near a known one, whose
-    stability is then not judged.
+    stability is then not judged, and which begins at the start.
     """
     system, start = model.coupled, None
     assert system is not None
@@ -77,11 +87,80 @@ def repeated(
     equations, first = prepare(system, near)
     cycles = PlanarCycles(equations, times, method_of(model), closer)
     check_repeats(system, system.engine.layout.driven, first, cycles.period)
-    if by_harmonics and not cycles.touches:
+    if closer == 1.0 and not cycles.touches:
         bare = partial(_undeformed, model, equations, near)
         start = orbit_start(equations, bare, near.t, cycles.period, HARMONICS)
     trajectory, verdict = cycles.repeated(start or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
+
+
+def integrated_in_space(model: Model, share: Share, after: SavedState | None = None, closer: float = 1.0) -> Model:
+    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
+    begun, coupled, options = model.in_space, model.coupled_in_space, model.options
+    assert begun is not None
+    system, verdict = begun.module.system, COMPLETED
+    near, turned = (None, None) if after is None else state_after(system, after, lambda given: choose(system, given.q))
+    if coupled is not None and options.start == "periodic":
+        run, verdict = _cycle(model, system, near, share, closer)
+    else:
+        start = near or (begun.curve.start if coupled is None else beginning(model))
+        run = Run(system, start, start.t + model.step * np.arange(options.steps + 1), method_of(model))
+        run.go(share)
+    run.turned = turned
+    return with_run(model, run, verdict)
+
+
+def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
+    """Model in space along an integrated motion, with the warnings of its run."""
+    from kaneflex.solve.spatial_loading import check_stage, with_open_reactions
+
+    scene, options, system, coupled = model.scene, model.options, run.system, model.coupled_in_space
+    motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
+    energy = run.energy(motion)
+    if coupled is not None:
+        motion = replace(coupled.along(run), verdict=verdict)
+    if model.motion.is_start:
+        motion = with_open_reactions(motion, options)
+        check_springs(scene, motion, options)
+        check_finite(scene, motion, options)
+    if coupled is not None:
+        reference = model.reference_time
+        if run.turned is not None:
+            reference = run.start.t
+        elif model.motion.is_start:
+            reference = reference_instant(scene, options, motion)[0]
+        found = replace(model, motion=motion, reference_time=reference, energy=energy)
+    else:
+        found = moving(model, motion, energy)
+        check_stage(found)
+    return found
+
+
+def _cycle(
+    model: Model, system: SpatialSystem, near: State | None, share: Share, closer: float
+) -> tuple[Run, Verdict]:
+    """Periodic motion near a state, by default that of its harmonics or an equilibrium, and the verdict on it.
+
+    Raises SceneError if drives or loads are not periodic, or the motion can't continue.
+    """
+    start, period = start_of(system), model.options.duration
+    begin = (near or start).t
+    check_repeats(system, system.driven, near or start, period)
+    equations, path = Equations(system, start.choice), Followed(system, start)
+    if equations.shapes.all():
+        times = begin + np.linspace(0.0, period, _POSITIONS)
+        choice = choose_for_all(system, system.instants(path.rows(times)).q)
+        equations, start = Equations(system, choice), system.project(0.0, start.q, start.u, choice)
+        bare = partial(_undeformed_in_space, path, choice)
+        near = near or orbit_start(equations, bare, begin, period, HARMONICS)
+    # fast motion may have no equilibrium nearby
+    start = near or equations.equilibrium(start) or start
+    instants = begin + model.step * np.arange(model.options.steps + 1)
+    run, verdict = SpatialCycles(equations, instants, method_of(model), closer).repeated(start, share)
+    if verdict is None:
+        assert run.stopped is not None
+        raise run.stopped
+    return run, verdict
 
 
 def method_of(model: Model) -> Method:
@@ -222,3 +301,10 @@ def _undeformed(model: Model, equations: Equations, first: State, times: np.ndar
     turns = equations.engine.turns & ~equations.engine.shapes
     missing = turns * whole_turns(first.q - found[0].q)
     return [replace(state, q=state.q + missing, choice=equations.choice) for state in found]
+
+
+def _undeformed_in_space(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
+    """States of the undeformed mechanism at ``times`` [s]."""
+    found, none = path.system.instants(path.rows(times)), np.zeros(path.system.engine.size)
+    states = zip(times.tolist(), found.q, found.u, strict=True)
+    return [State(t, q, u, none, path.start.sizes, choice) for t, q, u in states]

@@ -74,8 +74,9 @@ class Begun:
 def begun(model: Model) -> Begun:
     """First instant of the run of a coupled model. Raises SceneError if it has none."""
     system, start = model.coupled, beginning(model) if model.options.start != "periodic" else _periodic(model)
-    kind, of = (SpatialRun, model.motion.module.system) if system is None else (Run, system)
-    run = kind(of, start, model.step * np.arange(model.options.steps + 1), method_of(model))
+    kind: type[Run] = SpatialRun if system is None else Run
+    times = model.step * np.arange(model.options.steps + 1)
+    run = kind(system or model.motion.module.system, start, times, method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")

@@ -36,7 +36,7 @@ def integrated(model: Model, share: Share = silent, after: SavedState | None = N
         return model
     if not model.scene.is_spatial:
         return _INTEGRATED.of(model, lambda: _in_plane(model, share))
-    from kaneflex.solve.spatial_run import integrated_in_space
+    from kaneflex.solve.coupled import integrated_in_space
 
     if after is not None:
         return integrated_in_space(model, share, after, closer)

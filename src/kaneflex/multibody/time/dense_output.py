@@ -75,11 +75,6 @@ class Steps:
     engine: Engine
     rows: np.ndarray
 
-    @property
-    def sides(self) -> np.ndarray:
-        """Sides on which discontinuous loads stand."""
-        return self.rows[0, self.engine.columns["modes"]]
-
     @cached_property
     def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates y, rates and accelerations at the beginning and the end of each step, (2 steps, n) each."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kaneflex.multibody.model.spatial_system import SpatialSystem
@@ -40,27 +38,15 @@ def probes(system: CoupledSystem, base: State, given: np.ndarray) -> CoupledTraj
     return by_themselves(np.array(rows), every)
 
 
-@dataclass(frozen=True, eq=False)
 class Neighbours(Curve):
-    """Neighbouring states of a motion in space at fictitious successive times.
+    """Neighbouring states of a motion in space at fictitious successive ``times`` [s].
 
-    Attributes
-    ----------
-    system : SpatialSystem
-    start : State
-        State of the motion itself.
-    given : ndarray (k, coordinates + 2 speeds + inputs)
-        Their coordinates, independent speeds and accelerations, and inputs.
+    ``start``: state of the motion itself; ``given``: their coordinates, independent speeds and accelerations, and
+    inputs, (k, coordinates + 2 speeds + inputs).
     """
 
-    system: SpatialSystem
-    start: State
-    given: np.ndarray
-
-    @property
-    def times(self) -> np.ndarray:
-        """Fictitious times of the neighbours [s]."""
-        return instants(self.start, len(self.given))
+    def __init__(self, system: SpatialSystem, start: State, given: np.ndarray) -> None:
+        self.system, self.start, self.given, self.times = system, start, given, instants(start, len(given))
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         out = np.zeros((len(times), len(self.system.work.kept)))

@@ -100,9 +100,9 @@ class Run(run.Run, Curve):
         steps = self._steps_of(times)
         begins = np.flatnonzero(np.diff(steps, prepend=-1))
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
-            curve, (_, choice) = self._curves[steps[first]], self.pieces[steps[first]]
+            curve, (path, choice) = self._curves[steps[first]], self.pieces[steps[first]]
             given[first:last, :n], given[first:last, n:] = curve(times[first:last])
-            system.engine.contacts[:, at.BEGUN_AT] = curve.sides
+            system.engine.contacts[:, at.BEGUN_AT] = path[0, system.engine.columns["modes"]]  # sides of discontinuities
             try:
                 system.near(choice, times[first:last], given[first:last], out[first:last])
             except ArithmeticError as reason:

@@ -17,8 +17,8 @@ from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
-from kaneflex.multibody.time.spatial_revolutions import Counts
 from kaneflex.multibody.time.spatial_sections import Deformed, SectionFrame, deformed, modal_scalars, modal_series
 
 _XYZ = "xyz"

@@ -18,13 +18,12 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.solve.coupled import as_result, beginning, method_of
+from kaneflex.solve.coupled import as_result, beginning, method_of, with_run
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.one_way_run import run_one_way
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
-from kaneflex.solve.spatial_run import with_run
 from kaneflex.solve.variants import Solver
 from kaneflex.support.errors import SceneError
 
@@ -84,8 +83,10 @@ class Replay:
     @cached_property
     def own(self) -> Any:
         """The run of the model itself, as a cycle."""
-        model = self.solution.model
-        return integrated(model).motion.curve if model.coupled is None else self.solution.trajectory
+        if self.solution.model.coupled is not None:
+            return self.solution.trajectory
+        motion: Any = integrated(self.solution.model).motion
+        return motion.curve
 
     def first(self, model: Model) -> State:
         """Start of a model's run; of a periodic one that of the undeformed mechanism."""
