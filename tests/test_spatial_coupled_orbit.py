@@ -168,11 +168,12 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start():
     which = flung.choice.independent
     x = np.zeros((2, len(which)))
     x[:, :3] = [2e-3, -1e-3, 3e-3], [1e-2, 2e-2, -1e-2]
-    ends = [cycles.run(cycles.moved(own.start, sign * x.ravel())).end for sign in (1.0, -1.0)]
-    ahead, behind = cycles.apart(own.end, *ends)
+    beside = [cycles.run(cycles.moved(own.start, sign * x.ravel())) for sign in (1.0, -1.0)]
+    end, *ends = (run(float(run.ends[-1])) for run in (own, *beside))
+    ahead, behind = cycles.apart(end, *ends)
     y, rate = (0.5 * (ahead - behind)).reshape(2, -1)
     found = (cycles.monodromy(own, 100) @ x.ravel()).reshape(2, -1)
-    assert abs(own.end.du[:3]).max() > 3.0 and abs(own.start.du[:3]).max() > 3.0
+    assert abs(end.du[:3]).max() > 3.0 and abs(own.start.du[:3]).max() > 3.0
     for part, expected in zip(found, (y, rate), strict=True):
         assert part[:3] == pytest.approx(expected[:3], abs=1e-3 * abs(expected[:3]).max())
 

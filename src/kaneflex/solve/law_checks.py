@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.model.state import State
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.model.state import State
 
 _ROUNDED = 1e-9  # share of a law's largest value that counts as rounding
 _POLE_PARTS, _POLE_LEVELS = 64, 4
