@@ -2,7 +2,7 @@
 
 import pytest
 
-from kaneflex import SceneError, read_scene, shipped_scenes, with_settings
+from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.scene.options import resolve_options
 
@@ -419,18 +419,16 @@ def test_a_sensor_may_have_a_word_of_the_scene_for_its_name(name):
     assert name not in raw["sensors"]
 
 
-def test_the_coordinate_of_a_weld_is_an_angle(tmp_path):
+def test_the_coordinate_of_a_weld_is_an_angle():
     welded = """schema = 1
 bodies = {arm = {length = 1, mass = 1}, tool = {mass = 1}}
 joints = {hub = {revolute = ["ground", "arm"]}, seat = {weld = ["arm.end", "tool"]}}
 drives = {hub = {speed = 1, cycle = "360 deg"}}
 sensors = {turn = {position = "seat", component = "%s"}}
 """
-    (tmp_path / "arm.toml").write_text(welded % "angle")
-    assert read_scene(tmp_path / "arm.toml").sensors["turn"].unit == "rad"
-    (tmp_path / "arm.toml").write_text(welded % "x")
+    assert scene_of(welded % "angle").sensors["turn"].unit == "rad"
     with pytest.raises(SceneError, match=r"sensors\.turn\.component = 'x': not a coordinate of this joint"):
-        read_scene(tmp_path / "arm.toml")
+        scene_of(welded % "x")
 
 
 @pytest.mark.parametrize(("written", "text"), [("6000 RPM", "6000 rpm"), ("6000 Rpm", "6000 rpm")])

@@ -8,7 +8,7 @@ from machines import cantilever
 from runs import derived_on_the_fly
 from scipy.optimize import brentq
 
-from kaneflex import SceneError, read_scene, scene_of
+from kaneflex import SceneError, scene_of
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.simulation import solve
 
@@ -32,7 +32,7 @@ SHAFT = (
 )
 
 
-def arm(folder, beam):
+def arm(beam):
     return scene_of(loaded(beam)).bodies["arm"]
 
 
@@ -111,29 +111,27 @@ def planar(body, x):
 
 
 @pytest.mark.parametrize("case", CONSTANTS)
-def test_a_segment_takes_from_the_beam_what_it_does_not_say(tmp_path, case):
+def test_a_segment_takes_from_the_beam_what_it_does_not_say(case):
     own, (E_1, rho, G) = CONSTANTS[case]
     section = "section = {rectangle = [0.02, 0.01]}, kappa = 0.8"
     segments = f"segments = {{a = {{to = 0.4, {section}}}, b = {{{own}{section}}}}}"
-    body = arm(tmp_path, f'material = "steel", theory = "timoshenko", {segments}')
+    body = arm(f'material = "steel", theory = "timoshenko", {segments}')
     assert planar(body, 0.2)[:3] == pytest.approx((7850 * A, 2.1e11 * A, 2.1e11 * I), rel=1e-12)
     expected = (rho * A, E_1 * A, E_1 * I, rho * I, 0.8 * G * A)
     assert planar(body, 0.7) == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_shear_coefficient_of_a_shape_takes_the_segments_own_ratio(tmp_path):
+def test_the_shear_coefficient_of_a_shape_takes_the_segments_own_ratio():
     """kappa G A of a rectangle, Cowper (1966): 10 (1 + nu)/(12 + 11 nu)."""
     section = "section = {rectangle = [0.02, 0.01]}"
     segments = f"segments = {{a = {{to = 0.4, {section}}}, b = {{nu = 0.2, {section}}}}}"
-    body = arm(tmp_path, f'material = "steel", theory = "timoshenko", {segments}')
+    body = arm(f'material = "steel", theory = "timoshenko", {segments}')
     assert body.profile.at(0.7).G_A_y == pytest.approx(12 / 14.2 * 2.1e11 / 2.4 * A, rel=1e-12)
 
 
-def test_a_given_mass_keeps_the_ratio_of_the_densities(tmp_path):
-    file = tmp_path / "scene.toml"
+def test_a_given_mass_keeps_the_ratio_of_the_densities():
     mass = A * (RHO[0] * STEP + RHO[1] * (1 - STEP))
-    file.write_text(loaded(SHAFT, f"mass = {mass * (1 + 5e-7)!r}, "))
-    profile = read_scene(str(file)).bodies["arm"].profile
+    profile = scene_of(loaded(SHAFT, f"mass = {mass * (1 + 5e-7)!r}, ")).bodies["arm"].profile
     assert profile.inertia(1.0).mass == pytest.approx(mass * (1 + 5e-7), rel=1e-14)
     assert profile.at(0.1).rho_A / profile.at(0.9).rho_A == pytest.approx(RHO[0] / RHO[1], rel=1e-12)
 
@@ -141,8 +139,8 @@ def test_a_given_mass_keeps_the_ratio_of_the_densities(tmp_path):
 # ---- A and I that change linearly ---------------------------------------------------------------------------------
 
 
-def test_linear_section_numbers(tmp_path):
-    body = arm(tmp_path, 'material = "steel", theory = "rayleigh", A = 4e-4, I = 9e-9, A_end = 1e-4')
+def test_linear_section_numbers():
+    body = arm('material = "steel", theory = "rayleigh", A = 4e-4, I = 9e-9, A_end = 1e-4')
     assert planar(body, 0.5) == pytest.approx((7850 * 2.5e-4, 2.1e11 * 2.5e-4, 2.1e11 * 9e-9, 7850 * 9e-9, math.inf))
     assert body.mass == pytest.approx(7850 * 2.5e-4, rel=1e-12)
     moments = (7850 * (4e-4 / k - 3e-4 / (k + 1)) for k in (1, 2, 3))
@@ -186,8 +184,8 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_beams(tmp_path, case):
+def test_bad_beams(case):
     beam, message = BAD[case]
     with pytest.raises(SceneError) as caught:
-        arm(tmp_path, beam)
+        arm(beam)
     assert str(caught.value).splitlines()[0] == message

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kaneflex import read_scene, scene_of
 from kaneflex.derive.bodies.proof import NotKane, comparisons, prove
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.system import build_system
-from kaneflex.scene import read_scene
 
 PRINTED = "@njit" + Path(body.__file__).read_text(encoding="utf-8").partition("@njit")[2]
 AXIAL, TRANSVERSE = 2, 3
@@ -309,19 +309,16 @@ LOADED = """
 schema = 1
 like = "slider-crank-150-coupled"
 description = "Loads spread over its rod and its crank"
-[loads]
-on_rod = {spread_on = "rod", direction = [0, -1], value = "1 N/m"}
-on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
+loads.on_rod = {spread_on = "rod", direction = [0, -1], value = "1 N/m"}
+loads.on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
 """
 
 
 @pytest.fixture(scope="module")
-def blocks(tmp_path_factory) -> Blocks:
+def blocks() -> Blocks:
     """Those of a slider-crank with an elastic rod, with loads spread over rod and crank."""
     system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
-    file = tmp_path_factory.mktemp("loaded") / "loaded.toml"
-    file.write_text(LOADED)
-    return Blocks(read_scene(file), system.counts, system.shapes)
+    return Blocks(scene_of(LOADED), system.counts, system.shapes)
 
 
 def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from newton_euler import imbalance, motion_of, place
 
-from kaneflex import Scene, SceneError, read_scene, scene_of
+from kaneflex import Scene, SceneError, scene_of
 from kaneflex.mechanism.position_analysis import place as placed
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
@@ -85,18 +85,11 @@ MECHANISMS = {
 }
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("closures")
-
-
 @pytest.fixture(scope="module", params=MECHANISMS)
-def mechanism(request, folder) -> tuple[Scene, RigidMotion]:
+def mechanism(request) -> tuple[Scene, RigidMotion]:
     text, branch = MECHANISMS[request.param]
-    file = folder / "mechanism.toml"
     drive = 'drives.main = {speed = "60 rad/s", cycle = "360 deg"}\n'
-    file.write_text("schema = 1\n" + text.replace('branch = "+"', branch) + drive)
-    scene = read_scene(file)
+    scene = scene_of("schema = 1\n" + text.replace('branch = "+"', branch) + drive)
     return scene, motion_of(scene)
 
 

@@ -56,7 +56,7 @@ TORQUES = {
 
 
 @pytest.fixture(scope="module")
-def oscillators(tmp_path_factory):
+def oscillators():
     return {kind: discs([1.0], [torque]) for kind, torque in TORQUES.items()}
 
 

@@ -166,7 +166,7 @@ def test_richer_models_that_take_long_are_not_solved_without_being_asked(monkeyp
     assert solved(scene, "solve.errors=all").errors[0]["mid_transverse"].elements > 0.0
 
 
-def test_what_cannot_be_estimated_is_said(tmp_path):
+def test_what_cannot_be_estimated_is_said():
     for name, settings, said in (
         ("engine-paper", [], "not estimated under preset paper"),
         ("elastic-double-pendulum", ["solve.preset=stiffened", "solve.steps=50"], "on free joints"),

@@ -281,7 +281,7 @@ def test_the_page_has_a_scene_of_it(recovered):
     text = recovered
     Path("imported.toml").write_text(text)
     assert cli("check", "imported.toml").exit_code == 0
-    push = 'loads.push = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
+    push = '[loads]\npush = {force_on = "rod.waist", direction = [0, 1], value = "1 kN"}\n'
     pushed = text.replace("[sensors]", f"{push}[sensors]")
     shorter = text.replace('"rod.end", "piston"', '"rod.waist", "piston"')
     named = '"rod-stress.npz", points = {waist = ["66 mm", 0]}}'

@@ -7,7 +7,7 @@ import pytest
 import sympy as sm
 from scipy.interpolate import BPoly
 
-from kaneflex import SceneError, load, read_scene, simulate, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.scene.laws import ON_ARRAYS, parse_law
 from kaneflex.support.errors import Fault
@@ -210,10 +210,9 @@ def test_a_drive_whose_speed_would_have_no_bound_is_refused(law, t):
     assert float(caught.value.reason.split("t = ")[1].split(" s")[0]) == pytest.approx(t, abs=1e-4)
 
 
-def test_an_angle_of_a_point_that_stays_off_the_cut_drives_a_wheel(tmp_path):
+def test_an_angle_of_a_point_that_stays_off_the_cut_drives_a_wheel():
     """The angle of the point 1 - exp(-2 i t)/2, and inverse functions in a row: accelerations by hand."""
-    scene = tmp_path / "wheel.toml"
-    scene.write_text("""
+    scene = scene_of("""
 schema = 1
 bodies = {wheel = {mass = "1 kg", inertia = "0.01 kg m^2"}}
 joints = {j = {revolute = ["ground", "wheel"]}}
@@ -221,12 +220,12 @@ drives = {j = {law = "atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"}}
 sensors = {a = {acceleration = "wheel", component = "angle"}}
 solve = {preset = "rigid", duration = "2 s"}
 """)
-    solution = simulate(load(read_scene(scene)))
+    solution = simulate(load(scene))
     s, c = np.sin(2 * solution.times), np.cos(2 * solution.times)
     # theta' = (2 cos - 1) / (2.5 - 2 cos), from the quotient rule, and once more
     rate = -4 * s / (2.5 - 2 * c) - (2 * c - 1) * 4 * s / (2.5 - 2 * c) ** 2
     assert solution.series["a"].values == pytest.approx(rate, abs=1e-12)
-    both = with_settings(read_scene(scene), ["j.law=asin(0.9*sin(t)) - acos(0.9*cos(t)) + atan(t)"])
+    both = with_settings(scene, ["j.law=asin(0.9*sin(t)) - acos(0.9*cos(t)) + atan(t)"])
     x = np.sin(solution.times), np.cos(solution.times)
     first = -0.9 * x[0] * (1 - 0.81) / (1 - 0.81 * x[0] ** 2) ** 1.5
     second = 0.9 * x[1] * (1 - 0.81) / (1 - 0.81 * x[1] ** 2) ** 1.5

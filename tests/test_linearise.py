@@ -14,7 +14,7 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 import kaneflex
-from kaneflex import OutputError, SceneError, linearise, load, read_scene
+from kaneflex import OutputError, SceneError, linearise, load, scene_of
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import bode
@@ -42,15 +42,8 @@ MODAL, RAYLEIGH = "modal = {ratio = [0.01, 0.03]}", 'rayleigh = {ratio = 0.02, a
 
 
 @cache
-def cantilever(damping: str, folder: str) -> kaneflex.Model:
-    path = Path(folder) / "cantilever.toml"
-    path.write_text(f"{CANTILEVER}\n[damping]\n{damping}\n")
-    return load(read_scene(path))
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> str:
-    return str(tmp_path_factory.mktemp("cantilever"))
+def cantilever(damping: str) -> kaneflex.Model:
+    return load(scene_of(f"{CANTILEVER}damping.{damping}"))
 
 
 def poles(omega: np.ndarray, zeta: np.ndarray) -> np.ndarray:
@@ -59,8 +52,8 @@ def poles(omega: np.ndarray, zeta: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("damping", [MODAL, RAYLEIGH])
-def test_poles_are_the_modes_with_their_damping(damping, folder):
-    found = cantilever(damping, folder)
+def test_poles_are_the_modes_with_their_damping(damping):
+    found = cantilever(damping)
     omega, _ = reference_modes(found, "all")
     if damping == MODAL:
         zeta = np.where(np.arange(len(omega)) == 0, 0.01, 0.03)
@@ -74,9 +67,9 @@ def test_poles_are_the_modes_with_their_damping(damping, folder):
     assert shown[1:] == [f"{ratio:.3%}" for ratio in zeta[: len(shown) - 1]] and len(shown) > 3
 
 
-def test_adams_damps_by_frequency(folder):
+def test_adams_damps_by_frequency():
     """1 % below 100 Hz, 10 % below 1 kHz, critical above: this bar has modes at 81 Hz, 512 Hz and from 1.4 kHz on."""
-    found = cantilever('modal = {ratio = "adams"}', folder)
+    found = cantilever('modal = {ratio = "adams"}')
     omega, shapes = reference_modes(found, "all")
     assert np.count_nonzero(omega < 2 * np.pi * 100) == np.count_nonzero(omega[1:] < 2 * np.pi * 1000) == 1
     zeta = np.array([0.01, 0.1] + [1.0] * (len(omega) - 2))
@@ -86,9 +79,9 @@ def test_adams_damps_by_frequency(folder):
     ]  # fmt: skip
 
 
-def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):
+def test_a_step_of_the_load_gives_the_response_that_a_run_gives():
     """x' = A x + B u from rest has x = (e^(A t) - 1) A^-1 B u."""
-    found = cantilever(MODAL, folder)
+    found = cantilever(MODAL)
     system, solution = linearise(found), solve(found)
     force = 100.0
     steady = np.linalg.solve(system.A, system.B[:, 0] * force)
@@ -100,10 +93,10 @@ def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):
             assert value == pytest.approx(series[k], abs=1e-4 * np.abs(series).max()), (name, k)
 
 
-def test_a_bode_plot_shows_the_static_answer_and_the_resonance(folder):
+def test_a_bode_plot_shows_the_static_answer_and_the_resonance():
     """F L^3 / (3 E I) at rest; at the first natural frequency the phase of a single mode, -90 degrees, and 1/(2 zeta)
     of its static share, 12/1.8751^4 of that (e.g. Meirovitch, Fundamentals of Vibrations)."""
-    system = linearise(cantilever(MODAL, folder), sensors=["tip", "speed"])
+    system = linearise(cantilever(MODAL), sensors=["tip", "speed"])
     static = -(0.5**3) / (3.0 * 210e9 * 13333e-12)
     assert system.frequency_response(np.zeros(1))[0, 0, 0] == pytest.approx(static, rel=1e-9)
     with styled():
@@ -121,8 +114,8 @@ def test_a_bode_plot_shows_the_static_answer_and_the_resonance(folder):
     assert legend == "tip_force [m by N]" and panels[-1].get_xlabel() == "frequency [Hz]"
 
 
-def test_a_bode_plot_needs_inputs_and_a_picture(folder, tmp_path):
-    system = linearise(cantilever(MODAL, folder))
+def test_a_bode_plot_needs_inputs_and_a_picture(tmp_path):
+    system = linearise(cantilever(MODAL))
     with pytest.raises(SceneError, match="the state space has no input"):
         bode.figure(replace(system, inputs=(), input_units=(), B=system.B[:, :0], D=system.D[:, :0]))
     refused(cli("linearise", "engine", "-o", tmp_path / "a.npz", "--bode", tmp_path / "a.gif"), "not a kind of picture")

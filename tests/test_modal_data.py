@@ -122,7 +122,7 @@ def test_several_links_with_lumped_masses(tmp_path):
     links = "\n".join(f'[bodies.{name}]\nmodal_data = "{name}.npz"' for name in ("crank", "coupler", "follower"))
     text = shipped_scenes()["four-bar"].read_text().replace('coupler_force = {axial_force = "coupler.mid"}\n', "")
     head, rest = text.split("[bodies.crank]")
-    damping = 'damping.rayleigh = {ratio = 0.02, at = ["46 Hz", "75 Hz"]}\n'
+    damping = '[damping]\nrayleigh = {ratio = 0.02, at = ["46 Hz", "75 Hz"]}\n'
     assert damping in rest
     joints = rest[rest.index("[joints]") :].replace(damping, "")
     (tmp_path / "scene.toml").write_text(head + links + "\n" + joints)
@@ -222,7 +222,7 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
     ('{displacement = "rod.mid", component = "angle"}', '{strain = "rod.mid", fibre = 0}',
      "modal data do not contain area and second moment of a section. Measure a stress, or the section's"),
     ('["ground", "slider.start"]', '["ground", "rod"]', "rod has modal data: a guide cannot hold a deforming body"),
-    ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "the file of modal data gives the damping"),
+    ("[sensors]", "damping.viscous = {mu = 0.1}\n[sensors]", "the file of modal data gives the damping"),
 ])  # fmt: skip
 def test_what_a_scene_must_not_ask(exported, before, after, message):
     path = exported.parent / "bad.toml"

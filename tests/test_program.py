@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sm
 
+from kaneflex import scene_of
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, determinant, solve_blocks
 from kaneflex.derive.generate import derive_equations
@@ -17,7 +18,6 @@ from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
 from kaneflex.generated import laws
 from kaneflex.generated.packs import unpacked
-from kaneflex.scene import read_scene
 from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS, parse_law
 from kaneflex.scene.structure import structure_of
 
@@ -322,17 +322,14 @@ def test_every_function_of_a_law_comes_through(function):
         assert found == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_load_by_law_is_derived_into_the_motion(tmp_path):
+def test_a_load_by_law_is_derived_into_the_motion():
     """The load's magnitude in the motion's program, of the time and of the drive's angle and speed."""
-    file = tmp_path / "law.toml"
-    file.write_text("""
+    scene = scene_of("""
 schema = 1
 like = "engine"
-[loads]
-gas = "none"
-push = {force_on = "piston", direction = [-1, 0], law = "1e3 * exp(-t) * cos(2 * main) + 5 * main_speed"}
+loads.gas = "none"
+loads.push = {force_on = "piston", direction = [-1, 0], law = "1e3 * exp(-t) * cos(2 * main) + 5 * main_speed"}
 """)
-    scene = read_scene(file)
     equations = derive_equations(structure_of(scene))
     motion, told = equations.motion, equations.mechanism.names.told
     parameters = {told(path): symbol for path, (symbol, _) in equations.mechanism.parameters.items()}

@@ -8,7 +8,7 @@ import pytest
 from machines import WEIGHT, pendulum
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
-from kaneflex import SceneError, load, read_scene, scene_of, with_settings
+from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.report.presentation import parts, printed
 from kaneflex.report.summary import summarise
@@ -28,15 +28,13 @@ def beside(first, second, e=1.0):
 
 
 @pytest.fixture(scope="module")
-def rod(tmp_path_factory):
+def rod():
     """A free rod whose points at these places of it don't sink into the floor: its equations by their places."""
-    folder = tmp_path_factory.mktemp("rod")
 
     def made(e, *places, gravity=(0.0, -G)):
         points = {f"point_{k}": (x, 0.0) for k, x in enumerate(places)}
         listed = ", ".join(f"{name} = [{x}, 0]" for name, (x, _) in points.items())
-        path = folder / "rod.toml"
-        path.write_text(f"""
+        scene = scene_of(f"""
 schema = 1
 ground = {{base = [0, 0]}}
 bodies = {{body_0 = {{mass = 1, inertia = {INERTIA}, centre = [0, 0], points = {{{listed}}}}}}}
@@ -45,7 +43,7 @@ drives = {{slide = {{free = true}}}}
 solve = {{preset = "coupled", duration = "1 s"}}
 """)
         floors = [floor(name, body(0, name, at), e) for name, at in points.items()]
-        return system_of(read_scene(path), *floors, gravity=gravity)
+        return system_of(scene, *floors, gravity=gravity)
 
     return made
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from runs import run
 
-from kaneflex import load, read_scene
+from kaneflex import load, read_scene, scene_of
 
 # Link by link: d, a [m], alpha; mass [kg]; centre [m] and principal moments [kg m^2] in the link's own frame, which
 # stands at the link's far end (Corke's mdl_puma560, after Armstrong, Khatib & Burdick 1986).
@@ -85,17 +85,14 @@ def test_the_table_stands_as_the_arm_does():
         assert (np.eye(3) if rotation is None else rotation.matrix) == pytest.approx(R, abs=1e-15)
 
 
-def test_gravity_load_in_the_nominal_pose(tmp_path):
+def test_gravity_load_in_the_nominal_pose():
     """Published for the arm without payload (Robotics Toolbox for Scilab, gravload; Corke, Robotics, Vision and
     Control): at the start everything is at rest, and drives hold the weight alone."""
     published = [0.0, 31.63988, 6.035138, 0.0, 0.0282528, 0.0]
     assert moments(NOMINAL, np.zeros(6), np.zeros(6), loaded=False) == pytest.approx(published, rel=1e-6, abs=1e-9)
-    path = tmp_path / "empty.toml"
-    sensors = "".join(f'tool_{a}{b} = "none"\n' for a in "xyz" for b in ("", "_acceleration"))
-    path.write_text(
-        f'schema = 1\nlike = "robot-arm"\n[bodies]\npayload = "none"\n[joints]\ngrip = "none"\n[sensors]\n{sensors}'
-    )
-    start = load(read_scene(path)).motion.at(0.0)
+    sensors = {f"tool_{a}{b}": "none" for a in "xyz" for b in ("", "_acceleration")}
+    empty = {"bodies": {"payload": "none"}, "joints": {"grip": "none"}, "sensors": sensors}
+    start = load(scene_of({"schema": 1, "like": "robot-arm", **empty})).motion.at(0.0)
     found = [float(start[f"joint_{k}.drive"][0]) for k in range(1, 7)]
     assert found == pytest.approx(published, rel=1e-6, abs=1e-9)
 

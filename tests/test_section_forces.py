@@ -76,7 +76,7 @@ def test_bending_of_a_strip_that_rings_in_tension_is_that_of_a_chain_of_rigid_ba
         assert np.sqrt(np.mean((found - expected) ** 2)) < 0.008 * peak
 
 
-def test_the_slider_cranks_bending_converges_with_its_modes(tmp_path):
+def test_the_slider_cranks_bending_converges_with_its_modes():
     """-6.34 N m by an independent chain of rigid links, and by E I v'' of the same shapes but for 1 %."""
     scene = with_settings(read_scene("slider-crank-150-coupled"), ["solve.duration=8 ms", "solve.steps=400"])
     least = []

@@ -59,10 +59,6 @@ solve = {preset = "linear", duration = "1 s"}
 """
 
 
-def written(folder: Path, text: str):
-    return scene_of(text)
-
-
 # ---- places -------------------------------------------------------------------------------------------------------
 
 
@@ -116,8 +112,8 @@ def test_the_other_branch_is_the_other_way_to_close(name):
 
 
 @pytest.mark.parametrize("branch", ["+", "-"])
-def test_a_lever_points_at_its_slider_or_away(tmp_path, branch):
-    scene = written(tmp_path, QUICK_RETURN.replace("BRANCH", branch))
+def test_a_lever_points_at_its_slider_or_away(branch):
+    scene = scene_of(QUICK_RETURN.replace("BRANCH", branch))
     placement = place(scene, {"main": 0.3})
     pin = 0.04 * np.array([math.cos(0.3), math.sin(0.3)])
     along = np.array([placement["arm.c"][0], placement["arm.s"][0]])
@@ -126,18 +122,18 @@ def test_a_lever_points_at_its_slider_or_away(tmp_path, branch):
     assert [placement["block.x"][0], placement["block.y"][0]] == pytest.approx(pin, abs=1e-12)
 
 
-def test_welds_laws_and_structures_stand_where_they_should(tmp_path):
-    knee = place(written(tmp_path, WELDED)).poses["knee"]
+def test_welds_laws_and_structures_stand_where_they_should():
+    knee = place(scene_of(WELDED)).poses["knee"]
     assert knee == pytest.approx([math.cos(0.5), math.sin(0.5), 0.5 + math.pi / 2], abs=1e-12)
-    gallows = place(written(tmp_path, GALLOWS))
+    gallows = place(scene_of(GALLOWS))
     assert gallows.poses["beam"] == pytest.approx([0.0, 1.0, 0.0]) and gallows.drives == {}
 
 
-def test_residuals_have_the_derivatives_that_newtons_method_is_given(tmp_path):
+def test_residuals_have_the_derivatives_that_newtons_method_is_given():
     """Guides on the ground and on a body that turns, pins, a weld, driven turns and driven slides."""
     random = np.random.default_rng(1)
     for text, drives in ((QUICK_RETURN.replace("BRANCH", "+"), ("main", "slot")), (WELDED, ("root",))):
-        scene = written(tmp_path, text)
+        scene = scene_of(text)
         rows = Constraints(mechanism_of(scene), dict.fromkeys(drives, 0.1))
         bodies, joints = [*scene.bodies], [*scene.joints]
         x = random.normal(size=3 * len(bodies))
@@ -152,13 +148,13 @@ def test_residuals_have_the_derivatives_that_newtons_method_is_given(tmp_path):
         assert len(residuals(x)[0]) == 2 * len(scene.joints) + (text is WELDED) + len(drives)
 
 
-def test_a_linkage_that_can_not_close_or_is_left_open_is_named(tmp_path):
+def test_a_linkage_that_can_not_close_or_is_left_open_is_named():
     engine = with_settings(read_scene("engine"), ["rod.length=30 mm"])
     said = r"joints\.bore\.branch = '\+': the loop cannot close at main = 90 deg: rod, piston"
     with pytest.raises(SceneError, match=said):
         place(engine, {"main": math.pi / 2})
     assert place(engine, {"main": 0.0}).poses["rod"] == pytest.approx([0.04, 0.0, 0.0], abs=1e-9)
-    open_chain = written(tmp_path, WELDED.replace("seam = {weld", "seam = {revolute").replace(
+    open_chain = scene_of(WELDED.replace("seam = {weld", "seam = {revolute").replace(
         ', relative_angle = "90 deg"', ""))  # fmt: skip
     with pytest.raises(SceneError, match="the position of knee is not determined"):
         place(open_chain)
@@ -172,7 +168,7 @@ def test_elastic_coordinates_are_those_of_the_model(name):
     assert sorted(elastic_coordinates(read_scene(name))) == sorted(short(name).coordinates)
 
 
-def test_counts_and_verdicts(tmp_path):
+def test_counts_and_verdicts():
     engine = count_freedom(mechanism_of(read_scene("engine")))
     assert (engine.mobility, engine.left, engine.prescribed) == (1, 0, ("main",))
     assert engine.constraints == {"main": 2, "pin": 2, "wrist": 2, "bore": 2}
@@ -185,7 +181,7 @@ def test_counts_and_verdicts(tmp_path):
     driven_weld = ["joints.hub.revolute=none", 'joints.hub.weld=["ground", "beam.start"]', "sensors=none"]
     welded = count_freedom(mechanism_of(with_settings(read_scene("spin-up"), [*driven_weld, "drives=none"])))
     assert welded.left == 0 and welded.mobility == 0
-    gallows = count_freedom(mechanism_of(written(tmp_path, GALLOWS)))
+    gallows = count_freedom(mechanism_of(scene_of(GALLOWS)))
     assert gallows.still and "structure" in gallows.verdict
 
 
@@ -259,8 +255,8 @@ def test_the_same_scene_gives_the_same_bytes():
         assert one == other
 
 
-def test_a_structure_with_gravity_is_drawn(tmp_path):
-    assert {"g", "post (4 el.)", "foot", "corner"} <= set(texts(written(tmp_path, GALLOWS)))
+def test_a_structure_with_gravity_is_drawn():
+    assert {"g", "post (4 el.)", "foot", "corner"} <= set(texts(scene_of(GALLOWS)))
 
 
 # ---- command line -------------------------------------------------------------------------------------------------

@@ -46,7 +46,9 @@ def edge_stresses(link, shapes):
 def folder(tmp_path_factory):
     """With the data of a bar, whose root's edges have stresses."""
     folder = tmp_path_factory.mktemp("stress")
-    model = kaneflex.load(scene_of(pushed(BEAM, 'tip = {position = "bar.end", component = "y"}')))
+    path = folder / "beam.toml"
+    path.write_text(pushed(BEAM, 'tip = {position = "bar.end", component = "y"}'))
+    model = kaneflex.load(read_scene(path))
     link, shapes = model.coupled.links["bar"], model.coupled.shapes["bar"]
     data = link_data(shapes)
     stresses = Recovery(("above", "below"), edge_stresses(link, shapes))
@@ -228,7 +230,7 @@ def test_what_a_sensor_must_be(folder, sensor, message):
 
 def test_rigid_bodies_have_none(folder):
     path = scene_of(folder)
-    path.write_text(path.read_text().replace('"coupled"\nstart = "quasistatic"', '"rigid"'))
+    path.write_text(path.read_text().replace('"coupled"\nsolve.start = "quasistatic"', '"rigid"'))
     with pytest.raises(SceneError) as error:
         read_scene(path)
     assert "rigid bodies have no stresses" in str(error.value)

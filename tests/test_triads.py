@@ -268,12 +268,10 @@ def test_damping_leads_most_starts_to_an_assembly():
     assert sum(1 for _ in position_analysis._assembled(constraints, known, group, [*scene.joints][1:], 400)) > 250
 
 
-def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
-    (tmp_path / "near.toml").write_text(
-        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {branch = "none", near = {crank = "10 deg"}}\n'
-    )
+def test_near_of_a_dyad_names_a_body_of_its_loop():
+    text = 'schema = 1\nlike = "four-bar"\njoints.rocker = {branch = "none", near = {crank = "10 deg"}}'
     with pytest.raises(SceneError, match="it is not in the loop of rocker, which moves coupler, follower"):
-        place_bodies(read_scene(tmp_path / "near.toml"))
+        place_bodies(scene_of(text))
 
 
 @pytest.mark.parametrize("turn", [2 * np.pi, -1.0])
