@@ -145,10 +145,7 @@ def _integration(model: Model, begun: Trajectory) -> Iterator[str]:
 
         options = model.options
         orbit = periodic_orbit(model.system, model.scalars, 0.0, options.duration, options.tolerance)
-        n, subspace = model.system.n, parts.ALL_MODES
-        if n > MODES:
-            subspace = filled(parts.SUBSPACE, vectors=min(n, MODES + SPARE), modes=MODES)
-        yield filled(parts.SPECTRAL, grids=repr(orbit.grids), subspace=subspace)
+        yield filled(parts.SPECTRAL, grids=repr(orbit.grids), vectors=MODES + SPARE, modes=MODES)
         return
     yield parts.RADAU
     if model.options.start == "periodic":

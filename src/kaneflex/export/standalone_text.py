@@ -221,7 +221,10 @@ def trajectory():
         L_1 = np.linalg.inv(np.linalg.cholesky((K + K.transpose(0, 2, 1)) / 2))
         if z is None:  # modes of the mean equations
             z, mean = np.zeros((count, N)), lambda X, n=1: (L_1 @ X @ L_1.transpose(0, 2, 1))[::n].mean(axis=0)
-<<subspace>>
+            basis = np.linalg.qr(np.random.default_rng(0).standard_normal((N, min(N, <<vectors>>))))[0]
+            for _ in range(4 * (N > <<modes>>)):  # subspace iteration (Bathe 2013)
+                basis = np.linalg.qr(mean(M, count // 16) @ basis)[0]
+            shapes = basis @ np.linalg.eigh(basis.T @ (mean(M) + mean(M).T) @ basis)[1][:, ::-1][:, :<<modes>>]
             m, c, k = (np.diag(shapes.T @ mean(X) @ shapes) for X in (M, C, K))
         order = 2 * np.pi / DURATION * np.arange(count // 2 + 1)[:, None]
         of_y = lambda y: (L_1.transpose(0, 2, 1) @ y.reshape(count, N, 1))[..., 0]
@@ -241,12 +244,6 @@ def trajectory():
         z = z + of_y(np.linalg.lstsq(np.transpose(images), rest, rcond=None)[0] @ vectors)
     return np.array([harmonics(z, STEPS, order) for order in range(3)])[:, np.arange(STEPS + 1) % STEPS]
 '''
-
-ALL_MODES = '''            shapes = np.linalg.eigh(mean(M) + mean(M).T)[1][:, ::-1]'''
-SUBSPACE = '''            basis = np.linalg.qr(np.random.default_rng(0).standard_normal((N, <<vectors>>)))[0]
-            for _ in range(4):  # subspace iteration (Bathe 2013)
-                basis = np.linalg.qr(mean(M, count // 16) @ basis)[0]
-            shapes = basis @ np.linalg.eigh(basis.T @ (mean(M) + mean(M).T) @ basis)[1][:, ::-1][:, :<<modes>>]'''
 
 FORESHORTENING = '''
 
