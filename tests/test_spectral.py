@@ -11,7 +11,6 @@ from scipy.sparse import csr_array
 
 import kaneflex
 from kaneflex import load, simulate, with_settings
-from kaneflex.integrate import conventions
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
 from kaneflex.integrate.fourier import to_harmonics, to_instants
@@ -129,20 +128,6 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
             found = periodic_orbit(system, table, 0.4, PERIOD, 1e-9)
             np.testing.assert_array_equal(found.z, expected.z)
             np.testing.assert_array_equal(monodromy(found.grid), monodromy(expected.grid))
-
-
-def test_memory_is_used_again_only_when_nobody_holds_it():
-    conventions._kept.blocks.clear()
-    held = [aligned(2, 2**14) for _ in range(4)]
-    for number, array in enumerate(held):
-        array[...] = number
-    where = held[2].__array_interface__["data"][0]
-    del array, held[2]
-    again = aligned(2**13, 4)
-    assert again.__array_interface__["data"][0] == where
-    again[...] = -1.0
-    assert [each[1, -1] for each in held] == [0, 1, 3]
-    assert not np.shares_memory(aligned(2**15), again)
 
 
 def test_a_cycle_of_held_equations_is_that_of_time_steps():

@@ -1,8 +1,6 @@
 """Constants and arrays that compiled loops share with the Python that calls them; numba is not imported here."""
 
 import math
-import threading
-import weakref
 from functools import lru_cache
 
 import numpy as np
@@ -10,44 +8,14 @@ import numpy as np
 LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
-_LEAST_KEPT, _ALL_KEPT = 2**14, 2**23
-"""Numbers of an array that is used again when nobody holds it any more, and of all of them in a thread: 64 MB.
-
-A page that the system hands over anew takes more than a microsecond, so that new arrays for each of many cycles would
-take longer than solving them.
-"""
-
-
-class _Kept(threading.local):
-    """A thread's memory, the newest last, each with the array that was last made of it, as long as there is one."""
-
-    def __init__(self) -> None:
-        self.blocks: list[tuple[memoryview, weakref.ref[np.ndarray]]] = []
-
-    def take(self, size: int) -> np.ndarray:
-        """An array of that many numbers or more, from where a line of the cache begins."""
-        for number, (memory, held) in enumerate(self.blocks):
-            if size <= len(memory) <= 4 * size and held() is None:
-                del self.blocks[number]
-                break
-        else:
-            numbers = np.empty(size + LANES)
-            memory = numbers[-numbers.__array_interface__["data"][0] // numbers.itemsize % LANES :].data
-        found = np.frombuffer(memory)  # which is what its views hold, and theirs: it ends with the last of them
-        if _LEAST_KEPT <= size <= _ALL_KEPT:
-            self.blocks.append((memory, weakref.ref(found)))
-            while sum(len(memory) for memory, _ in self.blocks) > _ALL_KEPT:
-                del self.blocks[0]
-        return found
-
-
-_kept = _Kept()
 
 
 def aligned(*shape: int) -> np.ndarray:
     """An array, not filled, from where a line of the cache begins: lanes across two lines take half as long again."""
     size = math.prod(shape)
-    return _kept.take(size)[:size].reshape(shape)
+    numbers = np.empty(size + LANES)
+    first = -numbers.__array_interface__["data"][0] // numbers.itemsize % LANES
+    return numbers[first : first + size].reshape(shape)
 
 
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
