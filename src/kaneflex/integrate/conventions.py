@@ -22,7 +22,7 @@ COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 """Outcomes of a loop over steps."""
 FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 """Outcomes of corrections."""
-VECTORS, SIGNALS = 4, 3
+VECTORS, SIGNALS = 5, 3
 """Motions, and pairs of signals, that a correction works with."""
 PATIENCE = 8
 """Corrections over which their contraction counts."""

@@ -19,20 +19,10 @@ from kaneflex.integrate.conventions import (
     PATIENCE,
     SIGNALS,
     TOO_SLOW,
-    VECTORS,
 )
 from kaneflex.integrate.fourier import to_harmonics, to_instants
-from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
-from kaneflex.integrate.lanes import (
-    absolute,
-    compiled,
-    lane_sum,
-    load,
-    mirrored,
-    root,
-    stay_apart,
-    store,
-)
+from kaneflex.integrate.instants import multiply_upper, solve_lower, solve_upper
+from kaneflex.integrate.lanes import compiled, lane_sum, load, mirrored, root, stay_apart, store
 from kaneflex.support.fingerprint import made_of
 
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
@@ -136,33 +126,33 @@ def _forces(n, w, sums, circle, across, omega, z, v, a, signals, out):
 
 
 @compiled
-def _strain(n, w, sums, z, product):
-    """Root of twice the strain energy, added up over the instants: the length of y."""
+def _product(x, y):
+    """Sum of the products of the entries of two motions."""
     stay_apart()
-    total = 0.0 * load(z, (0, 0))
-    for b in range(len(z)):
-        multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, b, product)
-        for i in range(n):
-            total += load(product, (b, i)) * load(z, (b, i))
-    return root(absolute(lane_sum(total)))
+    total = 0.0 * load(x, (0, 0))
+    for t in range(x.shape[0] * x.shape[1]):
+        total += load(x, (0, t)) * load(y, (0, t))
+    return lane_sum(total)
 
 
 @compiled
-def _tail(n, w, factor, shapes, modes, circle, across, omega, z, signals, y, taken):
+def _tail(n, shapes, modes, circle, across, omega, y, signals, rest, taken):
     """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out.
 
     The strain energy is the square of y, the kinetic energy that of the mean equations, in their modes.
+    rest, taken: work, for what is not in the modes, and what is
     """
     stay_apart()
-    blocks, m = len(z), shapes.shape[1]
+    blocks, m = len(y), shapes.shape[1]
     for b in range(blocks):
-        multiply_upper(n, w, factor, b, z, y)
-        _take(n, shapes, y, b, taken)
+        for i in range(n):
+            store(rest, (b, i), load(y, (b, i)))
+        _take(n, shapes, rest, b, taken)
     found, spare = signals[0], signals[1]
     re, im = found[0], found[1]
-    whole = high = 0.0 * load(z, (0, 0))
+    whole = high = 0.0 * load(y, (0, 0))
     for row in range(0, m if m == n else m + n, 2):
-        x, first, count, inertia = (taken, row, m, omega * omega) if row < m else (y, row - m, n, 0.0)
+        x, first, count, inertia = (taken, row, m, omega * omega) if row < m else (rest, row - m, n, 0.0)
         other = min(first + 1, count - 1)
         mass, mass_of_other = inertia * modes[0, min(first, m - 1)], inertia * modes[0, min(other, m - 1)]
         alone = 0.0 if other == first else 1.0
@@ -180,62 +170,27 @@ def _tail(n, w, factor, shapes, modes, circle, across, omega, z, signals, y, tak
 
 
 @compiled
-def _orthogonal(basis, count, column):
-    """Row `count` made orthogonal to those before, of length 1; what it had of each, and its length, to `column`."""
+def _combined(directions, images, done, y, rest):
+    """Add to y what takes most from the remainder; the length of what is left in `rest`.
+
+    The newest image of a direction is made orthogonal to those of the `done` others, and of length 1.
+    """
     stay_apart()
-    size, newest, nothing = basis.shape[1] * basis.shape[2], basis[count], 0.0 * load(basis[0], (0, 0))
-    along = 0.0
-    for k in range(count + 1):  # each pass takes away what the one before has found
-        against, before, total = basis[k], basis[max(k - 1, 0)], nothing
+    direction, image, size = directions[done], images[done], rest.shape[0] * rest.shape[1]
+    for k in range(done):
+        along, before, other = _product(images[k], image), directions[k], images[k]
         for t in range(size):
-            left = load(newest, (0, t)) - along * load(before, (0, t))
-            store(newest, (0, t), left)
-            total += load(against, (0, t)) * left
-        along = lane_sum(total)
-        column[k] = along
-    column[count] = root(along)
-    scale = 1.0 / column[count] if along > 0.0 else 0.0
+            store(direction, (0, t), load(direction, (0, t)) - along * load(before, (0, t)))
+            store(image, (0, t), load(image, (0, t)) - along * load(other, (0, t)))
+    length = root(_product(image, image))
+    scale = 1.0 / length if length > 0.0 else 0.0
+    share = scale * _product(image, rest)
     for t in range(size):
-        store(newest, (0, t), scale * load(newest, (0, t)))
-
-
-@compiled
-def _rotated(small, count):
-    """Column `count` of the least squares made triangular; the size of what they leave."""
-    cosines, sines, left = small[-3], small[-2], small[-1]
-    column = small[count]
-    for k in range(count):
-        upper, lower = column[k], column[k + 1]
-        column[k], column[k + 1] = cosines[k] * upper + sines[k] * lower, cosines[k] * lower - sines[k] * upper
-    upper, lower = column[count], column[count + 1]
-    length = root(upper * upper + lower * lower)
-    cosine, sine = (upper / length, lower / length) if length > 0.0 else (1.0, 0.0)
-    cosines[count], sines[count], column[count] = cosine, sine, length
-    left[count], left[count + 1] = cosine * left[count], 0.0 - sine * left[count]
-    return abs(left[count + 1])
-
-
-@compiled
-def _moved(n, w, factor, basis, small, count, z, out):
-    """The motion z with what the least squares say of the first `count` vectors of the basis, to `out`."""
-    stay_apart()
-    shares, right = small[-4], small[-1]
-    for back in range(count):
-        k = count - 1 - back
-        total = right[k]
-        for j in range(k + 1, count):
-            total -= small[j, k] * shares[j]
-        shares[k] = total / small[k, k] if small[k, k] != 0.0 else 0.0
-    blocks, size = len(z), len(z) * n
-    for t in range(size):
-        store(out, (0, t), shares[0] * load(basis[0], (0, t)))
-    for k in range(1, count):
-        for t in range(size):
-            store(out, (0, t), load(out, (0, t)) + shares[k] * load(basis[k], (0, t)))
-    for b in range(blocks):
-        solve_upper(n, w, factor, b, out)
-        for i in range(n):
-            store(out, (b, i), load(out, (b, i)) + load(z, (b, i)))
+        store(direction, (0, t), scale * load(direction, (0, t)))
+        store(image, (0, t), scale * load(image, (0, t)))
+        store(y, (0, t), load(y, (0, t)) + share * load(direction, (0, t)))
+        store(rest, (0, t), load(rest, (0, t)) - share * load(image, (0, t)))
+    return root(_product(rest, rest))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
@@ -256,15 +211,16 @@ def corrected(
     slowest,
     start,
     vectors,
+    directions,
+    images,
     taken,
     signals,
-    small,
     history,
 ):
     """Motion on one grid, to the accuracy of the grid, in place of vectors[0], (blocks, n, LANES).
 
-    By GMRES (Saad and Schultz 1986, algorithm 4); each vector of its basis is the response of the mean equations to the
-    forces of the previous one.
+    Each direction is the response of the mean equations to what is left of the loads. They are combined so that the
+    least is left, as by GMRES, as generalised conjugate residuals (Eisenstat, Elman and Schultz 1983).
 
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, m)
     circle, across: as `kaneflex.integrate.fourier.turns` has them
@@ -272,61 +228,57 @@ def corrected(
     over_tail: share of the grid's truncation error below which corrections end
     slowest: what PATIENCE corrections may leave, or they are given up
     start: a motion that is near, without instants where there is none
-    vectors, taken, signals: work, of VECTORS, one for each correction and one more, of (blocks, m, LANES), and of
-        SIGNALS and one for each mode, (2, blocks, LANES)
-    small: work of the least squares, four rows more than corrections may be, of as many numbers
+    vectors, directions, images, taken, signals: work, of VECTORS, twice one for each correction, (blocks, m, LANES),
+        and SIGNALS and one for each mode, (2, blocks, LANES)
     history: filled with the remainder's size after each correction as a share of the motion's; as long as they may get
 
     Returns how it ended, the number of corrections and the tail.
     """
     blocks, size, loads = len(sums), len(sums) * n, 3 * n * (2 * w + 1)
-    z, step, v, a, gains, basis = vectors[0], vectors[1], vectors[2], vectors[3], signals[SIGNALS:], vectors[VECTORS:]
+    z, v, a, y, rest, gains = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], signals[SIGNALS:]
     _fill_gains(modes, omega, circle, gains)
-    near, rest = len(start) > 0, basis[0]
-    length, tail, ended, done = 0.0, np.inf, TOO_SLOW, 0
+    near, tail, ended, done = len(start) > 0, np.inf, TOO_SLOW, 0
     for t in range(size):
-        store(z, (0, t), 0.0)
+        store(y, (0, t), 0.0)
         store(rest, (0, t), 0.0)
     if near:
         for t in range(size):
             store(z, (0, t), load(start, (0, t)))
-        length = _strain(n, w, sums, z, v)
+        for b in range(blocks):
+            multiply_upper(n, w, factor, b, z, y)
         _forces(n, w, sums, circle, across, omega, z, v, a, signals, rest)
     for b in range(blocks):
         for i in range(n):
             store(rest, (b, i), load(sums, (b, loads + i)) - load(rest, (b, i)))
     _answer(n, w, factor, shapes, gains, circle, across, rest, taken, signals)
-    _orthogonal(basis, 0, small[0])
-    first = small[0, 0]
-    small[-1, 0] = first
-    length = length if near else first
+    first = root(_product(rest, rest))
+    length = root(_product(y, y)) if near else first
     length = length if length > 0.0 else 1.0
     history[0] = first / length
     if not first < np.inf:
         return NO_MOTION, 0, tail
+    enough = max(tolerance, share * history[0])
     for done in range(1, len(history)):
-        newest = basis[done]
+        direction, image = directions[done - 1], images[done - 1]
         for t in range(size):
-            store(step, (0, t), load(basis[done - 1], (0, t)))
+            store(direction, (0, t), load(rest, (0, t)))
+            store(z, (0, t), load(rest, (0, t)))
         for b in range(blocks):
-            solve_upper(n, w, factor, b, step)
-        _forces(n, w, sums, circle, across, omega, step, v, a, signals, newest)
-        _answer(n, w, factor, shapes, gains, circle, across, newest, taken, signals)
-        _orthogonal(basis, done, small[done - 1])
-        left = _rotated(small, done - 1) / length
+            solve_upper(n, w, factor, b, z)
+        _forces(n, w, sums, circle, across, omega, z, v, a, signals, image)
+        _answer(n, w, factor, shapes, gains, circle, across, image, taken, signals)
+        left = _combined(directions, images, done - 1, y, rest) / length
         history[done] = left
-        enough = max(tolerance, share * history[0])
         # the tail hardly changes any more after the first time: it is asked for again where it is to end the search
         if left <= (max(0.1 * history[0], tolerance) if tail == np.inf else max(enough, over_tail * tail)):
-            _moved(n, w, factor, basis, small, done, z, step)
-            tail = _tail(n, w, factor, shapes, modes, circle, across, omega, step, signals, v, taken)
+            tail = _tail(n, shapes, modes, circle, across, omega, y, signals, v, taken)
             if left <= max(enough, over_tail * tail):
                 ended = FOUND
                 break
         if done > PATIENCE and left > slowest * history[done - PATIENCE]:
             break
-    if ended != FOUND:
-        _moved(n, w, factor, basis, small, done, z, step)
     for t in range(size):
-        store(z, (0, t), load(step, (0, t)))
+        store(z, (0, t), load(y, (0, t)))
+    for b in range(blocks):
+        solve_upper(n, w, factor, b, z)
     return ended, done, tail

@@ -3,8 +3,8 @@
 M(t) z'' + C(t) z' + K(t) z = F(t) is to hold at N instants of a cycle, with z a trigonometric polynomial through its
 values there (Hill's method in time, as in the alternating frequency/time scheme of Cameron and Griffin 1989). With
 K = L L^T at each instant and z = L^-T y the stiffness becomes the identity, and most of what varies is gone. What is
-left is solved for by GMRES (Saad and Schultz 1986), each correction one of the mean equations, which its modes decouple
-into scalar ones, one for each harmonic.
+left is solved for by conjugate residuals, each correction one of the mean equations, which its modes decouple into
+scalar ones, one for each harmonic.
 """
 
 from __future__ import annotations
@@ -130,17 +130,17 @@ class Grid:
         circle, across = turns(self.instants)
         system = (n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle, across, self.omega)
         limits = (tolerance, share, over_tail, slowest**PATIENCE)
-        vectors = aligned(VECTORS + _CORRECTIONS + 1, blocks, n, LANES)
+        motion, directions, images = (aligned(k, blocks, n, LANES) for k in (VECTORS, _CORRECTIONS, _CORRECTIONS))
         signals, taken = aligned(SIGNALS + m, 2, blocks, LANES), aligned(blocks, m, LANES)
-        small, left = np.empty((_CORRECTIONS + 4, _CORRECTIONS + 1)), np.empty(_CORRECTIONS + 1)
-        ended, done, tail = _corrected(*system, *limits, near, vectors, taken, signals, small, left)
-        left, reason = left[: done + 1], ""
+        left, reason = np.empty(_CORRECTIONS + 1), ""
+        ended, done, tail = _corrected(*system, *limits, near, motion, directions, images, taken, signals, left)
+        left = left[: done + 1]
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
         if ended == TOO_SLOW:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
             reason = f"corrections of the harmonics converge too slowly (factor {factor:.2f} each)"
-        return Orbit(self, vectors[0], ((self.instants, len(left) - 1),), left[-1], tail, reason)
+        return Orbit(self, motion[0], ((self.instants, len(left) - 1),), left[-1], tail, reason)
 
 
 def rates(z: np.ndarray, omega: float) -> tuple[np.ndarray, np.ndarray]:
