@@ -11,7 +11,7 @@ GAS = (ENGINE.parent / "gas.csv").read_text()
 LENGTH = 'length = "137 mm"'
 CRANK_PIN = 'pin = {revolute = ["crank.end", "rod.start"]}'
 
-# key of the case: what is replaced (once), by what, and the message; {folder} is the scene's.
+# key of the case: what is replaced (once; nothing: at the end), by what, and the message; {folder} is the scene's.
 BAD = {
     "unknown key": (LENGTH, 'lenght = "137 mm"',
         "bodies.rod.lenght = '137 mm': unknown key. The nearest known one is 'length'."),
@@ -200,18 +200,16 @@ BAD = {
     "name of a rigid companion": ("[sensors]", '[sensors]\ncrank_torque_rigid = {position = "rod"}',
         "sensors.crank_torque_rigid: the value of crank_torque in the rigid mechanism has this name. "
         "Choose another name."),
-    "spring without stiffness": ("[sensors]", '[springs]\nband = {between = ["ground", "crank.end"]}\n[sensors]',
+    "spring without stiffness": ("", '[springs]\nband = {between = ["ground", "crank.end"]}',
         "springs.band: stiffness and damping are missing. Give at least one of them."),
-    "spring on one body": (
-        "[sensors]", '[springs]\nband = {between = ["crank.start", "crank.end"], stiffness = 1}\n[sensors]',
+    "spring on one body": ("", '[springs]\nband = {between = ["crank.start", "crank.end"], stiffness = 1}',
         "springs.band.between = ['crank.start', 'crank.end']: both ends are on the same body. "
         "Name points of two bodies."),
-    "spring across a pin": (
-        "[sensors]", '[springs]\nband = {between = ["rod.start", "crank.end"], damping = 1}\n[sensors]',
+    "spring across a pin": ("", '[springs]\nband = {between = ["rod.start", "crank.end"], damping = 1}',
         "springs.band.between = ['rod.start', 'crank.end']: joint pin keeps its points together, so forces by length "
         "or damping have no direction. Move one of the points, give only stiffness, or write torsional_at for a "
         "torsional spring."),
-    "mass of nothing": ("[sensors]", '[masses]\nlump = {at = "rod.mid"}\n[sensors]',
+    "mass of nothing": ("", '[masses]\nlump = {at = "rod.mid"}',
         "masses.lump: neither mass nor inertia. Give at least one of them."),
     "I beside J": ('I = "7008 mm^4"', 'I = "7008 mm^4", J = "1 mm^4"',
         "bodies.rod.beam.I = '7008 mm^4': a section in space has I_y, I_z and J, one in the plane only I. "
@@ -219,24 +217,20 @@ BAD = {
     "J alone": ('I = "7008 mm^4"', 'J = "1 mm^4"',
         "bodies.rod.beam.I_y: missing: a section in space has I_y, I_z and J, one in the plane only I. "
         "Give all three in space, I in the plane."),
-    "spring to nowhere": (
-        "[sensors]", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}\n[sensors]',
+    "spring to nowhere": ("", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}',
         "springs.band.between = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),
-    "negative stiffness": (
-        "[sensors]", '[springs]\nband = {between = ["ground", "crank"], stiffness = "-1 N/m"}\n[sensors]',
+    "negative stiffness": ("", '[springs]\nband = {between = ["ground", "crank"], stiffness = "-1 N/m"}',
         "springs.band.stiffness = '-1 N/m': a stiffness must not be negative. Write one like '20 kN/m'."),
-    "torsional spring in N/m": (
-        "[sensors]", '[springs]\nband = {torsional_at = "main", stiffness = "1 N/m"}\n[sensors]',
+    "torsional spring in N/m": ("", '[springs]\nband = {torsional_at = "main", stiffness = "1 N/m"}',
         "springs.band.stiffness = '1 N/m': 'N/m' is not a unit of torsional stiffness. "
         "Write a torsional stiffness like '12 N m/rad', or a plain number in N m/rad."),
-    "free length of a torsional spring": (
-        "[sensors]", '[springs]\nband = {torsional_at = "main", stiffness = 1, length = 1}\n[sensors]',
+    "free length of a torsional spring": ("", '[springs]\nband = {torsional_at = "main", stiffness = 1, length = 1}',
         "springs.band.length = 1: does not apply to torsional_at. Leave it out."),
-    "torsional spring at no joint": ("[sensors]", '[springs]\nband = {torsional_at = "maim", stiffness = 1}\n[sensors]',
+    "torsional spring at no joint": ("", '[springs]\nband = {torsional_at = "maim", stiffness = 1}',
         "springs.band.torsional_at = 'maim': no joint of that name. The nearest known one is 'main'."),
-    "torsional spring on a guide": ("[sensors]", '[springs]\nband = {torsional_at = "bore", stiffness = 1}\n[sensors]',
+    "torsional spring on a guide": ("", '[springs]\nband = {torsional_at = "bore", stiffness = 1}',
         "springs.band.torsional_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
-    "spring with a joint's name": ("[sensors]", '[springs]\nmain = {torsional_at = "main", stiffness = 1}\n[sensors]',
+    "spring with a joint's name": ("", '[springs]\nmain = {torsional_at = "main", stiffness = 1}',
         "springs.main: joints has an entry of this name. Choose another name."),
     "torque of a straight spring": ("[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_torque = "band"}',
@@ -293,14 +287,13 @@ BAD = {
         "take the same time."),
     "name of a point": ('crank = {length = "40 mm", ', 'crank = {length = "40 mm", points = {"big end" = [0, 0]}, ',
         "bodies.crank.points.big end: not a name. Use letters, digits and underscores."),
-    "torque at no joint": ("[loads.gas]", '[loads.motor]\ntorque_at = "mian"\nvalue = 1\n[loads.gas]',
+    "torque at no joint": ("", '[loads.motor]\ntorque_at = "mian"\nvalue = 1',
         "loads.motor.torque_at = 'mian': no joint of that name. The nearest known one is 'main'."),
-    "torque at a guide": ("[loads.gas]", '[loads.motor]\ntorque_at = "bore"\nvalue = 1\n[loads.gas]',
+    "torque at a guide": ("", '[loads.motor]\ntorque_at = "bore"\nvalue = 1',
         "loads.motor.torque_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
-    "torque with a direction": (
-        "[loads.gas]", '[loads.motor]\ntorque_at = "main"\nvalue = 1\ndirection = [1, 0]\n[loads.gas]',
+    "torque with a direction": ("", '[loads.motor]\ntorque_at = "main"\nvalue = 1\ndirection = [1, 0]',
         "loads.motor.direction = [1, 0]: a torque has no direction. Leave it out."),
-    "force without direction": ("[loads.gas]", '[loads.wind]\nforce_on = "piston"\nvalue = 1\n[loads.gas]',
+    "force without direction": ("", '[loads.wind]\nforce_on = "piston"\nvalue = 1',
         "loads.wind.direction: the force has no direction. Give it, like direction = [1, 0], in space [1, 0, 0]."),
     "constant load with a period": ("[loads.gas]",
         '[loads.wind]\nforce_on = "piston"\ndirection = [1, 0]\nvalue = 1\nperiod = "1 deg"\n[loads.gas]',
@@ -376,7 +369,7 @@ COUPLE = (
 def _read_changed(folder, old, new):
     text = ENGINE.read_text()
     assert text.count(old) >= 1, f"the engine's file no longer says {old!r}"
-    (folder / "bad.toml").write_text(text.replace(old, new, 1))
+    (folder / "bad.toml").write_text(text.replace(old, new, 1) if old else f"{text}\n{new}\n")
     (folder / "gas.csv").write_text(GAS)
     return read_scene(folder / "bad.toml")
 
