@@ -75,8 +75,7 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
     printer = EquationPrinter(names)
     rows = [(printer.doprint(symbol), expression) for symbol, expression in program.assignments]
     rows += [(target, expression) for target, (_, expression) in zip(targets, program.outputs, strict=True)]
-    lines = [f"{left} &= {broken(printer.doprint(expression))}" for left, expression in rows]
-    return _aligned(lines)
+    return _aligned([f"{left} &= {broken(printer.doprint(expression))}" for left, expression in rows])
 
 
 def _targets(equations: Equations, program: Program) -> list[str]:
@@ -93,7 +92,7 @@ def _parameters(equations: Equations, names: SymbolNames) -> str:
         (f"${names(symbol)}$", rf"\texttt{{{escaped(equations.mechanism.names.text(path))}}}", _unit(unit))
         for path, (symbol, unit) in equations.mechanism.parameters.items()
     ]
-    return "\\section*{Parameters}\n" + _table(("symbol", "number of the scene", "unit"), "lll", rows)
+    return "\\section*{Parameters}\n" + _table(("symbol", "number of the scene", "unit"), rows)
 
 
 def _scalars(equations: Equations) -> str:
@@ -103,7 +102,7 @@ def _scalars(equations: Equations) -> str:
         for scalar in equations.motion.stored
     ]
     fixed = [scalar for scalar in equations.motion.scalars if scalar.value.is_number]
-    text = "\\section*{Scalars of the motion}\n" + _table(("scalar", "unit", "meaning"), "lll", rows)
+    text = "\\section*{Scalars of the motion}\n" + _table(("scalar", "unit", "meaning"), rows)
     if fixed:
         values = ", ".join(rf"\texttt{{{escaped(names.text(s.name))}}} $= {sm.latex(s.value)}$" for s in fixed)
         text += f"\n\n{{\\raggedright The structure fixes {values}.\\par}}"
@@ -122,7 +121,7 @@ def _element(element: Element) -> str:
     rows = [(f"${name_of(symbol)}$", _unit(unit), escaped(meaning)) for _, symbol, unit, meaning in entries]
     sums = [_sum(printer, target, element.terms) for target in "MCKF"]
     matrices = [printed_matrix(printer, term) for term in element.terms]
-    table = _table(("symbol", "unit", "meaning"), "lll", rows)
+    table = _table(("symbol", "unit", "meaning"), rows)
     return "\n\n".join([_SECTION["element"], _aligned(sums), table, *matrices])
 
 
@@ -163,22 +162,19 @@ def printed_matrix(printer: EquationPrinter, term: Term) -> str:
 def _entries(term: Term, before: str, rows: list[list[str]]) -> str:
     """A matrix that is too wide for a page, entry by entry; those that are missing are zero."""
     name = f"{_term_name(term)} = {before} \\mathbf{{A}}"
-    lines = [
-        f"A_{{{i + 1}{j + 1}}} &= {broken(entry)}"
-        for i, row in enumerate(rows)
-        for j, entry in enumerate(row)
-        if entry != "0"
-    ]
+    places = ((f"A_{{{i + 1}{j + 1}}}", entry) for i, row in enumerate(rows) for j, entry in enumerate(row))
+    lines = [f"{place} &= {broken(entry)}" for place, entry in places if entry != "0"]
     return f"\\[ {name} \\]\nwith the entries, all others being zero,\n{_aligned(lines)}"
 
 
-def _table(head: Sequence[str], columns: str, rows: Sequence[Sequence[str]]) -> str:
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Rows in as many tables as fit on pages."""
     tables = []
     for first in range(0, len(rows), _ROWS):
         lines = [" & ".join(head) + r" \\ \hline\noalign{\smallskip}"]
         lines += [" & ".join(row) + r" \\" for row in rows[first : first + _ROWS]]
-        tables.append("{\\small\\begin{tabular}{" + columns + "}\n" + "\n".join(lines) + "\n\\end{tabular}}\\medskip")
+        begin, end = rf"{{\small\begin{{tabular}}{{{'l' * len(head)}}}", r"\end{tabular}}\medskip"
+        tables.append("\n".join([begin, *lines, end]))
     return "\n\n".join(tables)
 
 

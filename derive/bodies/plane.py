@@ -1,8 +1,8 @@
 """Module of bodies in the plane that deform: the equations in space (:mod:`kaneflex.derive.bodies.space`), restricted.
 
-Shapes are of the kinds u, stretch, and v, bending, and omega and epsilon have a z component only. Kernels include the
-rigid body, whose sums are where those of the shapes begin, and rotate force and moment into global axes. Nothing is
-printed that is not proved (:mod:`kaneflex.derive.bodies.proof`).
+Shapes are of the kinds u, stretch, and v, bending; omega and epsilon have a z component only. Kernels include the rigid
+body, whose numbers are the initial values of the sums over shapes, and rotate force and moment into global axes. Every
+kernel is proved before it is printed (:mod:`kaneflex.derive.bodies.proof`).
 """
 
 from __future__ import annotations
@@ -81,18 +81,13 @@ def _signs(value: sm.Expr) -> dict[str, int]:
 
 
 def _moved(shape: Shape) -> dict[str, sm.Expr]:
-    """Increments of a point's place by the j-th shape."""
+    """Increments of a point's place and of its section's rotation by the j-th shape."""
     q = sm.Symbol("q_j")
     return {place: q * (shape.single(name) + shape.grown(name)) / 2 for name, place in _PLACE.items()}
 
 
-def _place(shape: Shape) -> dict[str, sm.Expr]:
-    """The same without the rotation."""
-    return {place: value for place, value in _moved(shape).items() if place != "turn"}
-
-
 def _moving(shape: Shape) -> dict[str, sm.Expr]:
-    """Increments of the first and of the second derivative of that."""
+    """Increments of the first and second time derivatives of place and rotation."""
     v, b = sm.symbols("v_j b_j")
     found = {f"{place}1": v * shape.grown(name) for name, place in _PLACE.items()}
     return found | {
@@ -117,7 +112,8 @@ def _push() -> str:
 
     def of_shape(shape: Shape) -> list[str]:
         row = sum(shape.grown(name) * x for name, x in zip(_PLACE, force, strict=True))
-        return grow({_ROW: row} | _place(shape))
+        place = {name: value for name, value in _moved(shape).items() if name != "turn"}
+        return grow({_ROW: row} | place)
 
     doc = "Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."
     return _kernel("push(p, o, q, i, c, s, x, y, turn, out, k)", doc, [

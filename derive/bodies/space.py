@@ -74,10 +74,6 @@ def kernels_text() -> str:
     return "\n\n".join([_demand(), _inertia(), _energy()])
 
 
-def _symbols(names: Iterable[str]) -> list[sm.Symbol]:
-    return [sm.Symbol(name) for name in names]
-
-
 def _matrix(letter: str) -> sm.Matrix:
     """Symmetric matrix of the symbols of its MOMENTS."""
     found = sm.zeros(3, 3)
@@ -88,7 +84,7 @@ def _matrix(letter: str) -> sm.Matrix:
 
 
 def _vector(letter: str) -> sm.Matrix:
-    return sm.Matrix(_symbols(_components(letter)))
+    return sm.Matrix(sm.symbols(_components(letter)))
 
 
 def grown(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
@@ -112,7 +108,7 @@ def demanded(shape: Shape, row: str) -> tuple[list[str], dict[str, sm.Expr]]:
     more, rates = named({f"{name}_rate": shape.total(name, "v") for name in (*P, *H)})
     own = shape.single("K") * q + shape.total("M", "b") + shape.total("C", "v")
     own += sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*ACCEL, *EPSILON), strict=True))
-    own += sum(of.get(name, 0) * x for name, x in zip(J, _symbols(_SPIN), strict=True))
+    own += sum(of.get(name, 0) * x for name, x in zip(J, sm.symbols(_SPIN), strict=True))
     own += 2 * sum(shape.total(name, "v") * x for name, x in zip(X, OMEGA, strict=True))
     total = first_and_second(shape, of)
     for letter, names in (("V", P), ("h", H), ("D", J)):
@@ -126,7 +122,7 @@ def demanded(shape: Shape, row: str) -> tuple[list[str], dict[str, sm.Expr]]:
 def spin() -> list[str]:
     """Statements for the factors of J in a row."""
     square = sm.expand((sm.Matrix(OMEGA).T * _matrix("J") * sm.Matrix(OMEGA))[0])
-    return [f"{name} = {code(-square.coeff(of))}" for name, of in zip(_SPIN, _symbols(J), strict=True)]
+    return [f"{name} = {code(-square.coeff(of))}" for name, of in zip(_SPIN, sm.symbols(J), strict=True)]
 
 
 def _demand() -> str:

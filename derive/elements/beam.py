@@ -13,7 +13,7 @@ Sources: paper equations (28), (43), (44) with the single tilde of (41), (46), (
 Kane, Ryan and Banerjee (1987) for the geometric stiffness, which the paper leaves out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -37,7 +37,7 @@ from kaneflex.derive.elements.shapes import (
 from kaneflex.derive.elements.slice import SCALARS, X, by_monomials, link_tension, rho_I_z, slice_equations
 from kaneflex.support.contract import LINK_SCALARS, element_parameters
 
-omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
+_LINK = omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
 _NODE = ("u", "v", "theta_z")
 _IN_PLANE = {SCALARS[2]: omega, SCALARS[5]: epsilon}
 """Motion about z of a slice with the coordinates _NODE."""
@@ -181,11 +181,6 @@ def geometric_terms(powers: Sequence[Expr], moments: Sequence[ImmutableMatrix]) 
     return tuple(Term(name, "geometric", "K", scalar, found[scalar].expand()) for scalar, name in TENSION_TERMS.items())
 
 
-def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, Symbol]) -> tuple[Quantity, ...]:
-    """(name, unit, meaning) of the contract as (name, symbol, unit, meaning)."""
-    return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
-
-
 @cache
 def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
     """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
@@ -212,8 +207,8 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     if shear:
         of_element += (Term("mass_correction", "inertia", "M", S.One, mass_correction(shape)),)
     return Element(
-        parameters=with_symbols(element_parameters(rotary, shear, varying), PARAMETERS),
-        scalars=with_symbols(LINK_SCALARS, {symbol.name: symbol for symbol in (omega, epsilon, a_x, a_y, P_0)}),
+        parameters=tuple((row[0], PARAMETERS[row[0]], *row[1:]) for row in element_parameters(rotary, shear, varying)),
+        scalars=tuple((row[0], symbol, *row[1:]) for symbol, row in zip(_LINK, LINK_SCALARS, strict=True)),
         terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
         frame_terms=tuple(_in_parameters(term) for term in of_frame),
         shape=without_beta(N),

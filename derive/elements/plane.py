@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from itertools import product
 from types import MappingProxyType
 
 import sympy as sm
@@ -113,12 +114,9 @@ def element_kernel(name: str, element: Element) -> emit.Printed:
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
-    def index(i: int, j: int) -> str:
-        return f"out[{i}]" if matrix.cols == 1 else f"out[{i}, {j}]"
-
-    return tuple(
-        (index(i, j), matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
-    )
+    """Entries that are not zero, with their places."""
+    places = product(range(matrix.rows), range(matrix.cols))
+    return tuple((f"out[{i}{f', {j}' * (matrix.cols > 1)}]", matrix[i, j]) for i, j in places if matrix[i, j] != 0)
 
 
 def _independent(program: Program, matrix: sm.Matrix) -> Program:

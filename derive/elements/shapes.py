@@ -1,31 +1,28 @@
 """Shape functions and sections of planar beam elements, as polynomials in x from the element's first node.
 
-One family: with phi_s = 0 the Timoshenko shape functions are the cubic Hermite ones, and the growth of a
-section over the element is zero where the link is uniform. What a scene does not require is left out here, so
-that no kernel ever reads it.
+One family: with phi_s = 0 the Timoshenko shape functions are the cubic Hermite ones, and the growth of a section over
+the element is zero where the link is uniform. Parameters that a scene does not need are left out here, so that no
+kernel reads them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
-from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, symbols
+from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff
 
-from kaneflex.support.contract import (
-    ELEMENT_PARAMETERS,
-    ROTARY_PARAMETERS,
-    SHEAR_PARAMETERS,
-    VARYING_PARAMETERS,
-    VARYING_ROTARY_PARAMETERS,
-)
+from kaneflex.support.contract import element_parameters
 
-rho_A, E_A, E_I, length, x_0 = symbols([name for name, *_ in ELEMENT_PARAMETERS], positive=True)
-(rho_I,) = symbols([name for name, *_ in ROTARY_PARAMETERS], positive=True)
-(phi_s,) = symbols([name for name, *_ in SHEAR_PARAMETERS], positive=True)
-rho_A_rise, E_A_rise, E_I_rise, m_0, S_0 = symbols([name for name, *_ in VARYING_PARAMETERS], real=True)
-(rho_I_rise,) = symbols([name for name, *_ in VARYING_ROTARY_PARAMETERS], real=True)
-_ALL = (rho_A, E_A, E_I, length, x_0, rho_I, phi_s, rho_A_rise, E_A_rise, E_I_rise, rho_I_rise, m_0, S_0)
-PARAMETERS = {symbol.name: symbol for symbol in _ALL}
-"""Every element parameter's symbol by its name in the contract."""
+
+def parameter_symbols(rows: Iterable[tuple[str, str, str]]) -> dict[str, Symbol]:
+    """Symbols of an element's parameters by name; growths and sums over the link before it may be negative."""
+    signed = {name: name.endswith("_rise") or name in ("m_0", "S_0") for name, *_ in rows}
+    return {name: Symbol(name, real=True) if of else Symbol(name, positive=True) for name, of in signed.items()}
+
+
+PARAMETERS = parameter_symbols(element_parameters(rotary=True, shear=True, varying=True))
+"""Symbol of every element parameter by its name in the contract."""
+rho_A, E_A, E_I, length, x_0, rho_A_rise, E_A_rise, E_I_rise, m_0, S_0, rho_I, rho_I_rise, phi_s = PARAMETERS.values()
 
 x = Symbol("x", real=True)
 

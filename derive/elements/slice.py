@@ -19,17 +19,14 @@ from functools import cache
 from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
 
 from kaneflex.derive.bodies import kane
-from kaneflex.derive.elements.shapes import antiderivative, rho_A, x, x_0
+from kaneflex.derive.elements.shapes import antiderivative, parameter_symbols, rho_A, x, x_0
 from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE, spatial_element_parameters
 
 SCALARS = symbols([name for name, *_ in SPATIAL_LINK_SCALARS], real=True)
 MOTION, P_0 = tuple(SCALARS[:9]), SCALARS[9]
 
-PARAMETERS = {
-    name: Symbol(name, real=True) if name.endswith("_rise") or name in ("m_0", "S_0") else Symbol(name, positive=True)
-    for name, *_ in spatial_element_parameters(shear=True, varying=True)
-}
-"""Every element parameter's symbol."""
+PARAMETERS = parameter_symbols(spatial_element_parameters(shear=True, varying=True))
+"""Symbol of every element parameter in space."""
 
 rho_I_y, rho_I_z = PARAMETERS["rho_I_y"], PARAMETERS["rho_I_z"]
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import sympy as sm
 
 from kaneflex.derive.ir.functions import around, chosen, clamped, larger, sign, smaller
-from kaneflex.scene.laws import smooth
+from kaneflex.scene.laws import parse_law, smooth
+from kaneflex.support.errors import SceneError
 
 _NOT_A_NUMBER = (sm.zoo, sm.nan, sm.oo, sm.S.NegativeInfinity, sm.I)
 
@@ -43,9 +44,6 @@ def law_expression(
     SceneError
         If terms cancel, or numbers multiply, to something that is not finite and real.
     """
-    from kaneflex.scene.laws import parse_law
-    from kaneflex.support.errors import SceneError
-
     law = parse_law(text, tuple(names)).to(functions, {**names, "pi": sm.pi}, sm.Float)
     numbers = [float(number) for number in law.atoms(sm.Float)]
     if law.has(*_NOT_A_NUMBER) or not all(map(math.isfinite, numbers)):

@@ -9,7 +9,7 @@ import sympy as sm
 from kaneflex.derive.equations.rigid import Rates, Solved, multiplier
 from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
-from kaneflex.mechanism.planar import Vector
+from kaneflex.mechanism.planar import BodyPoint, Vector
 from kaneflex.support.contract import LINK_SCALARS
 
 
@@ -26,7 +26,7 @@ def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
         "epsilon": value["epsilon"],
         "a_x": pose.c * a + pose.s * b,
         "a_y": -pose.s * a + pose.c * b,
-        "P_0": -_axial_force(mechanism, name, "start", solved),
+        "P_0": -_axial_forces(mechanism, name, solved).get("start", sm.S.Zero),
     }
     return frame_scalars(name, values, steps)
 
@@ -41,50 +41,36 @@ def frame_scalars(name: str, values: Mapping[str, sm.Expr], steps: Steps) -> tup
 
 def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:
     """Jumps of P(X) at points with forces between the link's ends: one scalar a point."""
-    found = []
-    for point in sorted(forced_points(mechanism, name) - {"start", "end"}):
-        force = _axial_force(mechanism, name, point, solved)
-        value = steps.assign(f"{name}_link_jump_{point}", -force)
+    axial, found = _axial_forces(mechanism, name, solved), []
+    for point in sorted(axial.keys() - {"start", "end"}):
+        value = steps.assign(f"{name}_link_jump_{point}", -axial[point])
         found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
     return found
 
 
-def forced_points(mechanism: Mechanism, body: str) -> set[str]:
-    """Points of a body at which joints, loads, springs or lumped masses act."""
-    points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
-    points += [load.point for load in mechanism.loads.values() if load.point is not None]
-    points += [mass.point for mass in mechanism.masses.values()]
-    points += [end for spring in mechanism.springs.values() for end in spring.ends]
-    return {point.name for point in points if point.body == body}
-
-
-def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) -> sm.Expr:
-    """Axial part of the forces of joints, loads, springs and lumped masses on a link at one of its points."""
-    rates, loads, reactions = solved.rates, solved.loads, solved.reactions
-    pose, force = rates.poses[name], [sm.S.Zero, sm.S.Zero]
-
-    def push(vector: Vector) -> None:
-        force[0] += vector[0]
-        force[1] += vector[1]
-
+def _axial_forces(mechanism: Mechanism, name: str, solved: Solved) -> dict[str, sm.Expr]:
+    """Point of a link -> axial part of the forces of joints, loads, springs and lumped masses there."""
+    rates, pose, forces = solved.rates, solved.rates.poses[name], list[tuple[BodyPoint, sm.Expr, Vector]]()
     for joint in mechanism.joints.values():
-        for side, sign in zip(joint.sides, (-1, 1), strict=True):
-            if (side.body, side.name) == (name, point):
-                push(tuple(sign * component for component in _joint_force(joint, rates, reactions)))
+        force = _joint_force(joint, rates, solved.reactions)
+        forces += [(side, sign, force) for side, sign in zip(joint.sides, (-1, 1), strict=True)]
     for load_name, load in mechanism.loads.items():
-        if load.point is not None and (load.point.body, load.point.name) == (name, point):
+        if load.point is not None:
             direction = load.direction if load.axes == "global" else pose.turn(load.direction)
-            push(tuple(loads[load_name] * component for component in direction))
-    forces = {scalar.name: scalar.value for scalar in solved.springs}
+            forces.append((load.point, solved.loads[load_name], direction))
+    pulls = {scalar.name: scalar.value for scalar in solved.springs}
     for spring in mechanism.springs.values():
         for end, sign in zip(spring.ends, (-1, 1), strict=False):  # a torsional spring has no ends
-            if (end.body, end.name) == (name, point):
-                push(tuple(sign * forces[f"{spring.name}.force_{axis}"] for axis in "xy"))
+            forces.append((end, sign, tuple(pulls[f"{spring.name}.force_{axis}"] for axis in "xy")))
     for mass in mechanism.masses.values():
-        if (mass.point.body, mass.point.name) == (name, point):
-            specific_force = rates.specific_force(name, mass.point, mechanism.gravity)
-            push(tuple(-mass.mass * component for component in specific_force))
-    return pose.c * force[0] + pose.s * force[1]
+        if mass.point.body == name:
+            forces.append((mass.point, -mass.mass, rates.specific_force(name, mass.point, mechanism.gravity)))
+    sums: dict[str, Vector] = {}
+    for point, factor, force in forces:
+        if point.body == name:
+            x, y = sums.get(point.name, (sm.S.Zero, sm.S.Zero))
+            sums[point.name] = x + factor * force[0], y + factor * force[1]
+    return {point: pose.c * x + pose.s * y for point, (x, y) in sums.items()}
 
 
 def _joint_force(joint: Joint, rates: Rates, reactions) -> tuple[sm.Expr, sm.Expr]:

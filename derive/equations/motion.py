@@ -28,6 +28,7 @@ from kaneflex.derive.ir.program import Program, Scalar, Steps
 from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, Pose
 from kaneflex.support.contract import BODY_SCALARS, COURSES
+from kaneflex.support.errors import SceneError
 
 
 @dataclass(frozen=True)
@@ -238,8 +239,6 @@ def law_names(mechanism: SymbolicMechanism, courses: Mapping[str, tuple[sm.Expr,
 
 def check_known(law: str, mechanism: SymbolicMechanism, key: str) -> None:
     """Raise SceneError for a law in a coordinate that no drive prescribes: the rigid motion is not solved for it."""
-    from kaneflex.support.errors import SceneError
-
     for joint in map(mechanism.names.of.__getitem__, mechanism.observed):
         if re.search(rf"\b{joint}(_speed)?\b", law):
             reason = f"it knows {joint}, and only preset coupled knows coordinates of joints without a drive"

@@ -151,31 +151,20 @@ def _sliding_kernel(kind: str) -> emit.Printed:
 def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
     """Kernel of g with g', or of g'': total derivatives by d, the length and the normal, times the rates of these."""
     if kind == "angle":
-        return _flank_kernel(kind, acceleration)
-    steps, rates, gap = _moving(kind)
-    rate = change(gap, rates)
-    if acceleration:
-        return _acceleration(kind, steps, change(rate, rates))
-    arm = contacts.touched(_NORMAL, _number["radius"])
-    touched = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1])
-    return _stored(kind, steps, (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), _GAP.format(_GAPS[kind]))
-
-
-def _flank_kernel(kind: str, acceleration: bool) -> emit.Printed:
-    """Kernel of the angle between two sections."""
-    phi, omega, epsilon = (of_side(letter, 2) - of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
-    turn = _number["direction_x"]
-    if acceleration:
-        return _acceleration(kind, (), turn * epsilon)
-    gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
-    values = (gap, turn * omega, 0, 0, of_side("x", 2), of_side("y", 2), 0, turn)
-    return _stored(kind, [], values, _GAP.format(_GAPS[kind]))
-
-
-def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> emit.Printed:
+        phi, omega, epsilon = (of_side(letter, 2) - of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
+        steps, turn = (), _number["direction_x"]
+        gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
+        values, second = (gap, turn * omega, 0, 0, of_side("x", 2), of_side("y", 2), 0, turn), turn * epsilon
+    else:
+        steps, rates, gap = _moving(kind)
+        arm, rate = contacts.touched(_NORMAL, _number["radius"]), change(gap, rates)
+        touched = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1])
+        values, second = (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), change(rate, rates)
+    if not acceleration:
+        return _stored(kind, steps, values, _GAP.format(_GAPS[kind]))
     of = kind.replace("-", "_")
     doc = f"g'' [m/s^2] of ``{of}``."
-    return emit.kernel(f"{of}_acceleration", ("w", "a", "b", "p", "c"), _READS, (value,), doc, steps)
+    return emit.kernel(f"{of}_acceleration", ("w", "a", "b", "p", "c"), _READS, (second,), doc, steps)
 
 
 def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str) -> emit.Printed:

@@ -44,25 +44,22 @@ def friction_text() -> str:
 
 
 def _kernels() -> list[emit.Printed]:
+    """Kernels of Coulomb's and Stribeck's laws, then of law lugre, whose rate is linear in z.
+
+    Derivatives by v include those of |v| and g.
+    """
     mu, mu_static, preload = (_number[name] for name in ("mu", "mu_static", "preload"))
     left = friction.excess(_number["v_s"], _size, _number["delta"], sm.exp)
     falling = friction.dry(mu, mu_static, preload, _N, left)
-    return [
-        _returning("limit", friction.limit(mu_static, preload, _N), "Largest force that holds [N or N m].", _N),
-        _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Force by Coulomb's law.", _N),
-        _returning("stribeck", falling, "Force by Stribeck's law.", _N, _v),
-        _returning("stribeck_slope", falling.diff(_size), "Derivative of ``stribeck`` by |v|.", _N, _v),
-        *_bristles(),
-    ]
-
-
-def _bristles() -> list[emit.Printed]:
-    """Kernels of law lugre, whose rate is linear in z; derivatives by v include those of |v| and g."""
     stiffness, damping = _number["sigma_0"], _number["sigma_1"]
     rate = friction.bristle_rate(stiffness, _g, _v, _size, _z)
     force = friction.bristle_force(stiffness, damping, _number["viscous"], rate, _v, _z)
     by_speed = rate.diff(_v) + _way * (rate.diff(_size) + _slope * rate.diff(_g))
     return [
+        _returning("limit", friction.limit(mu_static, preload, _N), "Largest force that holds [N or N m].", _N),
+        _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Force by Coulomb's law.", _N),
+        _returning("stribeck", falling, "Force by Stribeck's law.", _N, _v),
+        _returning("stribeck_slope", falling.diff(_size), "Derivative of ``stribeck`` by |v|.", _N, _v),
         _returning("bristle_decay", -rate.diff(_z), "Decay rate of the bristles' deflection [1/s].", _g, _v),
         _returning("bristle_rate", rate, "Rate of the bristles' deflection [m/s or rad/s].", _g, _v, _z),
         _returning("bristle_force", force, "Against the motion, of bristles.", _g, _v, _z),
