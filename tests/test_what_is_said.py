@@ -71,9 +71,9 @@ def test_shapes_are_no_freedoms_of_joints():
 def test_an_integration_counts_as_solving(monkeypatch):
     go = spatial_forward.Run.go
 
-    def slow(run):
+    def slow(run, *given):
         time.sleep(0.3)
-        go(run)
+        go(run, *given)
 
     monkeypatch.setattr(spatial_forward.Run, "go", slow)
     began = time.perf_counter()
