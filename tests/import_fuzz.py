@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from foreign_rod import of_mbdyn
 from scene_fuzz import NUMBERS, broken, broken_text
 from scipy.io import mmwrite
 from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
-from test_import_modes import of_mbdyn
 
 from kaneflex.fem.craig_bampton import foreign_data
 from kaneflex.fem.foreign_files import read_foreign

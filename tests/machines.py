@@ -97,3 +97,16 @@ def block(of: str, drive: str, body: str = "block", slide: str = "slide", **tabl
     """A body on a guide along x."""
     guide = f'prismatic = ["ground", "{body}.start"], direction = [1, 0]'
     return text({body: of}, {slide: guide}, {slide: drive}, **tables)
+
+
+ABSORBER = """
+schema = 1
+description = "A pendulum on a turning crank, held by a spring: nothing deforms, a joint is free"
+gravity = [0, "-9.81 m/s^2"]
+bodies = {crank = {length = "100 mm", mass = "1 kg"}, bob = {length = "80 mm", mass = "0.2 kg"}}
+joints = {main = {revolute = ["ground", "crank"]}, swing = {revolute = ["crank.end", "bob"]}}
+drives = {main = {speed = "300 rpm", cycle = "360 deg"}, swing = {free = true, angle = "10 deg"}}
+sensors = {swing = {position = "swing", component = "angle"}, speed = {velocity = "bob", component = "angle"}}
+springs.hold = {torsional_at = "swing", stiffness = "0.5 N m/rad", damping = "1.2e-3 N m s/rad"}
+solve = {preset = "coupled", start = "periodic", steps = 360, tolerance = 1e-7}
+"""

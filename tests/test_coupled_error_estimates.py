@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 import pytest
+from machines import ABSORBER
 from click.testing import CliRunner
 from runs import solved
-from test_coupled_orbit import ABSORBER
 from test_error_estimates import check_effectivities
 
 import kaneflex

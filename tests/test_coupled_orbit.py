@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import ABSORBER
 from runs import solved
 
 import kaneflex
@@ -80,19 +81,6 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
 
     found, _ = periodic(monkeypatch, "pulsating-strut", "solve.modes=1", stable)
     assert found.outcome is Outcome.COMPLETED and found.message == "completed"
-
-
-ABSORBER = """
-schema = 1
-description = "A pendulum on a turning crank, held by a spring: nothing deforms, a joint is free"
-gravity = [0, "-9.81 m/s^2"]
-bodies = {crank = {length = "100 mm", mass = "1 kg"}, bob = {length = "80 mm", mass = "0.2 kg"}}
-joints = {main = {revolute = ["ground", "crank"]}, swing = {revolute = ["crank.end", "bob"]}}
-drives = {main = {speed = "300 rpm", cycle = "360 deg"}, swing = {free = true, angle = "10 deg"}}
-sensors = {swing = {position = "swing", component = "angle"}, speed = {velocity = "bob", component = "angle"}}
-springs.hold = {torsional_at = "swing", stiffness = "0.5 N m/rad", damping = "1.2e-3 N m s/rad"}
-solve = {preset = "coupled", start = "periodic", steps = 360, tolerance = 1e-7}
-"""
 
 
 def test_a_free_joint_repeats_too(monkeypatch, tmp_path):

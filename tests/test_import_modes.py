@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
-from foreign_rod import welded
+from foreign_rod import of_mbdyn, welded
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
@@ -18,31 +18,6 @@ PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(
 ENDS = {"start": "big-eye.txt", "end": "small-eye.txt"}
 POINTS = [word for name, file in ENDS.items() for word in ("--point", f"{name}={file}")]
 HOW = ["--modes", "3", "--damping", "0.02", "--coupling", "averaged"]
-
-
-def of_mbdyn(path, numbers, nodes, shapes, stiffness, lumped=None):
-    """A file as MBDyn's input manual has it, all numbers of it; a node's rotations are zero."""
-    count = shapes.shape[1]
-    lines = ["** MBDyn MODAL DATA FILE", "** NODE SET \"ALL\"", "**", "** RECORD GROUP 1, HEADER"]
-    lines += ["**   REVISION.  NODE.  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES."]
-    lines += [f"REV0 {len(numbers)} {count} 0 0 0"]
-    lines += ["**", "** RECORD GROUP 2, FINITE ELEMENT NODE LIST"]
-    lines += [" ".join(map(str, part)) for part in np.array_split(numbers, len(numbers) // 6)]
-    for group, name in ((3, "DISPLACEMENTS"), (4, "VELOCITIES")):
-        lines += ["**", f"** RECORD GROUP {group}, INITIAL MODAL {name}", "0. " * count]
-    for k, axis in enumerate("XYZ"):
-        lines += ["**", f"** RECORD GROUP {5 + k}, NODAL {axis} COORDINATES", *(f"{x:.17E}" for x in nodes[:, k])]
-    lines += ["**", "** RECORD GROUP 8, MODE SHAPES"]
-    for k, shape in enumerate(shapes.T):
-        lines += [f"**    NORMAL MODE SHAPE #  {k + 1}"]
-        lines += [" ".join(f"{x:.17E}" for x in (*own, 0.0, 0.0, 0.0)) for own in shape.reshape(-1, 3)]
-    lines += ["**", "** RECORD GROUP 9, MODAL MASS MATRIX", *(" ".join(map(str, row)) for row in np.eye(count))]
-    lines += ["**", "** RECORD GROUP 10, MODAL STIFFNESS MATRIX"]
-    lines += [" ".join(f"{x:.17E}" for x in row) for row in stiffness]
-    if lumped is not None:
-        lines += ["**", "** RECORD GROUP 11, DIAGONAL OF LUMPED MASS MATRIX"]
-        lines += [f"{m:.17E} {m:.17E} {m:.17E} 0. 0. 0." for m in lumped]
-    Path(path).write_text("\n".join([*lines, "**"]) + "\n")
 
 
 @pytest.fixture(scope="module", autouse=True)
