@@ -1,4 +1,4 @@
-"""Prose check by CONTRIBUTING.md: pages (tests/test_prose.py), docstrings, messages and help texts of the sources.
+"""Prose check by CONTRIBUTING.md: pages (tests/docs/test_prose.py), docstrings, messages and help texts of the sources.
 
 Run by ``make lint``. A package with more findings than its baseline fails; one with fewer asks to lower its baseline
 here. With names of packages as arguments, print their findings.

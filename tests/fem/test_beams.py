@@ -1,0 +1,351 @@
+"""Beams with textbook answers, through the generated kernels: frequencies, buckling, rotation, statics."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machines import cantilever, pendulum
+from places import DATA
+from runs import derived_on_the_fly, model
+from scipy.linalg import eigh
+
+from kaneflex import Model, with_settings
+from kaneflex.fem.links import craig_bampton
+from kaneflex.multibody.model.building import build_model, reference_modes
+from kaneflex.multibody.model.module_loading import bind_parameters
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.simulation import solve
+
+FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())
+ROTATING = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
+UNIFORM = FACTORS["uniform_beam"]
+
+# Name -> (table, what the first and the last node are held in, rigid motions left).
+ENDS = {
+    "clamped-free": ("clamped_free", "v theta", "", 0),
+    "pinned-pinned": ("pinned_pinned", "v", "v", 0),
+    "clamped-pinned": ("clamped_pinned (=pinned_free elastic modes)", "v theta", "v", 0),
+    "pinned-free": ("clamped_pinned (=pinned_free elastic modes)", "v", "", 1),
+    "clamped-clamped": ("free_free (=clamped_clamped elastic modes)", "v theta", "v theta", 0),
+    "free-free": ("free_free (=clamped_clamped elastic modes)", "", "", 2),
+    "clamped-guided": ("clamped_guided (=free_guided elastic modes)", "v theta", "theta", 0),
+    "free-guided": ("clamped_guided (=free_guided elastic modes)", "", "theta", 1),
+    "pinned-guided": ("pinned_guided", "v", "theta", 0),
+}
+
+
+class Rod:
+    """The reference engine's rod, cut into elements, with some of its coordinates deleted."""
+
+    def __init__(self, elements: int, first: str, last: str, kind: str = "bending"):
+        found = model("engine", f"rod.elements={elements}")
+        self.link, self.body = found.links["rod"], found.scene.bodies["rod"]
+        names = ("v", "theta") if kind == "bending" else ("u",)
+        self.rows = [
+            3 * node + "u v theta".split().index(name)
+            for node in range(elements + 1)
+            for name in names
+            if name not in {0: first, elements: last}.get(node, "").split()
+        ]
+
+    def matrix(self, name: str, **scalars: float) -> np.ndarray:
+        """M, K_s or K_g of the rows left, for scalars of the rod given by their last name."""
+        affine = self.link.part.matrices[name]
+        values = {s: scalars.get(s.rsplit(".")[-1], 0.0) for monomial in affine.terms for s in monomial}
+        return affine.value(values)[np.ix_(self.rows, self.rows)]
+
+    def last(self, name: str) -> int:
+        """Where u, v or theta of the last node stands in the matrices."""
+        return self.rows.index(3 * (len(self.link.nodes) - 1) + "u v theta".split().index(name))
+
+    @property
+    def unit(self) -> float:
+        """sqrt(E I/(rho A))/L^2: frequencies are multiples of it."""
+        return np.sqrt(self.body.E_I / self.body.rho_A) / self.link.length**2
+
+
+def frequencies(stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(eigh(stiffness, mass, eigvals_only=True), 0.0))
+
+
+def measured_order(errors: dict[int, np.ndarray]) -> np.ndarray:
+    """Slope of log(error) over log(element length), from the coarsest to the finest mesh."""
+    coarse, fine = min(errors), max(errors)
+    return np.log(errors[coarse] / errors[fine]) / np.log(fine / coarse)
+
+
+def expected_error(lam_sq: np.ndarray, elements: int) -> np.ndarray:
+    """(lambda h)^4/1440 of a frequency: the leading error of cubic elements with a consistent mass."""
+    return lam_sq**2 / elements**4 / 1440
+
+
+def factors(table: list, modes: int) -> np.ndarray:
+    return np.array([float(row["lam_sq"]) for row in table[:modes]])
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_bending_factors(ends):
+    """The error of the first three frequencies falls as h^4, from above, and is as large as theory says."""
+    table, first, last, rigid = ENDS[ends]
+    exact = factors(UNIFORM[table]["modes"], 3)
+    errors = {}
+    for elements in (8, 16):
+        rod = Rod(elements, first, last)
+        found = frequencies(rod.matrix("K_s"), rod.matrix("M")) / rod.unit
+        assert (found[:rigid] < 1e-3).all()
+        errors[elements] = found[rigid : rigid + 3] / exact - 1
+    assert errors[16] == pytest.approx(expected_error(exact, 16), rel=0.04)
+    assert measured_order(errors) == pytest.approx([4, 4, 4], abs=0.2)
+
+
+def test_published_factors():
+    """The table itself against published values (Chebbi 2017)."""
+    published = UNIFORM["published_check_Chebbi2017"]
+    for name in ("clamped_free", "pinned_pinned", "free_free"):
+        ends = name.replace("_", "-")
+        exact = factors(UNIFORM[ENDS[ends][0]]["modes"], 2)
+        assert exact == pytest.approx(published[name], abs=1e-3)
+
+
+@pytest.mark.parametrize("ratio", FACTORS["axial_rod_end_mass"]["table"])
+def test_axial_rod_with_an_end_mass(ratio):
+    """z tan z = 1/mu; linear shape functions: the error falls as h^2."""
+    exact = np.array([float(z) for z in FACTORS["axial_rod_end_mass"]["table"][ratio][:2]])
+    errors = {}
+    for elements in (16, 32):
+        rod = Rod(elements, "u", "", kind="axial")
+        M = rod.matrix("M")
+        M[-1, -1] += float(ratio) * rod.body.rho_A * rod.link.length
+        unit = np.sqrt(rod.body.E_A / rod.body.rho_A) / rod.link.length
+        errors[elements] = frequencies(rod.matrix("K_s"), M)[:2] / unit / exact - 1
+    assert (errors[32] > 0).all() and (errors[32] < 2e-3).all()
+    assert measured_order(errors) == pytest.approx([2, 2], abs=0.05)
+
+
+@pytest.mark.parametrize("ratio", FACTORS["cantilever_tip_mass"]["table"])
+def test_cantilever_with_a_tip_mass(ratio):
+    rod = Rod(16, "v theta", "")
+    M = rod.matrix("M")
+    M[rod.last("v"), rod.last("v")] += float(ratio) * rod.body.rho_A * rod.link.length
+    exact = factors(FACTORS["cantilever_tip_mass"]["table"][ratio], 3)
+    error = frequencies(rod.matrix("K_s"), M)[:3] / rod.unit / exact - 1
+    assert (np.abs(error) < expected_error(exact, 16) + 1e-9).all()
+
+
+@pytest.mark.parametrize("case", FACTORS["cantilever_tip_mass_and_inertia"]["table"])
+def test_cantilever_with_a_tip_body(case):
+    """A mass and its inertia at the tip: the rotation's row carries the inertia."""
+    mu, kappa = (float(part.split("=")[1]) for part in case.split(","))
+    rod = Rod(16, "v theta", "")
+    M = rod.matrix("M")
+    whole = rod.body.rho_A * rod.link.length
+    M[rod.last("v"), rod.last("v")] += mu * whole
+    M[rod.last("theta"), rod.last("theta")] += kappa * whole * rod.link.length**2
+    exact = factors(FACTORS["cantilever_tip_mass_and_inertia"]["table"][case], 3)
+    error = frequencies(rod.matrix("K_s"), M)[:3] / rod.unit / exact - 1
+    assert (np.abs(error) < expected_error(exact, 16) + 1e-9).all()
+
+
+@pytest.mark.parametrize("ratio", FACTORS["hub_pinned_free"]["table"])
+def test_hinged_beam_with_a_hub(ratio):
+    """The hub's inertia sits in the rotation's row of the hinged end; one rigid motion."""
+    rod = Rod(16, "v", "")
+    M = rod.matrix("M")
+    M[0, 0] += float(ratio) * rod.body.rho_A * rod.link.length**3
+    exact = factors(FACTORS["hub_pinned_free"]["table"][ratio], 3)
+    found = frequencies(rod.matrix("K_s"), M) / rod.unit
+    assert found[0] < 1e-3
+    error = found[1:4] / exact - 1
+    assert (np.abs(error) < expected_error(exact, 16)).all()
+
+
+@pytest.mark.parametrize("tension", [-0.9, -0.5, 0.5, 3.0])
+def test_pinned_pinned_under_axial_force(tension):
+    """omega_n^2 = (n pi/L)^4 E I/(rho A) (1 + P/(n^2 P_E)); the tension in Euler loads P_E, compression negative."""
+    n = np.arange(1, 4)
+    exact = (n * np.pi) ** 2 * np.sqrt(1 + tension / n**2)
+    errors = {}
+    for elements in (8, 16):
+        rod = Rod(elements, "v", "v")
+        P = tension * np.pi**2 * rod.body.E_I / rod.link.length**2
+        K = rod.matrix("K_s") + rod.matrix("K_g", P_0=P)
+        errors[elements] = frequencies(K, rod.matrix("M"))[:3] / rod.unit / exact - 1
+    without = expected_error((n * np.pi) ** 2, 16)
+    assert errors[16] == pytest.approx(without / (1 + tension / n**2), rel=0.02)
+    assert measured_order(errors) == pytest.approx([4, 4, 4], abs=0.1)
+
+
+@pytest.mark.parametrize("load", FACTORS["clamped_free_dead_axial_compression"]["nondim_omega"])
+def test_cantilever_under_dead_compression(load):
+    """A compression that keeps its direction, p = P L^2/(E I); it buckles at pi^2/4."""
+    rod = Rod(16, "v theta", "")
+    P = -float(load) * rod.body.E_I / rod.link.length**2
+    exact = [float(w) for w in FACTORS["clamped_free_dead_axial_compression"]["nondim_omega"][load]]
+    found = frequencies(rod.matrix("K_s") + rod.matrix("K_g", P_0=P), rod.matrix("M"))
+    assert found[: len(exact)] / rod.unit == pytest.approx(exact, rel=5e-5)
+
+
+def test_buckling_of_the_cantilever():
+    errors = {}
+    for elements in (2, 4):
+        rod = Rod(elements, "v theta", "")
+        lowest = 1 / eigh(rod.matrix("K_g", P_0=1.0), rod.matrix("K_s"), eigvals_only=True)[-1]
+        errors[elements] = np.array([lowest * rod.link.length**2 / rod.body.E_I / (np.pi**2 / 4) - 1])
+    assert 0 < errors[4][0] < 4e-5
+    assert measured_order(errors) == pytest.approx([4], abs=0.1)
+
+
+@pytest.mark.parametrize("case", ROTATING, ids=lambda case: f"eta={case['eta']}")
+def test_rotating_cantilever(case):
+    """Flap from K_s + K_g, lag from K_s + K_g - omega^2 M, two modes with 24 elements to 1e-5."""
+    rod = Rod(24, "v theta", "")
+    speed = float(case["eta"]) * rod.unit
+    P_0 = rod.body.rho_A * speed**2 * rod.link.length**2 / 2
+    M, K = rod.matrix("M"), rod.matrix("K_s") + rod.matrix("K_g", P_0=P_0, omega=speed)
+    for motion, stiffness in (("flap", K), ("lag", K - speed**2 * M)):
+        exact = [float(case[f"{motion}_mode{k}"]) for k in (1, 2)]
+        assert frequencies(stiffness, M)[:2] / rod.unit == pytest.approx(exact, rel=1e-5)
+
+
+def test_softening_alone_loses_the_rotating_cantilever():
+    """K_s - omega^2 M, all that the paper has: unstable above eta = 3.516, where the real beam stiffens."""
+    rod = Rod(24, "v theta", "")
+    K, M = rod.matrix("K_s"), rod.matrix("M")
+    for eta, stable in ((3.5, True), (3.53, False), (8.0, False)):
+        lowest = eigh(K - (eta * rod.unit) ** 2 * M, M, eigvals_only=True)[0]
+        assert bool(lowest > 0) is stable
+
+
+@pytest.mark.parametrize("modes", [1, 2, 4, 8])
+def test_craig_bampton_converges_from_above(modes):
+    """Interface displacements and fixed-interface modes of the rod: lowest bending and axial frequency."""
+    elements = 8
+    part = Rod(elements, "", "").link.part
+    held = [0, 1, 3 * elements, 3 * elements + 1]
+    reduced, basis = craig_bampton(part, held, modes)
+    assert reduced.coordinates[:4] == tuple(part.coordinates[row] for row in held)
+
+    def free_free(chosen):
+        return frequencies(chosen.matrices["K_s"].value({}), chosen.matrices["M"].value({}))[3:]
+
+    full, found = free_free(part), free_free(reduced)
+    assert (found >= full[: len(found)] * (1 - 1e-9)).all()
+    assert found[0] / full[0] - 1 < {1: 0.15, 2: 0.15, 4: 2e-3, 8: 2e-4}[modes]
+    q = np.linspace(1.0, 2.0, reduced.size)
+    assert (basis @ q)[held] == pytest.approx(q[:4])  # interface coordinates stay what they are
+
+
+def test_craig_bampton_with_every_mode_is_the_link_itself():
+    part = Rod(4, "", "").link.part
+    held = [0, 1, 12, 13]
+    reduced, _ = craig_bampton(part, held, part.size - len(held))
+    full, found = (
+        eigh(p.matrices["K_s"].value({}), p.matrices["M"].value({}), eigvals_only=True)
+        for p in (part, reduced)
+    )
+    assert found == pytest.approx(full, abs=1e-9 * full[-1])
+
+
+# ---- whole scenes, derived on the fly ---------------------------------------------------------------------------
+
+BAR = 'length = "1 m", beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4"'
+CLAMPED = cantilever(
+    f"{BAR}, elements = 8}}, points = {{quarter = [\"250 mm\", 0]}}", "beam", "clamp",
+    loads='tip = {force_on = "beam.end", direction = [0, 1], value = "100 N"}',
+    sensors="""
+tip = {displacement = "beam.end", component = "y"}
+tip_angle = {displacement = "beam.end", component = "angle"}
+quarter_moment = {bending_moment = "beam.quarter"}
+shear = {shear_force = "beam.mid"}
+clamp_force = {joint_force = "clamp", component = "y"}
+clamp_moment = {joint_force = "clamp", component = "angle"}""",
+    solve={"preset": "quasistatic", "duration": "0.1 s"},
+)
+SPINNING = pendulum(
+    f"{BAR}, elements = 24}}", 'speed = "100 rad/s", cycle = "360 deg"', "beam", "hub",
+    sensors="""
+tip = {displacement = "beam.end", component = "x"}
+hub_force = {joint_force = "hub", component = "x"}""",
+    solve={"preset": "quasistatic"},
+)
+
+
+@pytest.fixture(scope="module")
+def clamped(tmp_path_factory) -> Model:
+    return derived_on_the_fly(CLAMPED, tmp_path_factory.mktemp("clamped"))
+
+
+@pytest.fixture(scope="module")
+def spinning(tmp_path_factory) -> Model:
+    return derived_on_the_fly(SPINNING, tmp_path_factory.mktemp("spinning"))
+
+
+def test_modes_of_a_clamped_beam_scene(clamped):
+    body = clamped.scene.bodies["beam"]
+    omega, _ = reference_modes(clamped, 3)
+    found = omega * np.sqrt(body.rho_A / body.E_I) * body.length**2
+    assert found == pytest.approx(factors(UNIFORM["clamped_free"]["modes"], 3), rel=7e-4)
+
+
+def test_statics_of_a_clamped_beam_scene(clamped):
+    """P l^3/(3 E I) and P l^2/(2 E I): cubic elements are exact."""
+    body, P, l = clamped.scene.bodies["beam"], 100.0, 1.0
+    expected = {
+        "tip": P * l**3 / (3 * body.E_I),
+        "tip_angle": P * l**2 / (2 * body.E_I),
+        "quarter_moment": P * 0.75 * l,
+        "clamp_force": -P,
+        "clamp_force_rigid": -P,
+        "clamp_moment": -P * l,
+        "clamp_moment_rigid": -P * l,
+    }
+    series = solve(clamped).series
+    for name, value in expected.items():
+        assert series[name].values == pytest.approx(value, rel=1e-8), name
+    assert np.abs(series["shear"].values) == pytest.approx(P, rel=1e-8)
+
+
+def test_statics_of_a_reduced_beam_scene(clamped):
+    """One mode of 27, and the load of the tip: the other modes follow statically, so the answer is still exact."""
+    scene = with_settings(clamped.scene, ["solve.modes=1"])
+    series = solve(build_model(scene, resolve_options(scene), clamped.motion)).series
+    body, P, l = scene.bodies["beam"], 100.0, 1.0
+    assert series["tip"].values == pytest.approx(P * l**3 / (3 * body.E_I), rel=1e-8)
+    assert series["quarter_moment"].values == pytest.approx(P * 0.75 * l, rel=1e-6)
+    assert series["clamp_moment"].values == pytest.approx(-P * l, rel=1e-6)
+
+
+def test_a_clamped_beam_needs_neither_motion_nor_its_terms(clamped):
+    """Nothing moves, so nothing of spin, gyroscopic, Euler and inertia loads is derived, nor a tension."""
+    assert [name for name, *_ in clamped.module.TERMS] == ["mass", "stiffness"]
+
+
+@pytest.mark.parametrize("eta", ["2", "8"])
+def test_rotating_cantilever_scene(spinning, eta):
+    """The whole way: the tension from the rigid stage's reaction at the hub, K_s + K_g + K_d assembled."""
+    body = spinning.scene.bodies["beam"]
+    unit = np.sqrt(body.E_I / body.rho_A) / body.length**2
+    faster = at_speed(spinning, float(eta) * unit)
+    K = faster.K_s(0.0) + faster.K_g(0.0) + faster.K_d(0.0)
+    case = next(case for case in ROTATING if case["eta"] == eta)
+    found = frequencies(K, faster.M(0.0))[:2] / unit
+    assert found == pytest.approx([float(case[f"lag_mode{k}"]) for k in (1, 2)], rel=1e-5)
+
+
+def at_speed(found: Model, speed: float) -> Model:
+    """The same scene at another speed: the same structure, so the same module."""
+    scene = with_settings(found.scene, [f"hub.speed={float(speed)!r}"])
+    motion = replace(found.motion, parameters=bind_parameters(scene, found.module))
+    return replace(found, scene=scene, motion=motion)
+
+
+def test_statics_of_a_rotating_beam_scene(spinning):
+    """Stretch rho A omega^2 l^3/(3 E A) and the pull rho A omega^2 l^2/2 on the hub."""
+    body = spinning.scene.bodies["beam"]
+    pull = body.rho_A * 100.0**2 / 2
+    series = solve(spinning).series
+    assert series["tip"].values == pytest.approx(2 * pull / (3 * body.E_A), rel=1e-3)
+    angle = np.linspace(0, 2 * np.pi, len(series["hub_force"].values))
+    for name in ("hub_force", "hub_force_rigid"):
+        assert series[name].values == pytest.approx(-pull * np.cos(angle), abs=1e-3 * pull)

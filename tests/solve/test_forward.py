@@ -1,0 +1,123 @@
+"""Forward dynamics of free joints: how well its energy balances, and what sets that."""
+
+import re
+
+import numpy as np
+import pytest
+from places import DOCS
+from runs import derived_on_the_fly, model
+
+from kaneflex.report.summary import summarise
+from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.simulation import solve
+from kaneflex.support.errors import SceneError
+
+PAGE = (DOCS / "forward.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE, flags=re.MULTILINE)
+TOLERANCES = ("1e-6", "1e-9", "1e-12")
+
+CART = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground.post = ["-0.3 m", "0.1 m"]
+bodies.slope = {length = "1 m", mass = "3 kg", inertia = 0.4, centre = [0.4, 0.1], points = {foot = ["0.1 m", "0.2 m"]}}
+bodies.cart = {length = "0.2 m", mass = "1 kg"}
+bodies.bar = {length = "0.6 m", mass = "0.8 kg", points = {hand = ["0.5 m", "0.1 m"]}}
+joints.hinge = {revolute = ["ground", "slope.start"]}
+joints.rail = {prismatic = ["slope.foot", "cart.start"], direction = [0.8, 0.6]}
+joints.pin = {revolute = ["cart.end", "bar.start"]}
+masses.lump = {at = "bar.hand", mass = "0.3 kg", inertia = "0.01 kg m^2"}
+drives.hinge = {law = "0.3*sin(4*t)"}
+drives.rail = {law = "0.2 + 0.1*sin(3*t)"}
+drives.pin = {free = true, angle = "20 deg"}
+loads.motor = {torque_at = "pin", law = "2 - 0.5*pin_speed"}
+loads.wind = {force_on = "bar.end", direction = [1, 2], axes = "body", law = "3*cos(5*t)"}
+loads.push = {force_on = "cart.end", direction = [1, 0], value = "4 N"}
+loads.rain = {spread_on = "bar", direction = [0.6, -0.8], value = "0.5 N/m", profile = [1, 2]}
+springs.rope = {between = ["ground.post", "bar.end"], stiffness = "30 N/m", damping = "2 N s/m", length = "0.2 m"}
+springs.coil = {torsional_at = "pin", stiffness = "1 N m/rad", damping = "0.05 N m s/rad", angle = "30 deg"}
+solve = {preset = "rigid", duration = "1 s", steps = 100}
+"""
+
+
+@pytest.mark.parametrize(("method", "cells"), ROWS)
+def test_energy_of_the_double_pendulum_drifts_as_the_page_says(method, cells, exhaustive):
+    """Undriven and undamped: each method keeps the energy the better the tighter its tolerance is."""
+    drifts = []
+    known = list(zip(TOLERANCES, cells.split(" | "), strict=True))
+    # the 7000 steps of Radau at 1e-12 take as long as all others
+    for tolerance, cell in known[: 2 if method == "Radau" and not exhaustive else 3]:
+        settings = (f"solve.forward.method={method}", f"solve.forward.tolerance={tolerance}")
+        energy = integrated(model("double-pendulum", "solve.duration=2 s", *settings)).energy
+        steps, drift = map(float, cell.split(", "))
+        assert len(energy.gap) - 1 == pytest.approx(steps, rel=0.1)
+        assert drift / 3 < energy.drift < 3 * drift
+        drifts.append(energy.drift)
+    assert all(loose > factor * tight for loose, tight, factor in zip(drifts, drifts[1:], (100, 10), strict=False))
+
+
+def test_the_page_has_all_methods_and_tolerances():
+    assert {method for method, _ in ROWS} == {"DOP853", "RK45", "Radau", "LSODA"}
+    assert f"| method | tolerance {' | '.join(TOLERANCES)} |" in PAGE
+
+
+def test_energy_of_the_default_over_ten_chaotic_seconds():
+    assert integrated(model("double-pendulum")).energy.drift < 1e-8
+
+
+def test_energy_with_springs_dampers_loads_and_prescribed_drives(tmp_path):
+    """Every kind of power at once: a swinging bar on a cart whose slope is turned."""
+    energy = integrated(derived_on_the_fly(CART, tmp_path)).energy
+    assert energy.drift < 1e-9
+    for part in (energy.kinetic, energy.strain, energy.weight, energy.dissipated, energy.supplied):
+        assert np.ptp(part) > 0.1
+    assert (np.diff(energy.dissipated) >= 0).all()
+
+
+def test_works_of_long_runs_are_summed_piece_by_piece(monkeypatch):
+    from kaneflex.mechanism import energy
+
+    settings = ("solve.preset=rigid", "solve.duration=0.3 s")
+    whole = integrated(model("four-bar-motor", *settings)).energy
+    monkeypatch.setattr(energy, "_CHUNK", 7)
+    pieces = integrated(model.__wrapped__("four-bar-motor", *settings)).energy
+    assert len(whole.gap) > 20
+    for name in ("kinetic", "weight", "supplied"):
+        assert getattr(pieces, name) == pytest.approx(getattr(whole, name), rel=1e-12)
+
+
+def test_summary_and_warning_of_a_loose_tolerance():
+    found = summarise(solve(model("double-pendulum", "solve.duration=2 s", "solve.forward.tolerance=1e-2")))
+    assert found.options["forward_tolerance"] == 1e-2
+    assert found.energy.drift > 1e-4 and found.energy.gap > 1e-3
+    assert "lower solve.forward.tolerance from 0.01" in found.warnings[-1]
+    tight = summarise(solve(model("double-pendulum", "solve.duration=2 s")))
+    assert tight.energy.drift < 1e-9 and abs(tight.energy.stored) < 1e-7
+    assert not any("energy" in warning for warning in tight.warnings)
+
+
+def test_a_motion_that_can_not_go_on(tmp_path):
+    """LSODA itself carries on without a word where forces are no longer numbers."""
+    scene = CART.replace("2 - 0.5*pin_speed", "sqrt(0.5 - t + 0.001*pin)")
+    scene = scene.replace("steps = 100", 'steps = 100, forward = {method = "LSODA"}')
+    with pytest.raises(SceneError, match=r"^drives\.pin = 'free': the motion can't continue after t = 0\.[45]"):
+        integrated(derived_on_the_fly(scene, tmp_path))
+
+
+@pytest.mark.parametrize(("scene", "settings", "why"), [
+    ("engine", (), "no joint is free"),
+    ("elastic-pendulum", (), "preset coupled integrates them with the links"),
+    ("double-pendulum", ("solve.duration=2 s",), None),
+])  # fmt: skip
+def test_a_forward_table_without_use_is_said(scene, settings, why):
+    warnings = model(scene, *settings, "solve.forward.method=RK45").warnings
+    assert [text for text in warnings if "solve.forward" in text] == ([] if why is None else [
+        f"solve.forward has no effect: {why}"
+    ])  # fmt: skip
+
+
+def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
+    """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
+    monkeypatch.setattr("kaneflex.integrate.by_scipy._MOST", 2000)
+    with pytest.raises(SceneError, match=r"20[0-9]{2} evaluations reach only t = [\d.]+ s of 100000 s\. Shorten"):
+        solve(model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7"))

@@ -1,0 +1,214 @@
+"""`kaneflex terms`: what the engine and the spin-up lose without each group of terms, files and pictures."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import csv_tables
+import pytest
+from command_line import cli
+from places import DOCS
+
+from kaneflex import SceneError, Terms, read_scene, scene_of, terms, trade, with_settings
+from kaneflex.cli.trade import terms_table
+from kaneflex.plots.studies import terms as figure
+from kaneflex.plots.studies import trade as trade_figure
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import differences, worst
+from kaneflex.study.runs import run
+from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral
+from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
+from kaneflex.study.trade.terms import groups
+
+
+def chosen(scene, *names):
+    by_name = {group.name: group for group in groups(neutral(scene))}
+    return [by_name[name] for name in names]
+
+
+@pytest.fixture(scope="module")
+def engine() -> Terms:
+    scene = with_settings(read_scene("engine"), ["solve.terms.geometric=false", "solve.preset=linear"])
+    return terms(scene, 0.01, 1.0, chosen=chosen(scene, "spin", "gyroscopic", "geometric", "dynamics", "load gas"))
+
+
+@pytest.fixture(scope="module")
+def effects(engine):
+    return {effect.group.name: effect for effect in engine.effects}
+
+
+def test_the_repr_is_a_line(engine):
+    assert repr(engine).startswith("Terms(engine, needed: ") and len(repr(engine)) < 160
+
+
+def test_groups_are_those_that_the_scene_has():
+    names = [group.name for group in groups(neutral(read_scene("engine")))]
+    terms_there = ["spin", "gyroscopic", "euler", "geometric", "damping"]
+    assert names == [*terms_there, "axial", "load gas", "dynamics", "two-way coupling"]
+    heavy = with_settings(read_scene("engine"), ["gravity=[0, -9.81]", "bodies.rod.beam.theory=rayleigh"])
+    assert [group.name for group in groups(neutral(heavy))][5:7] == ["rotary", "gravity"]
+
+
+@pytest.mark.parametrize(("name", "sensor", "change", "needed"), [
+    ("load gas", "main_bearing_force_x", 1.607, True),
+    ("geometric", "mid_global_y", 0.02267, True),
+    ("dynamics", "main_bearing_force_x", 0.01106, True),
+    ("gyroscopic", "mid_global_y", 0.00529, False),
+    ("spin", "mid_global_y", 5.7e-5, False),
+])  # fmt: skip
+def test_what_the_engine_loses(effects, name, sensor, change, needed):
+    effect = effects[name]
+    assert (effect.worst.sensor, effect.needed) == (sensor, needed)
+    assert effect.worst.peak_share == pytest.approx(change, rel=0.02)
+    assert 0 < effect.rms < effect.worst.peak_share
+
+
+def test_the_largest_change_comes_first_and_operations_are_counted(engine, effects):
+    assert [effect.group.name for effect in engine.effects] == [
+        "load gas", "geometric", "dynamics", "gyroscopic", "spin"
+    ]  # fmt: skip
+    assert engine.full.operations == 388
+    counts = {name: effect.operations for name, effect in effects.items()}
+    assert counts == {"spin": 10, "gyroscopic": 35, "geometric": 90, "dynamics": None, "load gas": 1}
+    assert {name for name, effect in effects.items() if not effect.priced} == {"load gas"}
+    assert effects["load gas"].ns_per_step is not None  # a time, which a busy machine may turn round
+    assert effects["dynamics"].ns_per_step is None  # priced, which takes no time a step
+
+
+def test_prices_are_what_runs_say_and_what_changes_the_loads_or_may_not_be_stable_has_none():
+    """Every sensor of the quick-return mechanism to DOUBT of the largest change, at the steps of the run."""
+    scene = neutral(read_scene("quick-return"))
+    prices = LinearPrices.of(scene, scene.sensors)
+    by_name = {candidate.name: candidate for candidate in candidates_of(scene)}
+    whole = run(STIFFENED.of(scene)).curves
+    for name in ("stiffened without geometric", "stiffened, 1 element", "quasistatic"):
+        ours, theirs = prices.curves(by_name[name]), run(by_name[name].of(scene)).curves
+        missed, changed = (
+            worst(differences(scene, scene.sensors, name, theirs, against, scene.period)).peak_share
+            for against in (ours, whole)
+        )
+        assert missed < DOUBT * changed and changed > 1e-3, name
+    for setting in ("solve.integrator=newmark", "solve.modes=2", "solve.preset=coupled", "solve.preset=rigid",
+                    "loads.cut=none", "solve.terms.damping=false"):  # fmt: skip
+        assert prices.curves(Variant(setting, (*STIFFENED.settings, setting))) is None, setting
+    for name in ("spin-up", "four-bar", "engine-paper"):  # from rest; corrections contract too slowly; no period
+        assert LinearPrices.of(neutral(read_scene(name)), ()) is None
+
+
+def test_the_doubt_about_prices_is_what_was_measured():
+    """On every shipped scene that has some: docs/accuracy.md."""
+    rows = [row[-2:] for row in csv_tables.read("accuracy-prices") if row[1].startswith("stiffened")]
+    assert len(rows) > 30
+    for change, missed in rows:
+        assert float(change) * float(missed) <= DOUBT * max(float(change), 1e-3)
+
+
+def test_what_a_price_leaves_in_doubt_is_decided_by_a_run():
+    scene = read_scene("engine")
+    first = LinearPrices.of(neutral(scene), ("mid_global_y",))
+    group = chosen(neutral(scene), "gyroscopic")
+    pair = (first.curves(each, every=True) for each in (group[0].dropped, group[0].kept))
+    (change,) = differences(first.scene, first.sensors, "", *pair, scene.period)
+    limits = [(1 + more) * change.peak_share for more in (-0.01, 0.05)]
+    near = [terms(scene, limit, 1e-3, ["mid_global_y"], chosen=group) for limit in limits]
+    assert [(found.effects[0].priced, found.effects[0].needed) for found in near] == [(False, True), (True, False)]
+
+
+def test_a_group_without_which_the_run_stops_is_needed():
+    scene = read_scene("spin-up")
+    found = terms(scene, 0.01, 1e-3, ["tip_transverse"], chosen=chosen(scene, "euler", "geometric"))
+    first, second = found.effects
+    assert (first.group.name, first.needed, first.worst) == ("geometric", True, None) and "unstable" in first.reason
+    assert (second.group.name, second.needed) == ("euler", False)
+
+
+def test_what_can_not_be_left_out_is_named_with_the_reason():
+    scene = read_scene("engine")
+    found = terms(scene, 0.01, 1e-3, chosen=chosen(scene, "axial", "spin"))
+    assert [effect.group.name for effect in found.effects] == ["spin"]
+    assert "its length would couple" in found.left_out["axial"]
+
+
+COLUMN = """
+bodies.strut = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}, elements = 2}}
+joints.foot = {weld = ["ground", "strut.start"], relative_angle = "37 deg"}
+loads.push = {force_on = "strut.end", direction = [-0.7986355100472928, -0.6018150231520483], value = "100 N"}
+sensors.moment = {bending_moment = "strut.mid"}
+solve = {duration = "10 ms", steps = 10}
+"""
+
+
+def test_a_moment_that_is_rounding_beside_the_force_needs_nothing():
+    """Its own measure it can't be, where it is the only sensor of its unit."""
+    scene = scene_of("schema = 1" + COLUMN)
+    assert 0.0 < abs(run(scene).curves.values["moment"]).max() < 1e-12  # the push is along the strut but for that
+    found = terms(scene, 0.01, 1e-3, chosen=chosen(scene, "geometric", "load push"))
+    assert [(effect.needed, effect.differences) for effect in found.effects] == [(False, ())] * 2
+    assert terms_table(found).count("shows only rounding") == 2 and "does not run" not in terms_table(found)
+    assert "shows only rounding" in {text.get_text() for text in figure(found).axes[0].texts}
+    with pytest.raises(SceneError, match="they are zero or rounding errors only"):
+        trade(scene, 0.01, 1e-3)
+
+
+def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
+    stopped = replace(engine.effects[0], differences=(), operations=None, ns_per_step=None, noise_ns=None)
+    changes, costs = figure(replace(engine, effects=(stopped, *engine.effects[1:]))).axes
+    assert [label.get_text() for label in changes.get_yticklabels()][1:3] == ["geometric", "dynamics"]
+    assert len(changes.patches) == 2 * 4 and len(costs.patches) == 3  # operations of dynamics are none
+    assert "needed: does not run without" in {text.get_text() for text in changes.texts}
+    assert changes.patches[0].get_width() == pytest.approx(2.267, rel=0.02)
+
+
+def test_the_picture_of_a_trade_names_presets_and_the_choice(monkeypatch):
+    monkeypatch.setattr("kaneflex.study.trade.ranking._FIRST_RUNS", 100.0)  # a busy machine begins the last one late
+    scene = read_scene("engine")
+    names = ("rigid", "quasistatic", "stiffened", "stiffened without spin")
+    ranked = [candidate for candidate in candidates_of(neutral(scene)) if candidate.name in names]
+    found = trade(scene, 0.02, 1.0, ["mid_transverse"], candidates=ranked)
+    (axes,) = trade_figure(found).axes
+    shown = {text.get_text() for text in axes.texts}
+    chosen_name = found.chosen.name
+    named = {"rigid", "quasistatic", "stiffened"} - {chosen_name}
+    assert shown == {"tolerance 2 %", f"chosen: {chosen_name}", *named}
+    points = [line for line in axes.lines if line.get_marker() == "o" and line.get_label()[0] != "_"]
+    assert sum(len(line.get_xdata()) for line in points) == 4
+
+
+def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
+    folder = tmp_path / "out"
+    result = cli("terms", "engine", "--sensors", "tip_axial", "--budget", "0.1s", "-o", folder)
+    assert result.exit_code == 0
+    assert {path.name for path in folder.iterdir()} == {"terms.csv", "terms.json", "terms.png", "terms.svg"}
+    about = json.loads((folder / "terms.json").read_text())
+    rows = list(csv.DictReader((folder / "terms.csv").open()))
+    assert [row["group"] for row in rows] == [entry["group"] for entry in about["groups"]]
+    assert set(about["left_out"]) == {"axial"} and about["groups"][0]["sensors"].keys() == {"tip_axial"}
+    assert next(row["operations"] for row in rows if row["group"] == "geometric") == "90"
+    line = next(line for line in result.stdout.splitlines() if line.startswith("geometric"))
+    assert line.split()[:7] == ["geometric", "axial", "force", "P", "no", "price", "tip_axial"]
+
+
+def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):
+    docs = DOCS
+    page = (docs / "trade.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    exec(compile(block, "trade.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
+        assert (docs / picture).exists()
+    for command in ("trade", "terms", "run", "derive"):
+        shown = cli(command, "--help").stdout
+        lines = re.findall(rf"^kaneflex {command} .*$", page, re.MULTILINE)
+        assert lines and all(option in shown for line in lines for option in re.findall(r"--[a-z-]+", line))
+
+
+def test_the_pages_table_is_that_of_the_engine(effects):
+    page = (DOCS / "trade.md").read_text(encoding="utf-8")
+    for name, effect in effects.items():
+        (row,) = re.findall(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
+        change, rms, sensor, needed, operations = (cell.strip() for cell in row.split("|"))
+        assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.peak_share, rel=0.05)
+        assert float(rms.removesuffix(" %")) == pytest.approx(100 * effect.rms, rel=0.05)
+        assert (sensor, needed) == (f"`{effect.worst.sensor}`", "yes" if effect.needed else "no")
+        assert operations == ("" if effect.operations is None else str(effect.operations))
