@@ -1,7 +1,7 @@
 """Planar beam elements through Kane's method: the constant matrices of the affine form.
 
 A slice of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0) and turns by theta
-against it. An unmodified ``KanesMethod`` gives its generalised inertia forces (``beam_slice``); integrated with the
+against it. An unmodified ``KanesMethod`` gives its generalised inertia forces (``elements.slice``); integrated with the
 shape functions over the element they are the affine form
 
     sum_k s_k(t) M_k q'' + sum_k s_k(t) C_k q' + sum_k s_k(t) K_k q = sum_k s_k(t) F_k

@@ -1,6 +1,6 @@
 """Modules of beam elements in space: the kernels of one element, printed once for each theory and for every scene.
 
-Each entry (i, j) of a slice's matrices (``beam_slice``) stands for int f N_i^T N_j dx with the shape functions of
+Each entry (i, j) of a slice's matrices (``elements.slice``) stands for int f N_i^T N_j dx with the shape functions of
 its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``fill_both`` with the factors
 before the powers of x/length in f, which is a polynomial by the section's growth and the link's X. Strain energy and
 axial tension bring such integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.

@@ -8,10 +8,10 @@ from runs import model
 
 import kaneflex
 from kaneflex import SceneError, load, read_scene, with_settings
-from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.solve.simulation import solve
 
-INTEGRATORS = [(Run, "go"), (scipy.integrate.DOP853, "__init__"), (scipy.integrate.Radau, "__init__")]
+INTEGRATORS = [(SpatialRun, "go"), (scipy.integrate.DOP853, "__init__"), (scipy.integrate.Radau, "__init__")]
 BLADE = ("swept-blade", "solve.preset=coupled", "solve.start=zero", "solve.duration=2 ms", "solve.steps=8")
 SWINGS = ("elastic-pendulum", "solve.preset=stiffened", "solve.duration=0.1 s", "solve.steps=400")
 FREE = ["double-pendulum", "engine-torque", "four-bar-motor", "bricard", "spatial-slider-crank", "spinning-top"]

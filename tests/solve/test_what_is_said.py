@@ -69,13 +69,13 @@ def test_shapes_are_no_freedoms_of_joints():
 
 
 def test_an_integration_counts_as_solving(monkeypatch):
-    go = spatial_forward.Run.go
+    go = spatial_forward.SpatialRun.go
 
     def slow(run, *given):
         time.sleep(0.3)
         go(run, *given)
 
-    monkeypatch.setattr(spatial_forward.Run, "go", slow)
+    monkeypatch.setattr(spatial_forward.SpatialRun, "go", slow)
     began = time.perf_counter()
     timing = summarise(solved(scene_of(TORQUE_FREE))).timing
     spent = time.perf_counter() - began

@@ -29,7 +29,7 @@ from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed
-from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion
@@ -104,13 +104,13 @@ def integrated_in_space(model: Model, share: Share, after: SavedState | None = N
         run, verdict = _cycle(model, system, near, share, closer)
     else:
         start = near or (begun.curve.start if coupled is None else beginning(model))
-        run = Run(system, start, start.t + model.step * np.arange(options.steps + 1), method_of(model))
+        run = SpatialRun(system, start, start.t + model.step * np.arange(options.steps + 1), method_of(model))
         run.go(share)
     run.turned = turned
     return with_run(model, run, verdict)
 
 
-def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
+def with_run(model: Model, run: SpatialRun, verdict: Verdict = COMPLETED) -> Model:
     """Model in space along an integrated motion, with the warnings of its run."""
     from kaneflex.solve.spatial_loading import check_stage, with_open_reactions
 
@@ -138,7 +138,7 @@ def with_run(model: Model, run: Run, verdict: Verdict = COMPLETED) -> Model:
 
 def _cycle(
     model: Model, system: SpatialSystem, near: State | None, share: Share, closer: float
-) -> tuple[Run, Verdict]:
+) -> tuple[SpatialRun, Verdict]:
     """Periodic motion near a state, by default that of its harmonics or an equilibrium, and the verdict on it.
 
     Raises SceneError if drives or loads are not periodic, or the motion can't continue.

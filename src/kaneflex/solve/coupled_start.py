@@ -20,7 +20,7 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.run import PATIENT, Run
-from kaneflex.multibody.time.spatial_forward import Run as SpatialRun
+from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of

@@ -11,7 +11,7 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.dense_output import between
 from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.support.errors import SceneError
 
@@ -30,19 +30,19 @@ class PlanarCycles(Cycles[CoupledTrajectory]):
         return self.equations.engine.states_of(path.rows, self.equations.choice)
 
 
-class SpatialCycles(Cycles[Run]):
+class SpatialCycles(Cycles[SpatialRun]):
     """Cycles as curves between the ends of their steps."""
 
-    def run(self, start: State) -> Run:
-        run = Run(self.equations.system, start, self.times, self.method, self.ends)
+    def run(self, start: State) -> SpatialRun:
+        run = SpatialRun(self.equations.system, start, self.times, self.method, self.ends)
         try:
             run.go()
         except SceneError as stopped:
             run.stopped = stopped
         return run
 
-    def completed(self, cycle: Run) -> bool:
+    def completed(self, cycle: SpatialRun) -> bool:
         return cycle.stopped is None
 
-    def at(self, cycle: Run, times: np.ndarray) -> Iterator[State]:
+    def at(self, cycle: SpatialRun, times: np.ndarray) -> Iterator[State]:
         return map(cycle, times.tolist())

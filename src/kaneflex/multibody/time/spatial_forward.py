@@ -31,7 +31,7 @@ BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending int
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
 
 
-class Run(run.Run, Curve):
+class SpatialRun(run.Run, Curve):
     """Steps of an integration in space, and the curves between them.
 
     ``stopped``: error of an incomplete run, raised by the caller.

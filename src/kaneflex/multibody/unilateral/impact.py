@@ -27,7 +27,7 @@ from kaneflex.multibody.unilateral.complementarity import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, no_force, rigid, tolerance
 from kaneflex.multibody.unilateral.contacts import LETS_GO, part
-from kaneflex.multibody.unilateral.impulse_response import reactions_of, apply_impulses, response_matrix
+from kaneflex.multibody.unilateral.impulse_response import apply_impulses, reactions_of, response_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_impacts

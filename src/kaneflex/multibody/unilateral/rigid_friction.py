@@ -25,7 +25,7 @@ from kaneflex.multibody.unilateral.dry_friction import (
 from kaneflex.multibody.unilateral.impulse_response import reactions_of
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.compile.stand_ins import of_holds
-from kaneflex.multibody.unilateral.stick_slip import LET_GO, opens, no_rate, no_speed
+from kaneflex.multibody.unilateral.stick_slip import LET_GO, no_rate, no_speed, opens
 from kaneflex.multibody.model.layout import (
     ACTS, ALONG, BEFORE, BEGUN_AT, BORE, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
     NUMBERS_AT, OPTIONS, PLACE, REACTION, REACTIONS, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart,
