@@ -1,5 +1,7 @@
 """Joints that hold something twice: the motion is that without them, what they share is no number."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from runs import solved
@@ -215,3 +217,33 @@ def test_driven_cranks_pass_their_change_points():
     text = THREE_LEGS.replace(free, driven).replace('duration = "1 s", steps = 200', 'duration = "0.4 s", steps = 80')
     solution = swung(text + 'sensors.x = {position = "plate", component = "x"}')
     assert solution.series["x"].values == pytest.approx(0.1 * np.cos(1.0 + 20.0 * solution.times), abs=1e-9)
+
+
+SPATIAL_CRANKS = """
+schema = 1
+description = "A bar on parallel cranks in space, the third one of another length"
+gravity = [0, -9.81, 0]
+solve = {{preset = "rigid", duration = "0.3 s", steps = 60}}
+ground = {{b = ["100 mm", 0, 0], c = ["50 mm", {foot}, 0]}}
+bodies.bar = {{length = "100 mm", mass = 0.1, inertia = [1e-5, 1e-5, 1e-5]}}
+bodies.one = {{length = "50 mm", mass = 0.1, inertia = [1e-5, 1e-5, 1e-5], rotation = {upright}}}
+bodies.two = {{length = "50 mm", mass = 0.1, inertia = [1e-5, 1e-5, 1e-5], rotation = {upright}}}
+bodies.three = {{length = "{third}", mass = 0.1, inertia = [1e-5, 1e-5, 1e-5], rotation = {upright}}}
+joints.a = {{revolute = ["ground", "one"], axis = [0, 0, 1]}}
+joints.b = {{revolute = ["ground.b", "two"], axis = [0, 0, 1]}}
+joints.c = {{revolute = ["ground.c", "three"], axis = [0, 0, 1]}}
+joints.p = {{revolute = ["one.end", "bar"], axis = [0, 0, 1]}}
+joints.q = {{revolute = ["two.end", "bar.end"], axis = [0, 0, 1]}}
+joints.r = {{revolute = ["three.end", "bar.mid"], axis = [0, 0, 1]}}
+drives.a = {{free = true, initial_speed = "1 rad/s"}}
+sensors.x = {{position = "bar.mid", component = "x"}}
+"""
+
+
+@pytest.mark.parametrize("third, foot, stops", [("50 mm", 0, False), ("60 mm", '"-10 mm"', True)])
+def test_a_run_in_space_stops_where_redundant_constraints_no_longer_agree(third, foot, stops):
+    """A third crank fits everywhere if it is as long as the others, else only while all are parallel at the start."""
+    upright = '{axis = [0, 0, 1], angle = "90 deg"}'
+    scene = scene_of(SPATIAL_CRANKS.format(third=third, foot=foot, upright=upright))
+    with pytest.raises(SceneError, match="a constraint of r is redundant, and violated") if stops else nullcontext():
+        kaneflex.simulate(kaneflex.load(scene))
