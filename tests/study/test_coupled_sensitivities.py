@@ -13,7 +13,7 @@ from test_sensitivities import differences
 
 from kaneflex import load, read_scene, sensitivities, with_settings
 from kaneflex.multibody.time import shooting
-from kaneflex.multibody.time.spatial_forward import Run
+from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.replay import solver_of
@@ -181,7 +181,7 @@ def test_neighbours_in_space_take_the_steps_of_the_run(integrator):
 
 def test_a_run_in_space_divides_no_given_step():
     own = run(*CRANK).model.motion.curve
-    long = Run(own.system, own.start, own.times[[0, -1]], own.method, own.ends[-1:])
+    long = SpatialRun(own.system, own.start, own.times[[0, -1]], own.method, own.ends[-1:])
     long.go()
     assert long.ends == own.ends[-1:] and abs(end(long).q - end(own).q).max() > 1e-6
 
