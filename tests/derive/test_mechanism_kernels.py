@@ -1,5 +1,7 @@
-"""Kernels of the whole mechanism: what a run integrates, places and forces of the rigid mechanism, your own loop."""
+"""Kernels of the whole mechanism: what a run integrates and your own loop, checked ones, operations of chains."""
 
+import ast
+import doctest
 import io
 import re
 import subprocess
@@ -8,12 +10,17 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
+from chains import chain
 from places import DOCS
-from runs import at_instant, model, run
+from runs import at_instant, model, run, tables
 
 import kaneflex
+from kaneflex.derive.generate import generate
+from kaneflex.generated import beam_timoshenko, engine
 from kaneflex.mechanism import kernels as compiled
+from kaneflex.scene import Scene
 from kaneflex.solve.free_motion import integrated
+from kaneflex.support import checking
 from kaneflex.support.errors import SceneError
 
 T = 0.0037
@@ -187,3 +194,67 @@ def test_a_mechanism_of_rigid_bodies_has_places_and_forces():
     assert called(kernels, "K").shape == (0, 0) and called(kernels, "positions").shape == (7, 2)
     torque = called(kernels, "inverse_dynamics")[list(kernels.forces).index("main.drive")]
     assert torque == pytest.approx(found.motion.at(T)["main.drive"][0], rel=1e-14)
+
+
+def test_checked_kernels_compute_the_same():
+    safe, p, s = kaneflex.checked(engine), np.array([1.1, 3e7, 1500.0, 0.03, 0.06]), np.linspace(1.0, 2.0, 5)
+    assert safe.PARAMETERS is engine.PARAMETERS
+    for name, more in (("M", ()), ("K_g", (s,)), ("F", (s,))):
+        shape = {"F": (6,)}.get(name, (6, 6))
+        found, plain = np.zeros(shape), np.zeros(shape)
+        getattr(safe, name)(p, *more, found)
+        getattr(engine, name)(p, *more, plain)
+        assert (found == plain).all() and found.any()
+    motion = model("engine").motion
+    out = np.zeros((3, len(engine.SCALARS)))
+    safe.tabulate(np.array([0.0, 0.01, 0.02]), motion.parameters, out)
+    assert (out == motion.table(np.array([0.0, 0.01, 0.02]))).all()
+
+
+def test_every_kernel_of_a_module_is_checked():
+    for module in (engine, beam_timoshenko, model("four-bar").module, model("elastic-pendulum").coupled.module):
+        safe = kaneflex.checked(module)
+        kernels = [name for name, value in vars(module).items() if hasattr(value, "py_func")]
+        plain = {name.rstrip("_0123456789") for name in kernels if getattr(safe, name) is getattr(module, name)}
+        assert plain <= {"table", "table_rate", "table_curvature"}
+
+
+@pytest.mark.parametrize(("kernel", "arguments", "message"), [
+    ("K_s", (np.zeros(4), np.zeros((6, 6))), r"K_s: p has shape \(4,\), at least \(5,\) is required"),
+    ("K_s", (np.zeros(5), np.zeros((5, 6))), r"K_s: out has shape \(5, 6\), \(6, 6\) is required"),
+    ("K_g", (np.zeros(5), np.zeros(4), np.zeros((6, 6))), r"K_g: s has shape \(4,\)"),
+    ("F", (np.zeros(5), np.zeros(5), np.zeros((6, 1))), r"F: out has shape \(6, 1\), \(6,\) is required"),
+    ("M", ([1.0] * 5, np.zeros((6, 6))), "M: p is a list, an array of float64 is required"),
+    ("M", (np.zeros(5, np.float32), np.zeros((6, 6))), "M: p is an array of float32"),
+    ("motion", (0.0, np.zeros(19), np.zeros(9)), r"motion: s has shape \(9,\)"),
+    ("motion", (0.0, np.full(19, 30.0), np.zeros(33)), "does not hold the whole table of loads.gas.table"),
+    ("tabulate", (np.zeros(3), np.zeros(19), np.zeros((2, 33))), "out has 2 rows for 3 times"),
+    ("element_matrices", (np.zeros((3, 4)), np.zeros((1, 5)), np.zeros((3, 1, 6, 6, 6))), r"p has shape \(3, 4\)"),
+    ("element_matrices", (np.zeros((3, 5)), np.zeros((1, 5)), np.zeros((2, 1, 6, 6, 6))), "out has 2 rows for 3 p"),
+    ("element_matrices", (np.zeros((3, 5)), np.zeros((2, 5)), np.zeros((3, 1, 6, 6, 6))), "out has 1 rows for 2 s"),
+])  # fmt: skip
+def test_what_would_be_read_beyond_its_end_is_refused(kernel, arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        getattr(kaneflex.checked(engine), kernel)(*arguments)
+
+
+def test_the_docstrings_example():
+    assert doctest.testmod(checking).failed == 0
+
+
+def operations(scene: Scene) -> int:
+    """Operations of the kernel ``motion`` as it is emitted."""
+    return tables(ast.parse(generate(scene)))["OPERATIONS"]["motion"][1]
+
+
+@pytest.mark.parametrize(("closed", "counts"), [(False, (2, 3, 4)), (True, (4, 5, 6))])
+def test_each_link_adds_the_same_number_of_operations(closed, counts, tmp_path):
+    """A pose is its predecessor's and one turn more, a reaction what its neighbours leave: shared, each link costs
+    alike.
+
+    Written out, the terms of the last link hold the turns of all others and multiply with each of them.
+    """
+    found = [operations(chain(count, closed, tmp_path)) for count in counts]
+    a_link = [(b - a) / (n - m) for a, b, m, n in zip(found, found[1:], counts, counts[1:], strict=False)]
+    assert a_link[1] == pytest.approx(a_link[0], rel=0.02)
+    assert 30 < a_link[0] < 100

@@ -1,10 +1,14 @@
-"""What runs and `check` say of torque-free bodies, stored steps, freedoms and the time that they took."""
+"""What runs and `check` say of freedoms, stored steps and time, of what the coupling is worth, and of resonance."""
 
+import math
+import re
 import time
 
+import numpy as np
 import pytest
-from runs import solved
+from runs import run, solved
 
+import kaneflex
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.multibody.time import spatial_forward
 from kaneflex.report import checked
@@ -80,3 +84,109 @@ def test_an_integration_counts_as_solving(monkeypatch):
     timing = summarise(solved(scene_of(TORQUE_FREE))).timing
     spent = time.perf_counter() - began
     assert timing.integrate_s >= 0.3 and timing.set_up_s <= spent - 0.3
+
+
+def _run(scene, *settings):
+    return solve(kaneflex.load(with_settings(kaneflex.read_scene(scene), settings)))
+
+
+def _warned(solution):
+    """(share of the peak, sensor) of the warning; None where there is none."""
+    found = (re.search(r"changes (\w+) by about (\d+)% of its peak", text) for text in solution.warnings)
+    return next(((int(match[2]) / 100.0, match[1]) for match in found if match), None)
+
+
+def test_the_slider_crank_parts_from_the_coupled_one_by_about_as_much_as_is_said():
+    one_way, both = _run("slider-crank-150"), _run("slider-crank-150-coupled")
+    worth, sensor = _warned(one_way)
+    mine = one_way.series[sensor].values
+    theirs = np.interp(one_way.times, both.times, both.series[sensor].values)
+    assert abs(mine - theirs).max() / abs(theirs).max() == pytest.approx(worth, rel=0.5)
+
+
+@pytest.mark.parametrize(("speed", "worst"), [(300, 0.378), (250, 0.194)])  # by preset coupled, coupler_mid
+def test_a_four_bar_near_resonance_is_in_doubt(speed, worst):
+    worth, _ = _warned(_run("four-bar", f"main.speed={speed} rpm"))
+    assert worst / 2.0 < worth < 2.0 * worst
+
+
+@pytest.mark.parametrize(("scene", "settings"), [
+    ("four-bar", ["main.speed=150 rpm"]),  # 1.1 % by preset coupled
+    ("engine", []),  # 0.2 %
+    ("two-link-arm", []),  # an open chain: 0.6 %, where the arm sags by 2.6 % of its length
+])  # fmt: skip
+def test_where_little_is_left_out_nothing_is_said(scene, settings):
+    assert _warned(_run(scene, *settings)) is None
+
+
+def test_a_run_that_an_event_ends_is_weighed_over_what_both_have(tmp_path):
+    """The other stiffness meets the event elsewhere, or never."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text('like = "four-bar"\n[events]\ntop = {sensor = "coupler_mid", value = "1 mm", stop = true}\n')
+    solution = _run(str(scene))
+    assert solution.times[-1] < 0.1
+    worth, _ = _warned(solution)
+    assert 0.05 < worth < 1.0
+
+
+def test_a_moment_that_a_pin_leaves_zero_has_no_peak_to_be_a_share_of():
+    """Read with the links' own stiffness, not the changed one, it is some 1e-5 of the moments between the pins."""
+    moments = {"pin": {"bending_moment": "coupler.start"}, "between": {"bending_moment": "coupler.mid"}}
+    solution = solve(kaneflex.load(kaneflex.scene_of({"schema": 1, "like": "four-bar", "sensors": moments})))
+    assert abs(solution["pin"].values).max() < 1e-9 * abs(solution["between"].values).max()
+    assert _warned(solution)[1] != "pin"
+
+
+WIPER = """
+schema = 1
+name = "wiper"
+bodies.arm = {{length = {length}, beam = {{material = "aluminium", section.rectangle = [0.01, 0.02], elements = 2}}}}
+joints.hub = {{revolute = ["ground", "arm.start"]}}
+drives.hub = {{law = "0.006 * sin(2 * pi * 12 * t)"{period}}}
+sensors.tip = {{displacement = "arm.end", component = "y"}}
+damping.rayleigh = {{ratio = 0.01, at = ["5 Hz", "100 Hz"]}}
+solve = {{preset = "{preset}", errors = "none"{more}}}
+"""
+PERIODIC = {"period": ', period = "83.333333333333333 ms"', "more": ', start = "periodic", steps = 400'}
+FOR_A_SECOND = {"period": "", "more": ', start = "quasistatic", duration = "1 s", steps = 2000'}
+
+
+def wiper(length, preset="stiffened", settings=(), **more):
+    return solved(scene_of(WIPER.format(length=length, preset=preset, **more)), *settings)
+
+
+def said(solution):
+    """(driven Hz, mode, Hz, amplified, change) of the warning; None where there is none."""
+    pattern = r"(\S+) Hz, is near mode (\d+), (\S+) Hz, which amplifies it (\S+) times: .* by about (\S+)%, which"
+    pattern = pattern.replace("Hz, is", "Hz,? is")
+    found = [match for match in (re.search(pattern, text) for text in solution.warnings) if match]
+    return tuple(map(float, found[0].groups())) if found else None
+
+
+@pytest.mark.parametrize("preset", ["stiffened", "coupled"])
+def test_a_wiper_near_resonance_says_how_much_hangs_on_it(preset):
+    """1 % of frequency is 2 % of E. A clamped arm has its first frequency at 1.875104^2 sqrt(E I / (rho A l^4))."""
+    found = wiper(0.85, preset, **PERIODIC)
+    driven, mode, frequency, amplified, change = said(found)
+    E, rho, thick = 70e9, 2700.0, 0.01
+    exact = 1.875104**2 / (2.0 * math.pi * 0.85**2) * math.sqrt(E / rho / 12.0) * thick
+    assert (driven, mode) == (12.0, 1) and frequency == pytest.approx(exact, rel=5e-3)
+    assert amplified == pytest.approx(1.0 / abs(1.0 - (driven / frequency) ** 2), rel=0.05)
+    peaks = [abs(other.series["tip"].values).max() for other in (
+        found, *(wiper(0.85, preset, [f"arm.E={70 * (1.0 + by) ** 2} GPa"], **PERIODIC) for by in (-0.01, 0.01))
+    )]  # fmt: skip
+    true = max(abs(peak / peaks[0] - 1.0) for peak in peaks[1:])
+    assert change / 100.0 == pytest.approx(true, rel=0.25)
+
+
+def test_without_a_period_the_frequency_is_found_in_the_load():
+    driven, mode, _, _, change = said(wiper(0.85, **FOR_A_SECOND))
+    assert (driven, mode) == (12.0, 1) and change > 5.0
+
+
+def test_no_word_far_from_resonance_or_where_little_hangs_on_it():
+    """An order is always near to the engine's modes at 13 and 93 times its cycle's frequency."""
+    assert said(wiper(1.0, **PERIODIC)) is said(wiper(1.0, **FOR_A_SECOND)) is None
+    for scene in ("engine", "four-bar", "slider-crank-150"):
+        assert said(run(scene)) is None, scene
+    assert said(run("engine", "solve.preset=coupled")) is None
