@@ -4,7 +4,7 @@ Nothing here is computed from shape functions or taken from `kaneflex`. Each fun
 its arguments: floats give float arrays, SymPy symbols give exact object arrays.
 
 Notation: L length, rhoA mass per length, x0 place of the first node in the link, (w, e) angular velocity and
-acceleration of the link's frame, (ax, ay) acceleration of its origin and (gx, gy) gravity in link axes;
+acceleration of the link's frame, (ax, ay) acceleration of its origin in link axes;
 q = (u1, v1, th1, u2, v2, th2); M q'' + C q' + K q = F. Each function cites its equation of the paper or
 Przemieniecki, Theory of Matrix Structural Analysis (1968); the rest are elementary integrals and statics.
 """
@@ -15,15 +15,6 @@ BENDING = [1, 2, 4, 5]
 S_HAT = np.zeros((6, 6), dtype=int)  # diag(S, 0, S, 0): a quarter turn of each node's displacement
 S_HAT[0, 1] = S_HAT[3, 4] = -1
 S_HAT[1, 0] = S_HAT[4, 3] = 1
-
-
-def shape_integrals(L):
-    """int N_u, int N_v, int x N_u, int x N_v over the element, the rows of N that give u and v."""
-    u = (L / 2) * np.array([1, 0, 0, 1, 0, 0])
-    v = (L / 12) * np.array([0, 6, L, 0, 6, -L])
-    x_u = (L**2 / 6) * np.array([1, 0, 0, 2, 0, 0])
-    x_v = (L**2 / 60) * np.array([0, 9, 2 * L, 0, 21, -3 * L])
-    return u, v, x_u, x_v
 
 
 def on_bending(block):
@@ -96,11 +87,6 @@ def load_acceleration(rhoA, L, ax, ay):
     return (-rhoA * L / 12) * np.array([6 * ax, 6 * ay, ay * L, 6 * ax, 6 * ay, -ay * L])
 
 
-def load_gravity(rhoA, L, gx, gy):
-    """F of gravity, paper (68) with the direction R^T (0, -g)."""
-    return (rhoA * L / 12) * np.array([6 * gx, 6 * gy, gy * L, 6 * gx, 6 * gy, -gy * L])
-
-
 def load_centrifugal(rhoA, L, x0, w):
     """F of the centrifugal field: outwards, split 1/3 : 2/3 at x0 = 0; paper (63) with its sign corrected."""
     near, far = x0 * L / 2 + L**2 / 6, x0 * L / 2 + L**2 / 3
@@ -160,24 +146,6 @@ def geometric_3(L):
 def geometric(c0, c1, c2, L):
     """K_g of the tension N(s) = c0 + c1 s + c2 s^2, s from the element's first node."""
     return c0 * geometric_0(L) + c1 * geometric_1(L) + c2 * geometric_2(L)
-
-
-def tension_from_end(N_end, rhoA, L, x0, w, ax, gx):
-    """(c0, c1, c2) of N(s) = N_end + rhoA ((gx - ax)(L - s) + w^2 ((x0 + L)^2 - (x0 + s)^2)/2)."""
-    c0 = N_end + rhoA * ((gx - ax) * L + w**2 * (2 * x0 * L + L**2) / 2)
-    return c0, -rhoA * ((gx - ax) + w**2 * x0), -rhoA * w**2 / 2
-
-
-def geometric_centrifugal(rhoA, L, w):
-    """K_g of a beam that only rotates: x0 = 0, free far end."""
-    return (rhoA * w**2 * L / 420) * on_bending(
-        np.array(
-            [[180, 6 * L, -180, 27 * L],
-             [6 * L, 24 * L**2, -6 * L, -4 * L**2],
-             [-180, -6 * L, 180, -27 * L],
-             [27 * L, -4 * L**2, -27 * L, 10 * L**2]]
-        )
-    )
 
 
 def viscous(mu, L):
@@ -240,31 +208,6 @@ def euler_bracket(rhoA, L):
          [9, 0, 0, -9, 0, 0],
          [-L, 0, 0, L, 0, 0]]
     )
-
-
-def frame_mass(rhoA, L, x0):
-    """Force x, y and moment about the link's origin that q'' needs: rhoA int (N_u; N_v; X N_v) dx."""
-    u, v, _, x_v = shape_integrals(L)
-    return rhoA * np.array([u, v, x0 * v + x_v])
-
-
-def frame_gyroscopic(rhoA, L, x0, w):
-    """Force and moment of the Coriolis acceleration 2 w S u': rhoA int 2 w (-N_v; N_u; X N_u) dx."""
-    u, v, x_u, _ = shape_integrals(L)
-    return 2 * w * rhoA * np.array([-v, u, x0 * u + x_u])
-
-
-def frame_stiffness(rhoA, L, x0, w, e, ax, ay):
-    """Force and moment of the mass that q displaces in the frame's field of acceleration, to first order."""
-    u, v, x_u, _ = shape_integrals(L)
-    moment = 2 * e * (x0 * u + x_u) + ay * u - ax * v
-    return rhoA * np.array([-(w**2) * u - e * v, -(w**2) * v + e * u, moment])
-
-
-def frame_load(rhoA, L, x0, w, e, ax, ay):
-    """Minus the force and moment that the rigid element's own motion needs."""
-    m, first, second = L, x0 * L + L**2 / 2, x0**2 * L + x0 * L**2 + L**3 / 3
-    return -rhoA * np.array([ax * m - w**2 * first, ay * m + e * first, ay * first + e * second])
 
 
 def slider_crank(r, L, phi, w, e=0.0):

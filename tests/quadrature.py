@@ -1,16 +1,24 @@
 """Matrices of a beam element with a linearly growing section, by Gauss's quadrature of integrands written by hand.
 
 Nothing here is taken from `kaneflex`. Interpolation after Friedman and Kosmatka (1993), Computers and Structures 47,
-473-481; loads by Newton's and Euler's equations of one slice of the beam. Coordinates as in `closed_forms_spatial`:
-(u, v, w, theta_x, theta_y, theta_z) of two nodes with theta_y = -w'. Eight points are exact up to the power 15.
+473-481; loads by Newton's and Euler's equations of one slice of the beam. Coordinates (u, v, w, theta_x, theta_y,
+theta_z) of two nodes with theta_y = -w'. Eight points are exact up to the power 15.
 """
 
 import numpy as np
-from closed_forms_spatial import Y_PLANE, Z_PLANE, cross
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
 """Places x/L of the points along the element, and their weights."""
+Y_PLANE, Z_PLANE = np.zeros((2, 12, 6))
+"""u, v, theta of the x-y plane, of both nodes; and the same of the x-z plane."""
+Y_PLANE[[0, 1, 5, 6, 7, 11], range(6)] = 1.0
+Z_PLANE[[0, 2, 4, 6, 8, 10], range(6)] = 1.0, 1.0, -1.0, 1.0, 1.0, -1.0
+
+
+def cross(vector):
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def friedman_kosmatka(s, L, phi):
@@ -116,3 +124,12 @@ def element(p, omega, epsilon, a, P_0, turning):
     stretch[[0, 6]] = -1 / L, 1 / L
     found["K_s"] += L * (p["E_A"] * np.outer(stretch, stretch) + p["G_J"] * np.outer(gradient, gradient))
     return found
+
+
+def uniform(rho_A, rho_I_p, E_A, E_I_y, E_I_z, G_J, length):
+    """M and K_s of a uniform element of Euler and Bernoulli, whose twist alone has a rotary inertia."""
+    rises = dict.fromkeys(("rho_A_rise", "rho_I_y_rise", "rho_I_z_rise", "E_I_y_rise", "E_I_z_rise"), 0.0)
+    free = dict.fromkeys(("rho_I_y", "phi_y", "phi_z", "x_0", "m_0", "S_0", "I_p_A"), 0.0)
+    given = {"rho_A": rho_A, "rho_I_z": rho_I_p, "E_A": E_A, "E_I_y": E_I_y, "E_I_z": E_I_z, "G_J": G_J}
+    found = element(rises | free | given | {"length": length}, *np.zeros((3, 3)), 0.0, turning=(True, False, False))
+    return found["M"], found["K_s"]

@@ -1,4 +1,7 @@
-"""The derived element equals the hand-written closed forms, symbolically and with the offset x_0."""
+"""The derived element: its terms, what holds for any shape functions, and Kane's equations of masses and of bending.
+
+Its matrices are compared with others by number, in test_spatial_element and test_beam_kane_gauss.
+"""
 
 import os
 import subprocess
@@ -6,14 +9,13 @@ import sys
 
 import closed_forms as by_hand
 import pytest
-from sympy import Function, Matrix, Symbol, cos, diff, integrate, sin, srepr, symbols
+from sympy import Matrix, Symbol, diff, integrate, srepr, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
 from kaneflex.derive.elements import beam
 from kaneflex.derive.elements.beam import P_0, a_x, a_y, epsilon, omega
 from kaneflex.derive.elements.shapes import E_A, E_I, beam_section, beam_shape, integral, length, rho_A, x, x_0
 
-S_HAT = Matrix(by_hand.S_HAT)
 # Group, matrix and scalar of each term, by its name.
 EXPECTED_TERMS = {
     "mass": ("inertia", "M", 1),
@@ -49,11 +51,6 @@ def equal(derived, expected) -> bool:
     return (Matrix(derived) - Matrix(expected)).expand().is_zero_matrix
 
 
-def K_g_in_link(P_0, P_1, P_2, L, x0):
-    """K_g of the tension P_0 + P_1 X + P_2 X^2 in the link's X = x0 + s, by the element-local closed form."""
-    return by_hand.geometric(P_0 + P_1 * x0 + P_2 * x0**2, P_1 + 2 * P_2 * x0, P_2, L)
-
-
 def test_terms_are_the_affine_form_and_nothing_else(element):
     assert {t.name: (t.group, t.target, t.scalar) for t in element.terms} == EXPECTED_TERMS
     assert [name for name, *_ in element.parameters] == ["rho_A", "E_A", "E_I", "length", "x_0"]
@@ -75,77 +72,6 @@ def test_shape_functions_interpolate_the_nodes(element):
     u, v = element.shape[0, :], element.shape[1, :]
     rows = Matrix.vstack(u, v, diff(v, x))
     assert equal(Matrix.vstack(rows.subs(x, 0), rows.subs(x, length)), Matrix.eye(6))
-
-
-CLOSED_FORMS = {
-    "mass": lambda: by_hand.mass(rho_A, length),
-    "gyroscopic": lambda: by_hand.gyroscopic(rho_A, length, 1),
-    "spin": lambda: by_hand.dynamic_stiffness(rho_A, length, 1, 0),
-    "euler": lambda: by_hand.dynamic_stiffness(rho_A, length, 0, 1),
-    "centrifugal_load": lambda: by_hand.load_centrifugal(rho_A, length, x_0, 1),
-    "euler_load": lambda: by_hand.load_euler(rho_A, length, x_0, 1),
-    "load_x": lambda: by_hand.load_acceleration(rho_A, length, 1, 0),
-    "load_y": lambda: by_hand.load_acceleration(rho_A, length, 0, 1),
-    "axial_stiffness": lambda: by_hand.axial_stiffness(E_A, length),
-    "bending_stiffness": lambda: by_hand.bending_stiffness(E_I, length),
-    "tension_origin": lambda: K_g_in_link(1, 0, 0, length, x_0),
-    "tension_acceleration": lambda: K_g_in_link(0, rho_A, 0, length, x_0),
-    "tension_spin": lambda: K_g_in_link(0, 0, -rho_A / 2, length, x_0),
-    "viscous": lambda: by_hand.viscous(1, length),
-    "frame_mass": lambda: by_hand.frame_mass(rho_A, length, x_0),
-    "frame_gyroscopic": lambda: by_hand.frame_gyroscopic(rho_A, length, x_0, 1),
-    "frame_spin": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 1, 0, 0, 0),
-    "frame_euler": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 1, 0, 0),
-    "frame_displaced_load_x": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 0, 1, 0),
-    "frame_displaced_load_y": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 0, 0, 1),
-    "frame_centrifugal_load": lambda: by_hand.frame_load(rho_A, length, x_0, 1, 0, 0, 0),
-    "frame_euler_load": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 1, 0, 0),
-    "frame_load_x": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 0, 1, 0),
-    "frame_load_y": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 0, 0, 1),
-}
-
-
-def test_every_term_has_a_closed_form(matrices):
-    assert set(CLOSED_FORMS) == set(matrices)
-
-
-@pytest.mark.parametrize("name", CLOSED_FORMS)
-def test_derived_equals_closed_form(matrices, name):
-    assert equal(matrices[name], CLOSED_FORMS[name]())
-
-
-def test_whole_equations_equal_the_closed_forms(element):
-    """M, C, K, F with all scalars together, and the load of gravity through a - g."""
-    K_g = K_g_in_link(P_0, rho_A * a_x, -rho_A * omega**2 / 2, length, x_0)
-    K_d = by_hand.dynamic_stiffness(rho_A, length, omega, epsilon)
-    K = by_hand.stiffness(E_A, E_I, length) + K_d + K_g
-    g_x, g_y = symbols("g_x g_y")
-    F = (
-        by_hand.load_acceleration(rho_A, length, a_x, a_y)
-        + by_hand.load_gravity(rho_A, length, g_x, g_y)
-        + by_hand.load_centrifugal(rho_A, length, x_0, omega)
-        + by_hand.load_euler(rho_A, length, x_0, epsilon)
-    )
-    assert equal(element.matrix("C"), by_hand.gyroscopic(rho_A, length, omega))
-    assert equal(element.matrix("K"), K)
-    assert equal(element.matrix("F").xreplace({a_x: a_x - g_x, a_y: a_y - g_y}), F)
-
-
-def test_tension_from_the_far_end_is_the_tension_from_the_origin(element):
-    """The closed form N(s) counted from the tension at the element's far end gives the same K_g."""
-    N_end, g_x = symbols("N_end g_x")
-    c0, c1, c2 = by_hand.tension_from_end(N_end, rho_A, length, x_0, omega, a_x, g_x)
-    X_end = x_0 + length
-    origin = N_end - rho_A * (a_x - g_x) * X_end + rho_A * omega**2 * X_end**2 / 2
-    K_g = sum((t.scalar * t.matrix for t in element.terms if t.group == "geometric"), Matrix.zeros(6))
-    derived = K_g.subs({P_0: origin, a_x: a_x - g_x}, simultaneous=True)
-    assert equal(derived, by_hand.geometric(c0, c1, c2, length))
-
-
-def test_centrifugal_only_geometric_stiffness(matrices):
-    free_tip = rho_A * length**2 / 2
-    derived = (free_tip * matrices["tension_origin"] + matrices["tension_spin"]).subs(x_0, 0)
-    assert equal(derived, by_hand.geometric_centrifugal(rho_A, length, 1))
 
 
 def test_symmetry_and_rigid_motion(matrices):
@@ -171,56 +97,6 @@ def test_section_and_length_scale_nothing_else(matrices):
         assert matrices[name].free_symbols == {own, length}
     for name in ("mass", "gyroscopic", "spin", "euler"):
         assert matrices[name].free_symbols == {rho_A, length}
-
-
-# --- global components, paper (57), (93), (100), (104), (105) corrected ---
-
-
-@pytest.fixture(scope="module")
-def transformation():
-    """(T, T', T'') of q = T Q with the frame's angle phi(t), differentiated by SymPy."""
-    t = Symbol("t")
-    phi = Function("phi")(t)
-    T = Matrix(by_hand.rotation_to_local(cos(phi), sin(phi)))
-    motion = {diff(phi, t, 2): epsilon, diff(phi, t): omega, phi: Symbol("phi")}
-    return [diff(T, t, order).subs(motion) for order in range(3)]
-
-
-def test_derivatives_of_the_transformation(transformation):
-    T, T_d, T_dd = transformation
-    assert equal(T_d, -omega * S_HAT * T)
-    assert equal(T_dd, (-epsilon * S_HAT + omega**2 * S_HAT * S_HAT) * T)
-
-
-def test_global_component_forms(element, transformation):
-    """T^T (M T'' + C T' + K T) and T^T (2 M T' + C T): the w^2 and e brackets, typed by hand."""
-    T, T_d, T_dd = transformation
-    M, C = element.matrix("M"), element.matrix("C")
-    K_d = sum((t.scalar * t.matrix for t in element.terms if t.group in ("spin", "euler")), Matrix.zeros(6))
-    spin = Matrix(by_hand.spin_bracket(rho_A, length))
-    euler = Matrix(by_hand.euler_bracket(rho_A, length))
-    assert equal(M * T_dd + C * T_d + K_d * T, (omega**2 * spin + epsilon * euler) * T)
-    assert equal(2 * M * T_d + C * T, 2 * omega * euler * T)
-    G = element.matrix("C").xreplace({omega: 1}) / 2
-    assert equal(G - M * S_HAT, euler)
-    assert equal(-M + M * S_HAT * S_HAT - 2 * G * S_HAT, spin)
-
-
-def test_global_brackets_vanish_for_pure_translation():
-    """A translation of the whole element in global axes does not notice that the frame turns."""
-    for bracket in (by_hand.spin_bracket(rho_A, length), by_hand.euler_bracket(rho_A, length)):
-        for shift in ([1, 0, 0, 1, 0, 0], [0, 1, 0, 0, 1, 0]):
-            assert equal(Matrix(bracket) * Matrix(shift), Matrix.zeros(6, 1))
-
-
-def test_isotropic_inertia_has_no_gyroscopic_or_spin_effect_in_global_components(transformation):
-    """A point mass: M T'' + 2 w G T' + K_d T and 2 M T' + 2 w G T are exactly zero."""
-    T, T_d, T_dd = transformation
-    m = Symbol("m")
-    M, G = Matrix(by_hand.lumped_mass(m)), Matrix(by_hand.lumped_gyration(m))
-    K_d = -(omega**2) * M + epsilon * G
-    assert equal(M * T_dd + 2 * omega * G * T_d + K_d * T, Matrix.zeros(6))
-    assert equal(2 * M * T_d + 2 * omega * G * T, Matrix.zeros(6))
 
 
 # --- Kane alone ---

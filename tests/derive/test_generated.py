@@ -316,24 +316,6 @@ def test_kernel_is_its_equation(element, name, seed):
     assert_equal(computed(name, p, s), expected[:, 0] if name == "F" else expected)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_kernels_are_the_closed_forms(seed):
-    p, s = random_point(seed)
-    rhoA, EA, EI, L, x0 = p
-    w, e, ax, ay, P_0 = s
-    assert_equal(computed("M", p, s), by_hand.mass(rhoA, L))
-    assert_equal(computed("K_s", p, s), by_hand.stiffness(EA, EI, L))
-    assert_equal(computed("C", p, s), by_hand.gyroscopic(rhoA, L, w))
-    assert_equal(computed("K_d", p, s), by_hand.dynamic_stiffness(rhoA, L, w, e))
-    load = by_hand.load_acceleration(rhoA, L, ax, ay)
-    load = load + by_hand.load_centrifugal(rhoA, L, x0, w) + by_hand.load_euler(rhoA, L, x0, e)
-    assert_equal(computed("F", p, s), load)
-    # P(X) = P_0 + rhoA a_x X - rhoA w^2 X^2 / 2 of the link, written in the element's own s = X - x0.
-    c0 = P_0 + rhoA * ax * x0 - rhoA * w**2 * x0**2 / 2
-    c1 = rhoA * ax - rhoA * w**2 * x0
-    assert_equal(computed("K_g", p, s), by_hand.geometric(c0, c1, -rhoA * w**2 / 2, L))
-
-
 def test_kernels_are_sums_of_their_terms():
     """With each scalar at 1 in its turn they give the matrices that weigh the monomials of TERMS."""
     p, s = random_point(0)

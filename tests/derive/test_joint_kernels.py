@@ -1,4 +1,4 @@
-"""The kernels of joints and springs along motions of their two sections, differentiated by steps in time."""
+"""The kernels of joints and springs along motions of their two sections, against rows and rates by hand."""
 
 import math
 from types import SimpleNamespace
@@ -8,13 +8,12 @@ import pytest
 
 from kaneflex.generated import joints
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.joints import Constraints, coordinate, residuals
-from kaneflex.mechanism.parts import ROWS, Joint, Spring
-from kaneflex.mechanism.planar import BodyPoint, Pose
+from kaneflex.mechanism.joints import Constraints
+from kaneflex.mechanism.parts import Joint, Spring
+from kaneflex.mechanism.planar import BodyPoint
 
 FIRST, SECOND = BodyPoint("a", "start", (0, 0)), BodyPoint("b", "start", (0, 0))
 DIRECTION, ANGLE = (0.6, -0.8), 0.7
-SEEDS = range(3)
 TINY = 1e-30
 
 
@@ -36,65 +35,12 @@ class Motion:
         return found.ravel()
 
 
-def law(kind, places):
-    """The rows by the one law, at real or complex places of the two sections."""
-    first, second = (Pose(x, y, np.cos(theta), np.sin(theta), theta) for x, y, theta in places)
-    if kind in ROWS:
-        return np.array(residuals(Joint("j", kind, FIRST, SECOND, DIRECTION, angle=ANGLE), first, second))
-    joint = Joint("j", "prismatic" if kind == "slide" else "revolute", FIRST, SECOND, DIRECTION)
-    return np.array([coordinate(joint, first, second)])
-
-
 def rows(kind, sec):
     """What the kernel stores, behind numbers that it must leave alone and over some that it must not add to."""
     out = np.full(5 + 9 * joints.ROWS[kind], 3.5)
     getattr(joints, kind)(sec, 1, 3, *DIRECTION, ANGLE, out, 5)
     assert (out[:5] == 3.5).all()
     return out[5:].reshape(-1, 9)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("kind", joints.ROWS)
-def test_rows_are_the_law_and_its_rates_along_a_motion(kind, seed):
-    """g and g' to the last digits by an imaginary step in time, g'' by Richardson's extrapolation of that."""
-    motion, t = Motion(seed), 0.37
-
-    def rate(t):
-        return law(kind, motion.level(t + 1j * TINY, 0)).imag / TINY
-
-    def slope(h):
-        return (rate(t + h) - rate(t - h)) / (2 * h)
-
-    found = rows(kind, motion.sections(t))
-    assert found[:, 0] == pytest.approx(law(kind, motion.level(t, 0)), abs=1e-14)
-    assert found[:, 1] == pytest.approx(rate(t), abs=1e-13)
-    h = 1e-2
-    second = (64 * slope(h / 4) - 20 * slope(h / 2) + slope(h)) / 45
-    assert found[:, 2] == pytest.approx(second, abs=1e-9 * (1 + abs(second).max()))
-
-
-@pytest.mark.parametrize("kind", joints.ROWS)
-def test_the_jacobian_is_the_derivative_by_the_places_and_gives_the_rate(kind):
-    motion, t = Motion(7), 1.9
-    places, found = motion.level(t, 0), rows(kind, motion.sections(t))
-    for column in range(6):
-        nudged = places.astype(complex)
-        nudged.ravel()[column] += 1j * TINY
-        assert found[:, 3 + column] == pytest.approx(law(kind, nudged).imag / TINY, abs=1e-14)
-    assert found[:, 3:] @ motion.level(t, 1).ravel() == pytest.approx(found[:, 1], abs=1e-13)
-
-
-@pytest.mark.parametrize("kind", joints.ROWS)
-def test_reactions_of_a_joint_are_in_balance(kind):
-    """J_1^T lambda and J_2^T lambda are forces on the two sections: together they move and turn nothing."""
-    motion, t = Motion(3), 0.8
-    (x_1, y_1, _), (x_2, y_2, _) = motion.level(t, 0)
-    found = rows(kind, motion.sections(t))
-    if kind in ("revolute", "weld"):  # whose points are one: there alone it is a balance
-        x_1, y_1 = x_2, y_2
-    (f_1, g_1, m_1), (f_2, g_2, m_2) = found[:, 3:6].T, found[:, 6:].T
-    assert f_1 + f_2 == pytest.approx(0.0, abs=1e-14) and g_1 + g_2 == pytest.approx(0.0, abs=1e-14)
-    assert m_1 + x_1 * g_1 - y_1 * f_1 + m_2 + x_2 * g_2 - y_2 * f_2 == pytest.approx(0.0, abs=1e-13)
 
 
 def pulled(sec, k, c, free):

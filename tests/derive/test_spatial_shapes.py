@@ -1,10 +1,8 @@
 """Kernels of a body in space that deforms: the printed loops are Kane's equations, whose energy has an integral."""
 
 import itertools
-import math
 import re
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,6 @@ from kaneflex.derive.bodies.space_proof import comparisons, prove
 from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
-from kaneflex.multibody.model.shape_moments import ShapeMoments
 from kaneflex.scene import scene_of
 
 TEXT = Path(spatial_shapes.__file__).read_text(encoding="utf-8")
@@ -85,89 +82,6 @@ def test_a_section_rotates_by_its_angles_as_in_the_plane(far):
     spatial_shapes.section(np.concatenate([theta, np.zeros(3)]), 0, found, 0)
     expected = Rotation.from_rotvec([0.0, *theta[1:]]) * Rotation.from_rotvec([theta[0], 0.0, 0.0])
     assert np.allclose(found[:9].reshape(3, 3), expected.as_matrix(), atol=1e-13)
-
-
-# ---- one shape by hand --------------------------------------------------------------------------------------------
-
-SHAPE = {
-    "N_x": {(1, 1, 0): -2}, "N_y": {(2, 0, 0): 1, (1, 0, 1): -1}, "N_z": {(1, 1, 0): 1},
-    "G_x": {(3, 0, 0): Fraction(-4, 3)}, "G_y": {(2, 1, 0): -1}, "G_z": {(2, 0, 1): -2},
-    "x": {(1, 0, 0): 1}, "y": {(0, 1, 0): 1}, "z": {(0, 0, 1): 1},
-}  # fmt: skip
-"""A unit cube from the origin that bends and twists: N = (-2 x y, x^2 - x z, x y), G = (-4 x^3/3, -x^2 y, -2 x^2 z), by
-powers of x, y, z."""
-
-
-def over_the_cube(name):
-    """Integral of a product of these polynomials, like x_N_y, over the unit cube: 1/((i + 1) (j + 1) (k + 1)) each."""
-    product = {(0, 0, 0): Fraction(1)}
-    for factor in re.findall(r"[NG]_[xyz]|[xyz]", name):
-        pairs = itertools.product(product.items(), SHAPE[factor].items())
-        product, terms = {}, [(tuple(np.add(a, b)), u * v) for (a, u), (b, v) in pairs]
-        for powers, value in terms:
-            product[powers] = product.get(powers, 0) + value
-    return float(sum(value / math.prod(int(power) + 1 for power in powers) for powers, value in product.items()))
-
-
-def cube_by_hand(m, q, v, b, elastic, motion):
-    """What a motion takes of that cube with the mass m, and its mass matrix.
-
-    By hand, from momenta that are exact to the second order in q: P = m V + omega x S + S', L = S x V + I omega
-    + (C + D q) q' and p = (N + G q) . V + omega . (C + D q) + n q', with S = int (r + N q + G q^2/2) dm, I of the
-    cube that is deformed, C = int r x N dm and D = int r x G dm; force, moment and generalised force are their rates
-    in turning axes, the last less dT/dq.
-    """
-    omega, a, epsilon = motion
-    k, c, cubic = elastic
-    N, G = m * np.array([-1 / 2, 1 / 12, 1 / 4]), m * np.array([-1 / 3, -1 / 6, -1 / 3])
-    C, D = m * np.array([1 / 6, -5 / 12, 5 / 12]), m * np.array([-1 / 12, 1 / 12, 1 / 24])
-    I_0 = m * np.array([[2 / 3, -1 / 4, -1 / 4], [-1 / 4, 2 / 3, -1 / 4], [-1 / 4, -1 / 4, 2 / 3]])
-    I_1 = m * np.array([[1 / 3, 1 / 4, 1 / 12], [1 / 4, -5 / 12, -1 / 6], [1 / 12, -1 / 6, -7 / 12]])
-    I_2 = m * np.array([[-29 / 180, 11 / 48, 31 / 72], [11 / 48, 1 / 15, 1 / 12], [31 / 72, 1 / 12, 23 / 180]])
-    n, S, I = 37 / 60 * m, m / 2 + N * q + G * q**2 / 2, I_0 + I_1 * q + I_2 * q**2
-    by_q, turned, of_inertia = N + G * q, C + D * q, I_1 + 2 * I_2 * q
-    S_1, S_2, cross = by_q * v, by_q * b + G * v**2, np.cross
-    force = m * a + cross(epsilon, S) + 2 * cross(omega, S_1) + cross(omega, cross(omega, S)) + S_2
-    moment = cross(S, a) + I @ epsilon + of_inertia @ omega * v + turned * b + D * v**2
-    moment += cross(omega, I @ omega + turned * v)
-    own = by_q @ a + turned @ epsilon + n * b - omega @ of_inertia @ omega / 2 + k * q + c * v + cubic * q**2
-    arm = np.array([[0, -S[2], S[1]], [S[2], 0, -S[0]], [-S[1], S[0], 0]])
-    mass = np.block([[m * np.eye(3), -arm, by_q[:, None]], [arm, I, turned[:, None]], [by_q, turned, n]])
-    return np.array([*force, *moment, own]), mass
-
-
-def test_a_body_with_one_shape_by_hand():
-    """Forces of any motion, mass matrix and stiffness; an entry that is off by a thousandth is seen."""
-    m, elastic = 1.7, (61.0, 2.9, 5.3)
-    def over(letter, *before):
-        """Integrals of so many vectors' products with N or G, (3, 3) or (3,)."""
-        rows = [[m * over_the_cube(f"{a}{letter}_{axis}") for axis in "xyz"] for a in before or ("",)]
-        return np.array(rows if before else rows[0])
-
-    r, N = ("x_", "y_", "z_"), ("N_x_", "N_y_", "N_z_")
-    shape = ShapeMoments(
-        over("N")[:, None], over("N", *r)[..., None], over("N", *N)[..., None, None],
-        over("G")[:, None, None], over("G", *r)[..., None, None],
-    )  # fmt: skip
-    stiffness, damping, third = (np.full((1,) * n, number) for n, number in zip((2, 2, 3), elastic, strict=True))
-    numbers = shape.numbers((0, 0, 0, 0), stiffness, damping, third)
-    p = np.array([m, 0.5, 0.5, 0.5, m / 6, m / 6, m / 6, 0.0, 0.0, 0.0, *numbers])
-    for q, v, b, *numbers in [*np.random.default_rng(48).uniform(-1, 1, (4, 12)), [0.3] + [0.0] * 11]:
-        modal, rates, accelerations, w = np.array([q]), np.array([v]), np.array([b]), np.array(numbers)
-        found, matrix, room = np.zeros(7), np.zeros(43), np.zeros(2)
-        spatial.demand(p, 0, w, 0, found, 0)
-        spatial_shapes.shaped_demand(p, 10, 1, w, 0, modal, 0, rates, 0, accelerations, found, 0, found, 6, room, 0)
-        spatial.inertia(p, 0, matrix, 0)
-        spatial_shapes.shaped_inertia(p, 10, 1, modal, 0, matrix, 0, room, 0)
-        couples = matrix[36:42, None]
-        whole = np.block([[matrix[:36].reshape(6, 6), couples], [couples.T, matrix[42:, None]]])
-        forces, mass = cube_by_hand(m, q, v, b, elastic, w.reshape(3, 3))
-        for value, expected in ((found, forces), (whole, mass)):
-            np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
-            for entry in zip(*np.nonzero(abs(expected) > 1e-6), strict=True):
-                wrong = value.copy()
-                wrong[entry] *= 1.001
-                assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-13)
 
 
 # ---- the fibres of a section that turns ---------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 import re
 
 import closed_forms as by_hand
-import closed_forms_shear as with_shear
 import numpy as np
 import pytest
 from runs import derived_on_the_fly
@@ -50,34 +49,6 @@ def plain() -> dict[str, Matrix]:
 
 def equal(derived, expected) -> bool:
     return all(entry.together().expand().cancel() == 0 for entry in Matrix(derived) - Matrix(expected))
-
-
-AXIAL_MASS = Matrix(6, 6, lambda i, j: by_hand.mass(rho_A, length)[i, j] if {i, j} <= {0, 3} else 0)
-
-CLOSED_FORMS = {
-    "mass": lambda: (
-        AXIAL_MASS
-        + Matrix(with_shear.mass_across(rho_A, length, phi_s))
-        + Matrix(with_shear.mass_rotary(rho_I, length, phi_s))
-    ),
-    "spin": lambda: -AXIAL_MASS - Matrix(with_shear.mass_across(rho_A, length, phi_s)),
-    "euler": lambda: with_shear.gyration(rho_A, length, phi_s),
-    "gyroscopic": lambda: 2 * Matrix(with_shear.gyration(rho_A, length, phi_s)),
-    "euler_load": lambda: with_shear.load_euler(rho_A, rho_I, length, x_0, phi_s, 1),
-    "load_y": lambda: by_hand.load_acceleration(rho_A, length, 0, 1),
-    "centrifugal_load": lambda: by_hand.load_centrifugal(rho_A, length, x_0, 1),
-    "tension_origin": lambda: with_shear.geometric(length, phi_s),
-    "mass_correction": lambda: with_shear.mass_correction(rho_A, length, phi_s),
-}
-
-
-@pytest.mark.parametrize("name", CLOSED_FORMS)
-def test_derived_equals_closed_form(shear, name):
-    assert equal(shear[name], CLOSED_FORMS[name]())
-
-
-def test_stiffness_equals_closed_form(shear):
-    assert equal(shear["bending_stiffness"] + shear["shear_stiffness"], with_shear.stiffness(E_I, length, phi_s))
 
 
 def test_rotary_inertia_adds_to_mass_and_euler_load_only(rotary, plain):

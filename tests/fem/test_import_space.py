@@ -183,7 +183,7 @@ def test_a_point_of_one_node_turns_as_the_sections_do():
 
 def on_feet(legs):
     """Files of the solid with so many beams on nodes of it, which meet in one beside it: names, feet, nodes' table."""
-    from closed_forms_spatial import mass, stiffness
+    from quadrature import uniform
     from scipy.io import mmwrite
     from scipy.sparse import csc_array, eye_array
 
@@ -193,16 +193,16 @@ def on_feet(legs):
     feet = [int(np.linalg.norm(numbers[:, 1:] - place, axis=1).argmin()) for place in wanted]
     unknowns = eye_array(6 * (count + 1), format="csc")
     solid = unknowns[:, (6 * np.arange(count)[:, None] + np.arange(3)).ravel()]
-    for name, element in (("mass", mass), ("stiffness", stiffness)):
+    for k, name in enumerate(("mass", "stiffness")):
         whole = solid @ mmread(f"rod-{name}.mtx") @ solid.T
         for foot in feet:
             way = tip - numbers[foot, 1:]
             length, x = np.linalg.norm(way), way / np.linalg.norm(way)
             y = np.cross(x, [0.3, 0.5, 0.8])
             turn = np.kron(np.eye(4), np.stack([x, y / np.linalg.norm(y), np.cross(x, y / np.linalg.norm(y))]))
-            numbers_of = (1e-6, 1e-12, length) if name == "mass" else (1e1, 1e-3, 1e-3, 1e-3, length)
+            element = uniform(1e-6, 1e-12, 1e1, 1e-3, 1e-3, 1e-3, length)[k]
             beam = unknowns[:, np.concatenate([6 * node + np.arange(6) for node in (foot, count)])]
-            whole += beam @ csc_array(turn.T @ element(*numbers_of) @ turn) @ beam.T
+            whole += beam @ csc_array(turn.T @ element @ turn) @ beam.T
         mmwrite(f"mixed-{name}.mtx", (whole + whole.T) / 2)
     np.savetxt("mixed-nodes.txt", np.vstack([numbers, [count + 1, *tip]]), fmt="%.12g")
     return ["mixed-mass.mtx", "mixed-stiffness.mtx", "mixed-nodes.txt"], feet, numbers

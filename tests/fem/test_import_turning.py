@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from closed_forms_spatial import mass, stiffness
 from command_line import cli, refused
 from machines import pendulum
+from quadrature import uniform
 from runs import solved
 from scipy.io import mmread, mmwrite
 
@@ -36,9 +36,9 @@ def folder(tmp_path_factory):
     both = np.kron(np.eye(2 * (COUNT + 1)), turn)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("turning"))
-        mmwrite("mass.mtx", both.T @ assembled(mass(RHO * A, RHO * J, h)) @ both, symmetry="symmetric")
-        K = assembled(stiffness(E * A, E * I_Y, E * I_Z, G * J, h))
-        mmwrite("stiffness.mtx", both.T @ K @ both, symmetry="symmetric")
+        matrices = uniform(RHO * A, RHO * J, E * A, E * I_Y, E * I_Z, G * J, h)
+        for name, element in zip(("mass", "stiffness"), matrices, strict=True):
+            mmwrite(f"{name}.mtx", both.T @ assembled(element) @ both, symmetry="symmetric")
         places = np.linspace(0, L, COUNT + 1)[:, None] * turn[0]
         np.savetxt("nodes.txt", np.column_stack([np.arange(1, COUNT + 2), places]), fmt="%.12g")
         np.savetxt("start.txt", [1], fmt="%d")

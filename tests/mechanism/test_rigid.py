@@ -1,23 +1,12 @@
-"""The rigid stage: an independent derivation, closed forms by hand, and every body's own balance."""
+"""The rigid stage: closed forms by hand, and every body's own balance."""
 
 import math
 
 import closed_forms as by_hand
 import numpy as np
 import pytest
-import sympy as sm
 from newton_euler import imbalance, motion_of
 from runs import model
-from sympy.physics.mechanics import (
-    Force,
-    PinJoint,
-    PrismaticJoint,
-    RigidBody,
-    System,
-    Torque,
-    dynamicsymbols,
-    inertia,
-)
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import read_scene, with_settings
@@ -52,71 +41,6 @@ def motion_at_angles(name: str, seed: int) -> tuple[RigidMotion, dict[str, float
 def close(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
     """To a share of the largest value over all angles: single values pass through zero."""
     return bool(np.isfinite(found).all() and np.abs(found - expected).max() <= tolerance * np.abs(expected).max())
-
-
-# ---- an independent derivation ----------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def minimal_coordinates():
-    """Kane's equations of the slider-crank in minimal coordinates, as a user of SymPy would write them.
-
-    Joints of sympy.physics.mechanics, the loop as a holonomic constraint, the drive's coordinate free, Cramer's
-    rule for the dependent speeds. Returns mass matrix and right-hand side as functions of numbers.
-    """
-    parameters = sm.symbols("r l m_1 d_1 J_1 m_2 d_2 J_2 m_3 g_x F T")
-    r, l, m_1, d_1, J_1, m_2, d_2, J_2, m_3, g_x, F, T = parameters
-    q_1, q_2, x, u_1, u_2, v = dynamicsymbols("q_1 q_2 x u_1 u_2 v")
-    ground, piston = RigidBody("ground"), RigidBody("piston", mass=m_3)
-    piston.central_inertia = inertia(piston.frame, 0, 0, 0)
-    crank, rod = RigidBody("crank", mass=m_1), RigidBody("rod", mass=m_2)
-    crank.central_inertia = inertia(crank.frame, 0, 0, J_1)
-    rod.central_inertia = inertia(rod.frame, 0, 0, J_2)
-    system = System.from_newtonian(ground)
-    system.add_joints(
-        PinJoint("main", ground, crank, q_1, u_1, child_point=-d_1 * crank.x, joint_axis=ground.z),
-        PinJoint(
-            "pin", crank, rod, q_2, u_2, parent_point=(r - d_1) * crank.x, child_point=-d_2 * rod.x, joint_axis=crank.z,
-        ),
-        PrismaticJoint("bore", ground, piston, x, v, joint_axis=ground.x),
-    )  # fmt: skip
-    end = rod.masscenter.locatenew("end", (l - d_2) * rod.x)
-    gap = end.pos_from(piston.masscenter)
-    system.add_holonomic_constraints(gap.dot(ground.x), gap.dot(ground.y))
-    system.q_ind, system.q_dep, system.u_ind, system.u_dep = [q_1], [q_2, x], [u_1], [u_2, v]
-    system.apply_uniform_gravity(g_x * ground.x)
-    system.add_loads(Torque(crank.frame, T * ground.z), Force(piston.masscenter, -F * ground.x))
-    system.form_eoms(constraint_solver="CRAMER")
-    plain = {c: sm.Symbol(c.func.__name__) for c in (q_1, q_2, x, u_1, u_2, v)}
-    kane = system.eom_method
-    arguments = (*plain.values(), *parameters)
-    return tuple(sm.lambdify(arguments, m.xreplace(plain)) for m in (kane.mass_matrix, kane.forcing))
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", ["engine", "engine-rig"])
-def test_motion_is_that_of_an_independent_derivation(minimal_coordinates, name, seed):
-    """Accelerations from the loop's rows, torque from Kane's one equation, at constant speed; dead centres too."""
-    rigid, n = motion_at_angles(name, seed)
-    mass_matrix, forcing = minimal_coordinates
-    r, l, speed = n["bodies.crank.length"], n["bodies.rod.length"], n["drives.main.speed"]
-    motion = by_hand.slider_crank(r, l, ANGLES, speed)
-    gas = rigid["gas"] if "gas" in rigid else np.zeros(len(ANGLES))
-    expected = {"epsilon": [], "acceleration": [], "torque": []}
-    for k, angle in enumerate(ANGLES):
-        state = (angle, motion["phi2"][k] - angle, motion["piston_position"][k])
-        state += (speed, motion["omega2"][k] - speed, motion["piston_velocity"][k])
-        bodies = [n[f"bodies.{body}.{entry}"] for body in ("crank", "rod") for entry in ("mass", "centre_x", "inertia")]
-        numbers = (r, l, *bodies, n["bodies.piston.mass"], n["gravity.x"], gas[k])
-        M, at_rest = mass_matrix(*state, *numbers, 0.0), forcing(*state, *numbers, 0.0)[:, 0]
-        per_torque = forcing(*state, *numbers, 1.0)[:, 0] - at_rest
-        relative, acceleration = np.linalg.solve(M[1:, 1:], at_rest[1:])
-        torque = (M[0] @ [0.0, relative, acceleration] - at_rest[0]) / per_torque[0]
-        for key, value in zip(expected, (relative, acceleration, torque), strict=True):
-            expected[key].append(value)
-    assert close(rigid["rod.epsilon"], np.array(expected["epsilon"]), 1e-11)
-    assert close(rigid["piston.a_x"], np.array(expected["acceleration"]), 1e-11)
-    assert close(rigid["main.drive"], np.array(expected["torque"]), 1e-11)
 
 
 # ---- closed forms by hand ---------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Sweeps on several workers, and on a Dask cluster of processes of its own on loopback: the same dataset bit for bit."""
+"""Sweeps on several workers, and on a Dask cluster of processes on loopback: the same dataset bit for bit."""
 
 import os
 import signal
