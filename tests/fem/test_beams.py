@@ -1,4 +1,7 @@
-"""Beams with textbook answers, through the generated kernels: frequencies, buckling, rotation, statics."""
+"""Beams with textbook answers, through the generated kernels: frequencies, buckling, statics.
+
+Those of beams that rotate are in the gallery and, with flapping, in test_spatial_links.
+"""
 
 import json
 from dataclasses import replace
@@ -123,26 +126,21 @@ def test_axial_rod_with_an_end_mass(ratio):
     assert measured_order(errors) == pytest.approx([2, 2], abs=0.05)
 
 
-@pytest.mark.parametrize("ratio", FACTORS["cantilever_tip_mass"]["table"])
-def test_cantilever_with_a_tip_mass(ratio):
-    rod = Rod(16, "v theta", "")
-    M = rod.matrix("M")
-    M[rod.last("v"), rod.last("v")] += float(ratio) * rod.body.rho_A * rod.link.length
-    exact = factors(FACTORS["cantilever_tip_mass"]["table"][ratio], 3)
-    error = frequencies(rod.matrix("K_s"), M)[:3] / rod.unit / exact - 1
-    assert (np.abs(error) < expected_error(exact, 16) + 1e-9).all()
+TIPS = FACTORS["cantilever_tip_mass_and_inertia"]["table"] | {
+    f"mu={ratio},kappa=0": row for ratio, row in FACTORS["cantilever_tip_mass"]["table"].items()
+}
 
 
-@pytest.mark.parametrize("case", FACTORS["cantilever_tip_mass_and_inertia"]["table"])
+@pytest.mark.parametrize("case", TIPS)
 def test_cantilever_with_a_tip_body(case):
-    """A mass and its inertia at the tip: the rotation's row carries the inertia."""
+    """A mass and its inertia at the tip, or none: the rotation's row carries the inertia."""
     mu, kappa = (float(part.split("=")[1]) for part in case.split(","))
     rod = Rod(16, "v theta", "")
     M = rod.matrix("M")
     whole = rod.body.rho_A * rod.link.length
     M[rod.last("v"), rod.last("v")] += mu * whole
     M[rod.last("theta"), rod.last("theta")] += kappa * whole * rod.link.length**2
-    exact = factors(FACTORS["cantilever_tip_mass_and_inertia"]["table"][case], 3)
+    exact = factors(TIPS[case], 3)
     error = frequencies(rod.matrix("K_s"), M)[:3] / rod.unit / exact - 1
     assert (np.abs(error) < expected_error(exact, 16) + 1e-9).all()
 
@@ -194,27 +192,6 @@ def test_buckling_of_the_cantilever():
         errors[elements] = np.array([lowest * rod.link.length**2 / rod.body.E_I / (np.pi**2 / 4) - 1])
     assert 0 < errors[4][0] < 4e-5
     assert measured_order(errors) == pytest.approx([4], abs=0.1)
-
-
-@pytest.mark.parametrize("case", ROTATING, ids=lambda case: f"eta={case['eta']}")
-def test_rotating_cantilever(case):
-    """Flap from K_s + K_g, lag from K_s + K_g - omega^2 M, two modes with 24 elements to 1e-5."""
-    rod = Rod(24, "v theta", "")
-    speed = float(case["eta"]) * rod.unit
-    P_0 = rod.body.rho_A * speed**2 * rod.link.length**2 / 2
-    M, K = rod.matrix("M"), rod.matrix("K_s") + rod.matrix("K_g", P_0=P_0, omega=speed)
-    for motion, stiffness in (("flap", K), ("lag", K - speed**2 * M)):
-        exact = [float(case[f"{motion}_mode{k}"]) for k in (1, 2)]
-        assert frequencies(stiffness, M)[:2] / rod.unit == pytest.approx(exact, rel=1e-5)
-
-
-def test_softening_alone_loses_the_rotating_cantilever():
-    """K_s - omega^2 M, all that the paper has: unstable above eta = 3.516, where the real beam stiffens."""
-    rod = Rod(24, "v theta", "")
-    K, M = rod.matrix("K_s"), rod.matrix("M")
-    for eta, stable in ((3.5, True), (3.53, False), (8.0, False)):
-        lowest = eigh(K - (eta * rod.unit) ** 2 * M, M, eigvals_only=True)[0]
-        assert bool(lowest > 0) is stable
 
 
 @pytest.mark.parametrize("modes", [1, 2, 4, 8])

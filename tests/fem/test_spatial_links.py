@@ -195,36 +195,6 @@ def test_rotating_blade(case):
         assert rotating(of, plane, float(case["eta"]))[:2] == pytest.approx(exact, rel=1e-5)
 
 
-@pytest.mark.parametrize("eta", [2.0, 8.0])
-def test_lag_and_flap_of_a_uniform_blade(eta):
-    """lag^2 = flap^2 - Omega^2 for each mode; by Euler-Bernoulli elements, which set rotary inertia aside."""
-    of = link(10, ROUND)
-    lag, flap = rotating(of, ("v", "theta_z"), eta), rotating(of, ("w", "theta_y"), eta)
-    assert lag**2 == pytest.approx(flap**2 - eta**2, rel=1e-10)
-
-
-def test_rotating_blade_is_the_planar_one():
-    """The matrices of the shipped blade's planar link, and its frequencies to the solver's rounding."""
-    found = model("rotating-cantilever")
-    planar, here = found.links["blade"], found.scene.bodies["blade"].profile.at(0.0)
-    at = ROUND._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I_z)
-    of = built("blade", planar.nodes, lambda x: at, module("euler_bernoulli"))
-    speed = found.scene.drives["shaft"].speed
-    P_0 = here.rho_A * speed**2 * of.length**2 / 2
-    in_plane = {"blade.omega": speed, "blade.link.P_0": P_0}
-    in_plane |= dict.fromkeys(("blade.epsilon", "blade.link.a_x", "blade.link.a_y"), 0.0)
-    chosen = [3 * i + k for i in range(1, len(of.nodes)) for k in (1, 2)]
-    total = sum(as_array(planar.part.matrices[k].value(in_plane)) for k in ("K_s", "K_d", "K_g"))
-    mass = as_array(planar.part.matrices["M"].value(in_plane))
-    stiffness, mass = total[np.ix_(chosen, chosen)], mass[np.ix_(chosen, chosen)]
-    own = rows(of, "v", "theta_z")
-    K, M = sum(matrix(of, name, own, omega_z=speed, P_0=P_0) for name in ("K_s", "K_d", "K_g")), matrix(of, "M", own)
-    assert pytest.approx(stiffness, rel=1e-12, abs=1e-13 * abs(stiffness).max()) == K
-    assert pytest.approx(mass, rel=1e-12, abs=1e-13 * mass.max()) == M
-    expected = frequencies(stiffness, mass)
-    assert frequencies(K, M) == pytest.approx(expected, rel=1e-12, abs=1e-12 * expected[-1])
-
-
 @pytest.mark.parametrize("theory", ["euler_bernoulli", "timoshenko"])
 def test_torsion_of_a_rotating_flat_blade(theory):
     """omega^2 grows by Omega^2 (I_z - I_y)/I_p, and by I_p/A int P theta'^2 dx/int rho I_p theta^2 dx (Wagner)."""
