@@ -85,8 +85,6 @@ class Link:
     """Their names: axial and transverse displacement [m], rotation [rad]."""
     motions: ClassVar[tuple[int, ...]] = (0, 1, 5)
     """Places of the node's coordinates among those of a node in space."""
-    bent: ClassVar[Mapping[int, tuple[int, float]]] = {1: (2, 1.0)}
-    """Component of a transverse load -> the section moment of which it is the second derivative, and its sign."""
     densities: ClassVar[tuple[str, ...]] = ("rho_A", "rho_I")
     """Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z."""
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,6 @@ class SpatialLink(Link):
     slopes = slice(6, 8)
     shortening = slice(6, 9)
     motions = (0, 1, 2, 3, 4, 5)
-    bent = MappingProxyType({1: (5, 1.0), 2: (4, -1.0)})  # M_z'' = p_y, M_y'' = -p_z
     densities = ("rho_A", "rho_I_z", "rho_I_y")
 
     def rigid_motion(self, x: float) -> np.ndarray:

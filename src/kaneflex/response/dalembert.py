@@ -15,14 +15,12 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.wrenches import Wrench, moment_of
-from kaneflex.response.section_forces import LinkForces, spread_loads
+from kaneflex.response.section_forces import LinkForces, rate_of_momentum, spread_loads
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
     from kaneflex.response.floating_motion import FloatingMotion
 
-GAUSS = np.polynomial.legendre.leggauss(5)
-"""Quadrature, exact for rho A (r x a) of an element: v is cubic, u with its shortening of fifth degree."""
 _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
 
@@ -105,15 +103,7 @@ class DAlembert(ABC):
 
     def _sums(self, e: int, x: float) -> np.ndarray:
         """Rate of momentum of an element up to x [m], less its distributed loads."""
-        own, reach, total = self._link, float(x - self._link.nodes[e]), np.zeros(())
-        for point, weight in zip(*GAUSS, strict=True) if reach else ():
-            local = 0.5 * reach * (1 + point)
-            at, share = own.nodes[e] + local, local / own.length_of(e) - 0.5
-            place, specific_force, moment = self._slice(e, at)
-            force = (own.parameters["rho_A"][e] + share * own.parameters["rho_A_rise"][e]) * specific_force
-            force = force - sum(first + at * rise for first, rise in self._spread)
-            total = total + 0.5 * reach * weight * np.vstack([force, moment_of(place, force) + moment])
-        return total
+        return rate_of_momentum(self._link, e, x, partial(self._slice, e), self._spread)
 
 
 @dataclass(frozen=True, eq=False)

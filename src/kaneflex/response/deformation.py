@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
@@ -15,7 +15,7 @@ from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model, keep_terms
-from kaneflex.response.section_forces import carried, growing, spread_loads
+from kaneflex.response.section_forces import carried, growing, rate_of_momentum, spread_loads
 from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
@@ -131,13 +131,10 @@ class Deformation:
         if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
             return self._at_node(x, after, self._ends(e - 1)[1], left)
         length = self.link.length_of(e)
-        found = left + (right - left) * (local / length)
-        # N' = -n, V' = -p and M'' = p under the axial load n and the transverse load p
-        for k, load in enumerate(self._loads(e) if self.model.balances else ()):
-            found[k] -= sag(load, local, length, 1)
-            if k in self.link.bent:
-                moment, sign = self.link.bent[k]
-                found[moment] += sign * sag(load, local, length, 2)
+        share = local / length
+        found = left + (right - left) * share
+        if self.model.balances and 0.0 < local < length:  # the rigid link's loads between the nodes, less their chord
+            found += self._needed(e, local) - share * self._needed(e, length)
         return found
 
     def _at_node(self, x: float, after: bool, before: np.ndarray, behind: np.ndarray) -> np.ndarray:
@@ -150,31 +147,16 @@ class Deformation:
             return (behind if after else before).copy()
         return 0.5 * (before + behind)
 
-    def _loads(self, e: int) -> Iterator[np.ndarray]:
-        """Inertia load of the rigid link plus distributed loads on an element [N/m], axial and transverse:
-        coefficients of 1, x, x^2 each."""
-        return (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
-
-    def _rigid_load(self, e: int) -> Iterator[np.ndarray]:
-        """Inertia load of the rigid link on an element, axial and transverse [N/m]: coefficients of 1, x, x^2."""
+    def _needed(self, e: int, reach: float) -> np.ndarray:
+        """Force, and moment about its end, that an element of the rigid link needs up to `reach` [m] from its node."""
         specific_force, *turning = carried(self.model.scene, self.rigid, self.link.name)
-        for at, grows in zip(specific_force, growing(*turning), strict=True):
-            yield self._inertia_load(e, at + grows * self.link.nodes[e], grows)
+        grows, along = growing(*turning), np.eye(len(specific_force))[0]
+        spread = list(spread_loads(self.model.scene, self.rigid, self.link.name))
 
-    def _inertia_load(self, e: int, at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
-        """Load -rho_A(x) a(x) on an element for an acceleration linear in x: coefficients of 1, x, x^2."""
-        parameters = self.link.parameters
-        growth = parameters["rho_A_rise"][e] / parameters["length"][e]
-        density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
-        return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
+        def sliced(x: float) -> tuple[np.ndarray, np.ndarray]:
+            return (x - self.link.nodes[e] - reach) * along, specific_force + grows * x
 
-    def _spread(self, e: int) -> np.ndarray:
-        """Distributed loads on an element, axial and transverse [N/m]: coefficients of 1, x, x^2 each."""
-        total = np.zeros((3, len(self.model.scene.vector(self.model.scene.gravity)), self.q.shape[1]), self.q.dtype)
-        for first, rise in spread_loads(self.model.scene, self.rigid, self.link.name):
-            total[0] += first + self.link.nodes[e] * rise
-            total[1] += rise
-        return total.transpose(1, 0, 2)
+        return rate_of_momentum(self.link, e, self.link.nodes[e] + reach, sliced, spread)
 
     def _ends(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Section forces inside the first and the second end of an element."""
@@ -256,16 +238,6 @@ class Deformation:
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
         return {"C_s": options.damping, "C_d": options.gyroscopic, "K_g": options.geometric}.get(key, True)
-
-
-def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.ndarray:
-    """Load with coefficients of 1, x, x^2, integrated once or twice up to `local` [m] within a `length` [m], less the
-    chord between its end values."""
-    total = np.zeros(load.shape[1], load.dtype)
-    for k, coefficient in enumerate(load):
-        power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
-        total += coefficient * (local**power - local / length * length**power) / divisor
-    return total
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine, inertial: bool = True) -> Rates:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.fem.links import GAUSS, Link
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.wrenches import Wrench, moment_of, parts_of, wrenches_on
@@ -99,6 +100,26 @@ def growing(omega: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
     return np.array([
         -(omega[1] ** 2 + omega[2] ** 2), epsilon[2] + omega[0] * omega[1], omega[0] * omega[2] - epsilon[1]
     ])  # fmt: skip
+
+
+def rate_of_momentum(
+    link: Link, e: int, x: float, sliced: Callable[[float], Sequence[np.ndarray]],
+    spread: Iterable[tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray:  # fmt: skip
+    """Rate of momentum and of its moment, of an element up to x [m], less its distributed loads; (3 or 6, n_times).
+
+    ``sliced``: slice of the element at a distance from the link's start: place from the point of the moments,
+    acceleration less gravity, and rate of the moment of momentum about its own centre per length, if any.
+    """
+    reach, total = float(x - link.nodes[e]), np.zeros(())
+    for point, weight in zip(*GAUSS, strict=True) if reach else ():
+        local = 0.5 * reach * (1 + point)
+        at, share = link.nodes[e] + local, local / link.length_of(e) - 0.5
+        place, specific_force, *moment = sliced(at)
+        force = (link.parameters["rho_A"][e] + share * link.parameters["rho_A_rise"][e]) * specific_force
+        force = force - sum(first + at * rise for first, rise in spread)
+        total = total + 0.5 * reach * weight * np.vstack([force, sum(moment, moment_of(place, force))])
+    return total
 
 
 def _of_sections(before: Inertia, rotary: bool, omega: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
