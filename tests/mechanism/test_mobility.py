@@ -112,16 +112,34 @@ solve = {duration = "1 s", steps = 20}
 """
 
 
-def test_two_rigid_bodies_at_one_point_of_a_link_and_the_cures_that_are_named():
-    said = refused(TWO_AT_A_POINT)
-    assert said == (
-        "joints.second = ['arm.end', 'b.start']: the point of arm carries a already, and can't carry b, too. "
-        "Join b to a.start instead, give one of these two a beam, or use preset coupled."
-    )
-    joined = TWO_AT_A_POINT.replace('["arm.end", "b.start"]', '["a.start", "b.start"]')
-    beam = TWO_AT_A_POINT.replace('b = {length = "200 mm", mass = "1 kg"}', 'b = {like = "arm"}')
-    for text in (joined, beam):
-        load(scene_of(text))
+def test_two_rigid_bodies_at_one_point_of_a_link():
+    """Joined to the link, or the second one to the first at the same point: the motion is the same."""
+    apart = scene_of(TWO_AT_A_POINT)
+    joined = scene_of(TWO_AT_A_POINT.replace('["arm.end", "b.start"]', '["a.start", "b.start"]'))
+    one, other = solved(apart), solved(joined)
+    for at in ((0.0, 0.0), (0.2, 0.0)):
+        moved = one.motion.displacement("a", at)[0]
+        assert abs(moved).max() > 1e-6
+        assert other.motion.displacement("a", at)[0] == pytest.approx(moved, abs=1e-9 * abs(moved).max())
+
+
+HUB = """
+schema = 1
+gravity = [0, -9.81]
+bodies.arm = {length = 1, beam = {material = "steel", A = 1e-4, I = 1e-9, elements = 2}}
+bodies.hub = {mass = 1, inertia = 0.01}
+joints.pivot = {revolute = ["ground", "arm.start"]}
+joints.fix = {weld = ["arm.start", "hub"]}
+drives.pivot = {speed = "10 rad/s", cycle = "360 deg"}
+sensors.base = {displacement = "arm.start", component = "y"}
+solve = {preset = "linear", start = "zero", duration = 0.1, steps = 10}
+"""
+
+
+def test_a_rigid_body_on_a_pivoted_end_of_a_link_stays_there():
+    found = solved(scene_of(HUB))
+    assert not [name for name in found.model.coordinates if name.startswith("hub")]
+    assert not found["base"].values.any()
 
 
 def test_a_free_drive_beside_another_one_in_a_larger_loop(nothing_is_derived):

@@ -82,7 +82,7 @@ def test_peaucelliers_pen_draws_a_straight_line_though_an_arm_of_it_is_a_beam():
     assert solution["x"].values == pytest.approx((0.3**2 - 0.12**2) / 0.2, abs=1e-12)
     assert np.ptp(solution["y"].values) > 0.15
     errors, why = solution.errors
-    assert not errors and "far_d and pen connect it to rigid bodies that move apart as links deform" in why
+    assert not errors and "far_u and pen connect it to rigid bodies that move apart as links deform" in why
     assert "Use preset" not in why
 
 

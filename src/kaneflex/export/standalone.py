@@ -118,8 +118,8 @@ def _check_model(model: Model) -> None:
     jumps = sorted(name for name in known if ".link.jump_" in name)
     if jumps:
         raise SceneError("loads", jumps[0], "the file does not support axial forces between a link's ends", ELSE)
-    for body, how in carried_bodies(model.scene).items():
-        if how.kind != "guided":
+    for (body, _), joint, _ in carried_bodies(model.scene):
+        if not joint or model.scene.joints[joint].kind != "prismatic":
             raise SceneError(f"bodies.{body}", None, "the file has no rigid bodies carried without guide", ELSE)
 
 

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from kaneflex.mechanism.affine import as_array
-from kaneflex.mechanism.rigid_bodies import carried_bodies
+from kaneflex.mechanism.rigid_bodies import FIXED, carried_bodies
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.quantities import Address
 
@@ -46,8 +46,8 @@ class Points:
     def guided(self) -> dict[str, tuple[str, Pair, int]]:
         """Guided body -> body that carries the guide, direction in its axes, element of z."""
         found = {}
-        for body, how in carried_bodies(self.scene).items():
-            guide = self.scene.joints[str(how.joint)]
+        for (body, _), joint, _ in carried_bodies(self.scene):
+            guide = self.scene.joints[joint]
             column = int(np.flatnonzero(as_array(self.frame.bodies[body].pattern()).sum(axis=0))[0])
             found[body] = guide.addresses[0].body, pair(guide.direction), column
         return found
@@ -67,10 +67,11 @@ class Points:
     def joined(self) -> dict[Site, str | list[int]]:
         """Node at a joint -> guided body that moves it, or elements of z that displace it in global axes."""
         found: dict[Site, str | list[int]] = {}
-        for (name, node), group in self.interfaces.displaced.items():
-            if group in self.interfaces.carrier:
-                found[name, node] = self.interfaces.carrier[group].body
-            elif group not in self.interfaces.fixed:
+        for (name, node), owner in self.interfaces.displaced.items():
+            assert node is not None  # of a link
+            if owner[1] is None and owner != FIXED:
+                found[name, node] = owner[0]
+            elif owner != FIXED:
                 cosines = as_array(self.frame.maps[name].terms[(f"{name}.c",)])
                 rows = self.model.parts[name].place[node][:2]
                 found[name, node] = [int(np.flatnonzero(cosines[row])[0]) for row in rows]

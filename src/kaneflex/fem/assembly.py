@@ -20,19 +20,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Frame, from_start, to_link_axes
+from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Frame, SiteMotions, from_start, selector, to_link_axes
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND, Vector
-from kaneflex.mechanism.rigid_bodies import Carried
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
 _MATRICES = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
-Site = tuple[str, int | None]
-"""Elastic link and its node, or rigid body and None."""
 
 
 class Placed(NamedTuple):
@@ -152,6 +150,7 @@ class Sites:
     scene: Scene
     links: Mapping[str, Link]
     parts: Mapping[str, Part]
+    motions: SiteMotions
     frame: Frame
 
     def place(self, part: Part, *points: tuple[str, Vector, Affine]) -> Placed:
@@ -160,15 +159,19 @@ class Sites:
         at: list[tuple[Site, Affine]] = []
         L = Affine.zero(part.size, len(self.frame.coordinates))
         for body, where, rows in points:
-            if body in self.links:
-                node = self.links[body].node_at(where[0])
-                at.append(((body, node), rows))
-                L += rows @ self.frame.link_point(body, self.parts[body], node)
-            elif body != GROUND:
-                at.append(((body, None), rows @ from_start(body, where)))
-                if body in self.frame.bodies:
-                    L += at[-1][1] @ self.frame.bodies[body]
+            if body != GROUND:
+                node = self.links[body].node_at(where[0]) if body in self.links else None
+                at.append(((body, node), rows if body in self.links else rows @ from_start(body, where)))
+                L += at[-1][1] @ self.motion((body, node))
         return Placed(part, L, tuple(at))
+
+    def motion(self, site: Site) -> Affine:
+        """Global displacement and rotation of a node or of a rigid body's start, (3, n)."""
+        (name, node), known = site, self.motions.found
+        if site in known or node is None:
+            return known.get(site, Affine.zero(3, len(self.frame.coordinates)))
+        rows = selector(3, [0, 1, 2], self.parts[name].place[node], self.parts[name].size) @ self.frame.maps[name]
+        return (SHIFT.T @ to_link_axes(name).T @ SHIFT + TURN.T @ TURN) @ rows
 
     def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
         """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
@@ -177,11 +180,14 @@ class Sites:
         return self.place(part, *((side.body, self.scene.point(side), sign * rows) for side, sign in signs))
 
 
-def place_rigid(sites: Sites, carried: Mapping[str, Carried]) -> Iterator[Placed]:
+def place_rigid(sites: Sites) -> Iterator[Placed]:
     """Add rigid bodies, lumped masses, and the loads on rigid bodies."""
-    scene = sites.scene
-    for name, how in carried.items():
-        yield sites.place(_turning_part(scene, name, how), (name, (0.0, 0.0), WHOLE))
+    scene, shared = sites.scene, sites.motions.interfaces.shared
+    for tie in sites.motions.interfaces.ties:
+        if tie.site[1] is None:
+            centre = sites.motions.arm(tie, tie.site) if tie.joint else (0.0, 0.0)
+            turning = _turning_part(scene, tie.site[0], centre if tie.joint not in shared else None)
+            yield sites.place(turning, (tie.site[0], (0.0, 0.0), WHOLE))
     for name, *inertia in _inertias(scene):
         body, _, _, at = inertia
         yield sites.place(inertia_part(name, *inertia, scene.gravity), (body, at, WHOLE))
@@ -221,15 +227,16 @@ def sparse_part(name: str, size: int, **own: Affine) -> Part:
     return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices | own, {})
 
 
-def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
-    """Geometric stiffness K_g of a rotating carried body: forces keep their direction while their arms rotate.
+def _turning_part(scene: Scene, name: str, centre: Vector | None) -> Part:
+    """Geometric stiffness K_g of a carried body that rotates about its ``centre``: forces keep their direction while
+    their arms rotate.
 
     A force F at the arm a = R (r - r_0) from the body's centre of rotation does second-order work
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
     total = Affine.zero(1, 1)
-    for force, at in _forces_on(scene, name) if how.kind in ("free", "hinged") else ():
-        arm = np.array([[at[0] - how.at[0], at[1] - how.at[1]]])
+    for force, at in () if centre is None else _forces_on(scene, name):
+        arm = np.array([[at[0] - centre[0], at[1] - centre[1]]])
         if arm.any():
             total += Affine.constant(arm) @ to_link_axes(name) @ force
     return sparse_part(f"{name}.arms", 3, K_g=TURN.T @ total @ TURN)
@@ -259,7 +266,7 @@ def assemble(
     ``at_rest``: of a deformation at rest in the axes of the bodies.
     """
     total = ElasticEquations.zero(coordinates).matrices()
-    for part, L in _by_motion(placed):
+    for part, L, *_ in placed:
         own = in_own_axes(part, convective, at_rest).matrices()
         L_T = L.T
         pushes = {key: L_T @ matrix for key, matrix in own.items()}
@@ -290,17 +297,6 @@ def _of_turning(about: str, spin: str = "") -> Affine:
     name of its omega, or its acceleration (epsilon S - omega^2) d, from those of epsilon and omega."""
     across = Affine.term((about,), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     return across + Affine.term((spin, spin), np.diag([-1.0, -1.0, 0.0])) if spin else across
-
-
-def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Part, Affine]]:
-    """Sum of the parts with the same L, which turn with the same body."""
-    found: dict[tuple[int, str | None], tuple[Part, Affine]] = {}
-    for part, L, *_ in placed:
-        if (before := found.get((id(L), part.turns))) is not None:
-            summed = {key: before[0].matrices[key] + own for key, own in part.matrices.items()}
-            part = replace(part, matrices=summed)
-        found[id(L), part.turns] = part, L
-    return found.values()
 
 
 def spin_or_euler(monomial: Monomial) -> str:

@@ -7,15 +7,16 @@ rotation. All other coordinates belong to one link, in its axes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Part
-from kaneflex.mechanism.affine import Affine, Matrix, from_entries
-from kaneflex.mechanism.rigid_bodies import Carried
+from kaneflex.mechanism.affine import Affine, from_entries
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie
 from kaneflex.scene import Scene
 
 WHOLE, SHIFT, TURN = (Affine.constant(np.eye(3)[rows]) for rows in ([0, 1, 2], [0, 1], [2]))
@@ -39,21 +40,15 @@ class Frame:
     maps: Mapping[str, Affine]
     bodies: Mapping[str, Affine] = field(default_factory=dict)
 
-    def link_point(self, link: str, part: Part, node: int) -> Affine:
-        """Global displacement and rotation of a link's node, (3, n)."""
-        u, v, theta = part.place[node]
-        rows = Affine.constant(_selector(3, [0, 1, 2], [u, v, theta], part.size)) @ self.maps[link]
-        return (SHIFT.T @ to_link_axes(link).T @ SHIFT + TURN.T @ TURN) @ rows
-
 
 def to_link_axes(body: str) -> Affine:
     """T of paper (66) for one point: global components -> components in the body's axes."""
     return Affine.term((f"{body}.c",), np.eye(2)) + Affine.term((f"{body}.s",), [[0.0, 1.0], [-1.0, 0.0]])
 
 
-def from_start(body: str, at: tuple[float, float]) -> Affine:
+def from_start(body: str, at: Sequence[float]) -> Affine:
     """Global displacement of a rigid body's point, d + theta S R r, and its turn from those of its start, (3, 3)."""
-    if at == (0.0, 0.0):
+    if not any(at):
         return WHOLE
     return WHOLE + SHIFT.T @ to_link_axes(body).T @ Affine.constant([[-at[1]], [at[0]]]) @ TURN
 
@@ -66,110 +61,108 @@ def guide_direction(scene: Scene, joint_name: str) -> Affine:
     return Affine.constant(t) if carrier == "ground" else to_link_axes(carrier).T @ Affine.constant(t)
 
 
-class _Columns:
-    """Coordinates in the order of their first use."""
+class SiteMotions:
+    """Global displacement and rotation of every site, (3, n), from the coordinates.
 
-    def __init__(self) -> None:
+    Attributes
+    ----------
+    names : list of str
+        The coordinates, in the order of their first use by the links.
+    found : mapping of Site to Affine
+    """
+
+    def __init__(self, scene: Scene, links: Mapping[str, Part], interfaces: Interfaces) -> None:
+        self.scene, self.interfaces = scene, interfaces
         self.names: list[str] = []
-        self._at: dict[object, list[int]] = {}
+        self._columns: dict[object, list[int]] = {}
+        self._ties = {tie.site: tie for tie in interfaces.ties}
+        self.alone = {name: self._name(part) for name, part in links.items()}
+        for site in self._ties:
+            if site[1] is None:
+                self._name_body(site)
+        self.found: dict[Site, Affine] = {}
+        for tie in interfaces.ties:
+            self.found[tie.site] = self._motion(tie)
 
-    def __call__(self, key: object, *labels: str) -> list[int]:
-        if key not in self._at:
-            self._at[key] = list(range(len(self.names), len(self.names) + len(labels)))
+    def _add(self, key: object, *labels: str) -> list[int]:
+        """Columns of a site's coordinates, which are added at their first use."""
+        if key not in self._columns:
+            self._columns[key] = list(range(len(self.names), len(self.names) + len(labels)))
             self.names.extend(labels)
-        return self._at[key]
+        return self._columns[key]
+
+    def _name(self, part: Part) -> list[tuple[int, int]]:
+        """Name the coordinates that a link needs; pairs (local row, coordinate) of those that are its own alone."""
+        displaced, turned, pairs = self.interfaces.displaced, self.interfaces.turned, []
+        # All nodes of an axially rigid link share a row: it is that of the node at a joint, which comes last.
+        nodes = sorted(part.place, key=lambda node: (part.name, node) in displaced)
+        node_of_row = {row: (node, k) for node in nodes for k, row in enumerate(part.place[node])}
+        for row, label in enumerate(part.coordinates):
+            node, k = node_of_row.get(row, (None, None))
+            site = part.name, node
+            if node is None or site not in displaced:
+                pairs.append((row, self._add((part.name, row), label)[0]))
+            elif (owner := turned[site] if k == 2 else displaced[site])[1] is None:
+                self._name_body(owner)
+            else:
+                joint = self.interfaces.joint[displaced[site]]
+                self._add((owner, k == 2), *((label,) if k == 2 else (f"{joint}.x", f"{joint}.y")))
+        return pairs
+
+    def _name_body(self, site: Site) -> None:
+        """Name what a carried rigid body has of its own: a slide, its turn, or its displacement and its turn."""
+        if site != FIXED:
+            body, joint = site[0], self._ties[site].joint
+            own = ("x", "y") if not joint else ("slide",) if self._is_guide(joint) else ()
+            self._add((site, False), *(f"{body}.{label}" for label in own))
+            self._add((site, True), *([] if joint in self.interfaces.shared else [f"{body}.turn"]))
+
+    def _is_guide(self, joint: str) -> bool:
+        return bool(joint) and self.scene.joints[joint].kind == "prismatic"
+
+    def _motion(self, tie: Tie) -> Affine:
+        """Motion of a site by its own coordinates, and by those of its parent."""
+        size, (shifts, turns) = len(self.names), (self._columns.get((tie.site, turn), []) for turn in (False, True))
+        own = [0, 1][: len(shifts)] + [2][: len(turns)]
+        if self._is_guide(tie.joint):
+            return SHIFT.T @ guide_direction(self.scene, tie.joint) @ selector(1, [0], shifts, size)
+        found = selector(3, own, shifts + turns, size) if own else Affine.zero(3, size)
+        if not tie.joint:
+            return found
+        if tie.parent != FIXED:
+            kept = WHOLE if tie.joint in self.interfaces.shared else SHIFT.T @ SHIFT
+            found += kept @ from_start(tie.parent[0], self.arm(tie, tie.parent)) @ self.found[tie.parent]
+        x, y = self.arm(tie, tie.site)  # the joint's point moves with the parent, the start follows at -theta S R r
+        return from_start(tie.site[0], (-x, -y)) @ found
+
+    def arm(self, tie: Tie, site: Site) -> Sequence[float]:
+        """Joint's point of one of its sites, from a rigid body's start; nodes are there."""
+        sides = mechanism_of(self.scene).joints[tie.joint].sides
+        return (0.0, 0.0) if site[1] is not None else next(side.at for side in sides if side.body == site[0])
 
 
-def build_frame(
-    scene: Scene, links: Mapping[str, Part], carried: Mapping[str, Carried], interfaces: Interfaces
-) -> Frame:
-    """Name the coordinates z and build L of every link, link after link along each chain."""
-    columns = _Columns()
-    own = {name: _name_coordinates(part, carried, interfaces, columns) for name, part in links.items()}
-    for name in carried:
-        _body_columns(name, carried, columns)
-    size = len(columns.names)
-    bodies: dict[str, Affine] = {}
-    for name in carried:
-        bodies[name] = _body_motion(scene, name, carried[name], bodies, columns, size)
-    maps = {}
+def build_frame(motions: SiteMotions, links: Mapping[str, Part]) -> Frame:
+    """Build L of every link from the motions of its nodes at joints."""
+    size, maps = len(motions.names), {}
     for name, part in links.items():
-        total = Affine.constant(_selector(part.size, *(zip(*own[name], strict=True) if own[name] else ((), ())), size))
+        rows, columns = zip(*motions.alone[name], strict=True) if motions.alone[name] else ((), ())
+        total = selector(part.size, rows, columns, size)
         for node, (u, v, theta) in part.place.items():
-            key = (name, node)
-            if key in interfaces.displaced:
-                displacement = _node_displacement(key, scene, interfaces, bodies, columns, size)
-                total += _lift(part.size, [u, v]) @ to_link_axes(name) @ displacement
-            body = interfaces.turned_body.get(interfaces.turned.get(key))
-            if body is not None and theta is not None:
-                total += _lift(part.size, [theta]) @ TURN @ bodies[body]
+            moved = motions.found.get((name, node))
+            if moved is not None:
+                total += _lift(part.size, [u, v]) @ to_link_axes(name) @ SHIFT @ moved
+                if theta is not None:
+                    total += _lift(part.size, [theta]) @ TURN @ moved
         maps[name] = total
-    return Frame(tuple(columns.names), maps, bodies)
+    bodies = {name: moved for (name, node), moved in motions.found.items() if node is None}
+    return Frame(tuple(motions.names), maps, bodies)
 
 
-def _name_coordinates(part: Part, carried, interfaces: Interfaces, columns: _Columns) -> list[tuple[int, int]]:
-    """Pairs (local row, coordinate) of a link's own coordinates and shared rotations; also names the others."""
-    pairs = []
-    # All nodes of an axially rigid link share a row: it is that of the node at a joint, which comes last.
-    nodes = sorted(part.place, key=lambda node: (part.name, node) in interfaces.displaced)
-    node_of_row = {row: (node, k) for node in nodes for k, row in enumerate(part.place[node])}
-    for row, label in enumerate(part.coordinates):
-        node, k = node_of_row.get(row, (None, None))
-        key = (part.name, node)
-        if node is None or key not in interfaces.displaced:
-            pairs.append((row, columns((part.name, row), label)[0]))
-        elif k == 2:
-            group = interfaces.turned[key]
-            if group in interfaces.turned_body:
-                _body_columns(interfaces.turned_body[group], carried, columns)
-            elif group not in interfaces.clamped:
-                pairs.append((row, columns(("turn", group), label)[0]))
-        else:
-            group = interfaces.displaced[key]
-            if group in interfaces.carrier:
-                _body_columns(interfaces.carrier[group].body, carried, columns)
-            elif group not in interfaces.fixed:
-                columns(("shift", group), f"{interfaces.joint[group]}.x", f"{interfaces.joint[group]}.y")
-    return pairs
-
-
-_LABELS = {"guided": ("slide",), "hinged": ("turn",), "welded": (), "free": ("x", "y", "turn")}
-
-
-def _body_columns(name: str, carried: Mapping[str, Carried], columns: _Columns) -> list[int]:
-    return columns(("body", name), *(f"{name}.{label}" for label in _LABELS[carried[name].kind]))
-
-
-def _body_motion(scene: Scene, name: str, how: Carried, bodies, columns: _Columns, size: int) -> Affine:
-    """Global displacement of a carried body's start and its turn, (3, n)."""
-    at = columns(("body", name))
-    if how.kind == "guided":
-        return SHIFT.T @ guide_direction(scene, how.joint) @ Affine.constant(_selector(1, [0], at, size))
-    if how.kind == "free":
-        return Affine.constant(_selector(3, [0, 1, 2], at, size))
-    held = Affine.zero(3, size)
-    if how.base.body in bodies:
-        held = from_start(how.base.body, scene.point(how.base)) @ bodies[how.base.body]
-    # The held point moves with the holder; the start follows at -theta S R r.
-    turn = Affine.constant(_selector(1, [0], at, size)) if how.kind == "hinged" else TURN @ held
-    return from_start(name, (-how.at[0], -how.at[1])) @ (SHIFT.T @ SHIFT @ held + TURN.T @ turn)
-
-
-def _node_displacement(key, scene: Scene, interfaces: Interfaces, bodies, columns: _Columns, size: int) -> Affine:
-    """Global displacement of an interface node, (2, n)."""
-    group = interfaces.displaced[key]
-    if group in interfaces.carrier:
-        address = interfaces.carrier[group]
-        return SHIFT @ from_start(address.body, scene.point(address)) @ bodies[address.body]
-    if group in interfaces.fixed:
-        return Affine.zero(2, size)
-    return Affine.constant(_selector(2, [0, 1], columns(("shift", group)), size))
-
-
-def _selector(rows: int, at, columns, size: int) -> Matrix:
-    return from_entries((rows, size), list(at), list(columns), np.ones(len(at)))
+def selector(rows: int, at: Sequence[int], columns: Sequence[int], size: int) -> Affine:
+    """Matrix (rows, size) that takes some columns to rows ``at``."""
+    return Affine.constant(from_entries((rows, size), list(at), list(columns), np.ones(len(at))))
 
 
 def _lift(rows: int, at: list[int]) -> Affine:
     """Matrix that puts len(at) components into rows ``at`` of a longer vector."""
-    return Affine.constant(_selector(rows, at, range(len(at)), len(at)))
+    return selector(rows, at, range(len(at)), len(at))

@@ -1,81 +1,52 @@
-"""Interfaces of elastic links with other bodies, and coordinates shared through joints."""
+"""Nodes of elastic links and rigid bodies that joints tie together, and the coordinates that they share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.rigid_bodies import Carried, prescribed_bodies
+from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie, carried_bodies, prescribed_bodies, spanning_tree
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.support.errors import SceneError
-
-Node = tuple[str, int]
-"""Link and index of the node."""
 
 
 @dataclass(frozen=True)
 class Interfaces:
-    """Groups of nodes that share a displacement or a rotation.
+    """Sites of a planar mechanism that its joints tie together.
 
     Attributes
     ----------
-    displaced, turned : mapping of Node to int
-        Every interface node -> its group of equal displacement, and of equal rotation.
-    fixed, clamped : frozenset of int
-        Groups whose displacement, or rotation, is prescribed.
-    carrier : mapping of int to Address
-        Group -> point of the carried rigid body that it moves with.
-    turned_body : mapping of int to str
-        Group -> carried rigid body that it rotates with.
-    joint : mapping of int to str
-        Group of displacements -> joint that names it.
+    ties : tuple of Tie
+        Nodes of elastic links and rigid bodies that the deformation moves, parents first.
+    shared : frozenset of str
+        Joints whose second body turns with the first.
+    displaced, turned : mapping of Site to Site
+        Node at a joint -> the one with the same displacement, or rotation, that has it as coordinates; FIXED, or the
+        rigid body that the node moves with.
+    joint : mapping of Site to str
+        The joint that names these displacements.
     """
 
-    displaced: Mapping[Node, int]
-    turned: Mapping[Node, int]
-    fixed: frozenset[int]
-    clamped: frozenset[int]
-    carrier: Mapping[int, Address]
-    turned_body: Mapping[int, str]
-    joint: Mapping[int, str]
+    ties: tuple[Tie, ...]
+    shared: frozenset[str]
+    displaced: Mapping[Site, Site]
+    turned: Mapping[Site, Site]
+    joint: Mapping[Site, str]
+    fixed: ClassVar[tuple[Site, ...]] = (FIXED,)
+    clamped: ClassVar[tuple[Site, ...]] = (FIXED,)
 
     def held_rows(self, part: Part) -> set[int]:
-        """Local rows that a reduction must keep: shared or fixed displacements, shared or clamped rotations."""
-        rows: set[int] = set()
-        turning = list(self.turned.values())
-        for (link, node), _ in self.displaced.items():
-            if link == part.name:
-                u, v, theta = part.place[node]
-                rows |= {u, v}
-                group = self.turned[link, node]
-                if group in self.clamped or group in self.turned_body or turning.count(group) > 1:
-                    rows.add(theta)
-        return rows
+        """Local rows that a reduction must keep: displacements at joints, and shared or clamped rotations."""
+        sharing = {site for tie in self.ties if tie.joint in self.shared for site in (tie.site, tie.parent)}
+        return {row for site in self.displaced if site[0] == part.name
+                for row in part.place[site[1]][: 3 if site in sharing else 2]}  # fmt: skip
 
 
-class _Groups:
-    """Union-find over nodes and bodies."""
-
-    def __init__(self) -> None:
-        self.parent: dict[object, object] = {}
-
-    def find(self, item: object) -> object:
-        self.parent.setdefault(item, item)
-        while self.parent[item] != item:
-            item = self.parent[item]
-        return item
-
-    def join(self, a: object, b: object) -> None:
-        self.parent[self.find(a)] = self.find(b)
-
-
-def find_interfaces(
-    scene: Scene, links: Mapping[str, Link], carried: Mapping[str, Carried], weld_pins: bool, free_drives: bool
-) -> Interfaces:
-    """Sort the joints of the elastic links into groups of equal displacement and of equal rotation.
+def find_interfaces(scene: Scene, links: Mapping[str, Link], weld_pins: bool, free_drives: bool) -> Interfaces:
+    """Tie the nodes of the elastic links and the rigid bodies together.
 
     ``weld_pins`` shares the rotation of elastic links at every revolute joint, and ``free_drives`` lets the elastic
     rotation at a drive go free: two choices of the paper, (56), (86) and (108).
@@ -83,59 +54,36 @@ def find_interfaces(
     Raises
     ------
     SceneError
-        If a joint lies off the nodes of a link, or ties two carried rigid bodies to one node.
+        If a joint lies off the nodes of a link, or for rigid bodies as :func:`carried_bodies`.
     """
+    carried_bodies(scene)
     prescribed = prescribed_bodies(mechanism_of(scene))
-    shifts, turns = _Groups(), _Groups()
-    nodes: dict[Node, str] = {}
-    held: list[tuple[str, Node, Address]] = []
+
+    def site_of(address: Address) -> Site:
+        if address.body in links:
+            return address.body, links[address.body].node_of_joint(scene.point(address), str(address))
+        return FIXED if address.body in prescribed else (address.body, None)
+
+    sides: dict[str, tuple[Site, Site]] = {}
+    shared: set[str] = set()
     for name, joint in scene.joints.items():
-        sides = [_side(scene, links, prescribed, address) for address in joint.addresses]
-        elastic = [side for side in sides if isinstance(side, tuple)]
-        for side in elastic:
-            nodes.setdefault(side, name)
-            turns.find(side)
-        if not elastic:
-            continue
-        rigid = [address for address in joint.addresses if address.body in carried]
-        if rigid:
-            held.append((name, elastic[0], rigid[0]))
-        else:
-            shifts.join(*sides)
-        keeps = name in scene.drives and scene.drives[name].rotation == "held" and not free_drives
-        shared = joint.kind == "weld" or joint.rotation == "shared" or (weld_pins and len(elastic) == 2)
-        if keeps or shared:
-            turns.join(*(("body", side) if side in carried else side for side in sides))
-    labels: dict[object, int] = {}
-    displaced = {node: labels.setdefault(shifts.find(node), len(labels)) for node in nodes}
-    turned = {node: labels.setdefault(("turn", turns.find(node)), len(labels)) for node in nodes}
-    bodies = {turns.find(("body", body)): body for body in carried}
-    return Interfaces(
-        displaced,
-        turned,
-        frozenset(displaced[node] for node in nodes if shifts.find(node) == shifts.find("prescribed")),
-        frozenset(turned[node] for node in nodes if turns.find(node) == turns.find("prescribed")),
-        _carriers(scene, displaced, held),
-        {turned[node]: bodies[turns.find(node)] for node in nodes if turns.find(node) in bodies},
-        {displaced[node]: name for node, name in reversed(nodes.items())},
-    )
-
-
-def _carriers(scene: Scene, displaced: Mapping[Node, int], held: list[tuple[str, Node, Address]]) -> dict[int, Address]:
-    carrier: dict[int, Address] = {}
-    for joint, node, address in held:
-        known = carrier.setdefault(displaced[node], address)
-        if known.body != address.body:
-            raise SceneError(
-                f"joints.{joint}", [str(side) for side in scene.joints[joint].addresses],
-                f"the point of {node[0]} carries {known.body} already, and can't carry {address.body}, too",
-                f"Join {address.body} to {known} instead, give one of these two a beam, or use preset coupled",
-            )  # fmt: skip
-    return carrier
-
-
-def _side(scene: Scene, links: Mapping[str, Link], prescribed: set[str], address: Address) -> Node | str:
-    """Node of a link, or name of a rigid body ("prescribed" for all bodies placed by drives)."""
-    if address.body in links:
-        return address.body, links[address.body].node_of_joint(scene.point(address), str(address))
-    return "prescribed" if address.body in prescribed else address.body
+        first, second = map(site_of, joint.addresses)
+        sides[name] = first, second
+        elastic, drive = (first[1] is not None) + (second[1] is not None), scene.drives.get(name)
+        keeps = drive is not None and (not elastic or (drive.rotation == "held" and not free_drives))
+        if keeps or joint.kind != "revolute" or joint.rotation == "shared" or (weld_pins and elastic == 2):
+            shared.add(name)
+    nodes: dict[Site, str] = {}
+    for name, ends in sides.items():
+        nodes |= {site: name for site in ends if site[1] is not None and site not in nodes}
+    rigid = [(name, None) for name, body in scene.bodies.items() if not body.elastic and name not in prescribed]
+    firm = sorted(sides, key=lambda name: name not in shared)
+    ties, _ = spanning_tree({name: sides[name] for name in firm}, [*rigid, *nodes])
+    displaced, turned = {FIXED: FIXED}, {FIXED: FIXED}
+    for site, name, parent in ties:
+        own = site[1] is None or not name
+        displaced[site] = site if own else displaced[parent]
+        turned[site] = turned[parent] if name in shared and not own else site
+    names = {displaced[node]: name for node, name in reversed(nodes.items())}
+    displaced, turned = ({node: owner[node] for node in nodes} for owner in (displaced, turned))
+    return Interfaces(tuple(ties), frozenset(shared), displaced, turned, names)

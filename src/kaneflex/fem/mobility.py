@@ -270,10 +270,10 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     SceneError
         If the elastic stage can't be set up for the scene.
     """
-    from kaneflex.fem.coordinate_map import build_frame
+    from kaneflex.fem.coordinate_map import SiteMotions
     from kaneflex.fem.interface_coordinates import find_interfaces
     from kaneflex.mechanism.floating_frames import shapes_given
-    from kaneflex.mechanism.rigid_bodies import carried_bodies, check_elastic
+    from kaneflex.mechanism.rigid_bodies import check_elastic
     from kaneflex.scene.options import resolve_options
 
     options = resolve_options(scene)
@@ -286,10 +286,9 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
         for name, body in scene.bodies.items()
         if body.elastic
     }
-    carried = carried_bodies(scene)
-    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
-    frame = build_frame(scene, {name: link.part for name, link in links.items()}, carried, interfaces)
-    return (*frame.coordinates, *given)
+    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
+    motions = SiteMotions(scene, {name: link.part for name, link in links.items()}, interfaces)
+    return (*motions.names, *given)
 
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:

@@ -1,38 +1,59 @@
-"""Rigid bodies in the elastic stage: those placed by drives, and those carried by elastic links."""
+"""Rigid bodies in the elastic stage: those placed by drives, and those that joints tie to elastic links."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
+Site = tuple[str, int | None]
+"""Elastic link and its node, or rigid body and None."""
+FIXED: Site = (GROUND, None)
+"""Ground, and all bodies that the deformation does not move."""
 
-@dataclass(frozen=True)
-class Carried:
-    """Rigid body that moves with the deformation.
 
-    Attributes
-    ----------
-    kind : str
-        "guided" (a slide along the guide of a placed body), "hinged" (a turn about a point of another rigid body),
-        "welded" (moves with another rigid body) or "free" (displacement of its start, and a turn).
-    at : tuple of float
-        Centre of its rotation, in its own axes [m].
-    joint : str or None
-        Joint to the rigid body that holds it.
-    base : Address or None
-        Point of the holding body.
+class Tie(NamedTuple):
+    """Site that moves with its parent, but for the freedoms of their joint; without a joint it moves freely."""
+
+    site: Site
+    joint: str = ""
+    parent: Site = FIXED
+
+
+def spanning_tree(joints: Mapping[str, tuple[Site, Site]], roots: Iterable[Site]) -> tuple[list[Tie], list[str]]:
+    """Ties of all sites, parents first, and the joints that close loops.
+
+    ``joints``: both sites of each, those first that the tree prefers; ``roots``: where it starts besides FIXED.
     """
+    group: dict[Site, Site] = {}
 
-    kind: str
-    at: tuple[float, float]
-    joint: str | None = None
-    base: Address | None = None
+    def group_of(site: Site) -> Site:
+        while (above := group.get(site, site)) != site:
+            site = above
+        return site
+
+    near: dict[Site, list[Tie]] = {}
+    closing = []
+    for joint, (first, second) in joints.items():
+        if group_of(first) == group_of(second):
+            closing.append(joint)
+            continue
+        group[group_of(second)] = group_of(first)
+        near.setdefault(first, []).append(Tie(second, joint, first))
+        near.setdefault(second, []).append(Tie(first, joint, second))
+    found = {FIXED: Tie(FIXED)}
+    for root in (FIXED, *roots):
+        wave = [found.setdefault(root, Tie(root))]
+        for tie in wave:  # it grows
+            new = [each for each in near.pop(tie.site, ()) if each.site not in found]
+            found |= {each.site: each for each in new}
+            wave += new
+    return list(found.values())[1:], closing
 
 
 def prescribed_bodies(mechanism: Mechanism) -> set[str]:
@@ -44,54 +65,40 @@ def prescribed_bodies(mechanism: Mechanism) -> set[str]:
     return placed
 
 
-def carried_bodies(scene: Scene) -> dict[str, Carried]:
-    """Rigid bodies that move with the deformation; holding bodies come before those that they hold.
+def carried_bodies(scene: Scene) -> list[Tie]:
+    """Ties of the rigid bodies that move with the deformation by joints between rigid bodies, holders first.
 
     Raises
     ------
     SceneError
         For a rigid body with redundant constraints by other rigid bodies, or on the guide of a carried body.
     """
-    prescribed = prescribed_bodies(mechanism_of(scene))
-    carried: dict[str, Carried] = {}
-    waiting = [name for name, body in scene.bodies.items() if not body.elastic and name not in prescribed]
-    while waiting:
-        holders = {name: _holders(scene, name, prescribed | set(carried)) for name in waiting}
-        name = next((name for name in waiting if holders[name]), waiting[0])
-        waiting.remove(name)
-        if len(holders[name]) > 1:
-            joints = " and ".join(joint for joint, _, _ in holders[name])
+    mechanism = mechanism_of(scene)
+    prescribed, rigid = prescribed_bodies(mechanism), [name for name, body in scene.bodies.items() if not body.elastic]
+    sites: dict[str, Site] = {name: FIXED if name in prescribed else (name, None) for name in (GROUND, *rigid)}
+    sides = {}
+    for name, joint in mechanism.joints.items():
+        first, second = map(sites.get, joint.bodies)
+        if first is not None and second is not None and first != second:
+            sides[name] = first, second
+    ties, closing = spanning_tree(sides, map(sites.__getitem__, rigid))
+    for tie in ties:
+        if tie.joint and mechanism.joints[tie.joint].slides and tie.parent != FIXED:
             raise SceneError(
-                f"bodies.{name}", "rigid", f"{joints} connect it to rigid bodies that move apart as links deform",
-                "Use preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
-            )  # fmt: skip
-        carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
-    return carried
-
-
-def _holders(scene: Scene, body: str, known: set[str]) -> list[tuple[str, Address, Address]]:
-    """Joints to rigid bodies whose motion is known: (joint, own point, the other body's point)."""
-    found = []
-    for name, joint in scene.joints.items():
-        first, second = joint.addresses
-        for own, other in ((first, second), (second, first)):
-            if own.body == body and other.body in known:
-                found.append((name, own, other))
-    return found
-
-
-def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[str]) -> Carried:
-    name, own, other = holder
-    joint = scene.joints[name]
-    if joint.kind == "prismatic":
-        if other.body not in prescribed:
-            raise SceneError(
-                f"joints.{name}", other.body, "the guide is on a body that the deformation of elastic links moves",
+                f"joints.{tie.joint}", tie.parent[0],
+                "the guide is on a body that the deformation of elastic links moves",
                 "Use preset coupled or rigid, or put the guide on the ground or on a driven body",
             )  # fmt: skip
-        return Carried("guided", scene.point(own), name, other)
-    kind = "hinged" if joint.kind == "revolute" and name not in scene.drives else "welded"
-    return Carried(kind, scene.point(own), name, other)
+        before = {FIXED, *(each.site for each in ties[: ties.index(tie)])}
+        held = [name for name in sides if name in (tie.joint, *closing) and tie.site in sides[name]
+                and before & {*sides[name]}]  # fmt: skip
+        if len(held) > 1:
+            raise SceneError(
+                f"bodies.{tie.site[0]}", "rigid",
+                f"{' and '.join(held)} connect it to rigid bodies that move apart as links deform",
+                "Use preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
+            )  # fmt: skip
+    return ties
 
 
 def check_elastic(scene: Scene) -> None:

@@ -18,13 +18,12 @@ from kaneflex.fem.assembly import (
     place_rigid,
     place_torques,
 )
-from kaneflex.fem.coordinate_map import Frame, build_frame
+from kaneflex.fem.coordinate_map import Frame, SiteMotions, build_frame
 from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import same_mechanism
-from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, count_of_modes, keep_terms
 from kaneflex.scene import Scene
@@ -111,13 +110,14 @@ def _planar_stage(
     scene: Scene, options: Options, motion: RigidKinematics, frozen: Mapping[str, np.ndarray]
 ) -> Stage:
     """Meshed links and coordinates of a planar scene; ``frozen``: bases of reductions."""
-    links, carried = _links(scene, options, motion), carried_bodies(scene)
-    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
+    links = _links(scene, options, motion)
+    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, frozen)
-    frame = build_frame(scene, parts, carried, interfaces)
-    sites = Sites(scene, links, parts, frame)
+    motions = SiteMotions(scene, parts, interfaces)
+    frame = build_frame(motions, parts)
+    sites = Sites(scene, links, parts, motions, frame)
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
-    placed += [*place_rigid(sites, carried), *place_torques(sites)]
+    placed += [*place_rigid(sites), *place_torques(sites)]
     sprung: list[Placed] = []
     if scene.springs:
         from kaneflex.fem.springs import place_springs
