@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 2,
-    "fem": 25,
+    "fem": 19,
     "integrate": 13,
     "mechanism": 4,
     "multibody": 36,

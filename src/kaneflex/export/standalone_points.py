@@ -57,7 +57,8 @@ class Points:
         found = {}
         for name, L in self.frame.maps.items():
             place = self.model.parts[name].place
-            displaced = [row for link, node in self.interfaces.displaced if link == name for row in place[node][:2]]
+            displaced = [row for link, node in self.interfaces.displaced
+                         if link == name and node is not None for row in place[node][:2]]  # fmt: skip
             constant = as_array(L.terms.get((), np.zeros(L.shape))).copy()
             constant[displaced] = 0.0
             rows, columns = np.nonzero(constant)
