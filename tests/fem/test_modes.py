@@ -1,18 +1,20 @@
-"""Natural frequencies of the mechanism: the corrected one, the paper's welded frame, and how modes are returned."""
+"""Natural frequencies of the mechanism: the corrected one, the welded frame, what holds it, and how many there are."""
 
 import numpy as np
 import pytest
-from runs import model, peaks, run
+from runs import derived_on_the_fly, model, peaks, run
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
+from kaneflex import SceneError, load, scene_of, simulate, with_settings
 from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.report.presentation import at_drive
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.mode_angle_envelope import mode_angle_spread
-from kaneflex.support.errors import SceneError
+from kaneflex.solve.quasistatic import mechanism_modes
+from kaneflex.solve.simulation import solve
 
 SPEED = 2 * np.pi * 100
 ONE_EACH = ("engine-elastic-crank", "crank.elements=1", "rod.elements=1")
@@ -233,3 +235,87 @@ def scalars(of, t):
     """Scalars of a model's rigid motion at an instant."""
     rigid = of.motion.at(np.array([t]))
     return {name: rigid[name] for name in of.motion.column}
+
+
+PLANE = """
+schema = 1
+gravity = [0, -9.81]
+bodies.bar = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}, elements = 2}}
+bodies.block = {mass = "1 kg"}
+joints.wall = {weld = ["ground", "bar.start"]}
+joints.tip = {weld = ["bar.end", "block"]}
+sensors.y = {position = "block", component = "y"}
+solve = {preset = "coupled", duration = "0.02 s", steps = 20, errors = "none"}
+"""
+"""As ``shared/cases/default_modes.toml`` has it, for a shorter time."""
+SAG = 9.81 * (1.0 / 3 + 7850 * 1e-4 / 8) / (210e9 * 1e-8 / 12)
+"""Of the tip by the weights of block and bar [m], by Euler and Bernoulli."""
+
+
+@pytest.mark.parametrize(
+    ("elements", "shapes", "modes"),
+    [(1, "craig-bampton", 0), (2, "craig-bampton", 2), (4, "craig-bampton", 3), (2, "polynomial", 2)],
+)
+def test_the_default_takes_the_modes_that_a_link_has(elements, shapes, modes):
+    scene = with_settings(scene_of(PLANE), [f"bar.elements={elements}", f"bar.shapes={shapes}"])
+    model = load(scene)
+    assert model.coupled.shapes["bar"].transverse.shape[1] - 2 == modes  # less the static shapes of the tip
+    notes = [text for text in model.warnings if text.startswith(f"bar has only {modes} of the default's 3 modes")]
+    assert len(notes) == (modes < 3)
+    still = solve(load(with_settings(scene, ["solve.start=quasistatic"])))
+    assert abs(still.series["y"].values).max() == pytest.approx(SAG, rel=2e-3)
+
+
+def test_modes_that_are_asked_for_must_be_there():
+    with pytest.raises(SceneError, match="up to 2 fixed-interface modes of bar"):
+        load(with_settings(scene_of(PLANE), ["solve.modes=3"]))
+
+
+def test_one_element_has_nothing_left_to_reduce():
+    """A reduction that keeps all coordinates of a link, which has no share of its own between its ends."""
+    settings = ["bar.elements=1", "solve.preset=stiffened", "solve.start=quasistatic"]
+    scene = with_settings(scene_of(PLANE), settings)
+    whole, reduced = (
+        solve(load(with_settings(scene, [f"solve.reduction={kind}"]))).series["y"].values
+        for kind in ("none", "craig-bampton")
+    )
+    assert reduced == pytest.approx(whole, rel=1e-12)
+
+
+WELDED_LINK = """
+schema = 1
+bodies.base = {length = "1 m", pose = {at = [0, 0], angle = 0}, beam = {E = 2.1e11, rho = 7850, A = 1e-3, I = 1e-8}}
+bodies.tip = {length = "1 m", pose = {at = [1, 0], angle = 0}, beam = {E = 2.1e11, rho = 7850, A = 1e-3, I = 1e-8}}
+joints.wall = {weld = ["ground", "base.start"]}
+joints.seam = {weld = ["base.end", "tip.start"]}
+loads.push = {force_on = "tip.end", direction = [0, 1], value = "1e-3 N"}
+sensors.end = {displacement = "tip.end", component = "y"}
+sensors.wall_y = {joint_force = "wall", component = "y"}
+solve = {preset = "quasistatic", duration = "1 s", steps = 4}
+"""
+
+
+def test_a_clamped_structure_is_not_free_flying_however_stiff_a_link_is(tmp_path):
+    """Two welded beams: tip by F (b^3 / (3 E I_b) + (a^3 / 3 + a^2 b + a b^2) / (E I_a)), wall by equilibrium."""
+    found = derived_on_the_fly(WELDED_LINK, tmp_path)
+    for ratio, elements in ((1e6, 64), (1e9, 16)):
+        settings = [f"bodies.tip.beam.I={1e-8 * ratio!r}", f"base.elements={elements}", f"tip.elements={elements}"]
+        stiff = load(with_settings(found.scene, settings))
+        assert mechanism_modes(stiff, 0.0) == 0
+        with pytest.warns(match="the stiffness matrix is ill-conditioned"):
+            series = simulate(stiff).series
+        # as well as such a condition allows: rounding differs from processor to processor
+        assert series["end"].values == pytest.approx(1e-3 * (7 / 3 + 1 / 3 / ratio) / 2.1e3, rel=0.1)
+        assert abs(series["wall_y"].values) == pytest.approx(1e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(("scene", "settings", "free"), [
+    ("free-frame", (), 3),
+    ("engine-elastic-crank", ("drives.main.rotation=free",), 1),
+    ("engine-elastic-crank", (), 0),
+    ("pin-ended-cross", (), 0),
+    ("four-bar", (), 0),
+])  # fmt: skip
+def test_motions_that_deform_nothing_are_counted_by_geometry(scene, settings, free):
+    found = model(scene, *settings)
+    assert mechanism_modes(found, 0.3 * found.options.duration) == free

@@ -35,15 +35,17 @@ def differences(scene, settings, parameter, frozen=True, step=STEP):
     return found
 
 
-def check(scene, settings, name, frozen=True, tolerance=1e-6):
+def check(scene, settings, *names, frozen=True, step=STEP, tolerance=1e-6):
     """Every sensor's slope against differences: of its own size, or of a hundredth of its sensor's."""
     solution = run(scene, *settings)
-    found = sensitivities(solution, [name], frozen)
-    expected = differences(scene, settings, found.parameters[0], frozen)
-    assert found.slopes[name].keys() == solution.series.keys()
-    for sensor, slope in found.slopes[name].items():
-        size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
-        np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=tolerance * size, err_msg=f"{sensor}, {name}")
+    found = sensitivities(solution, list(names), frozen)
+    for parameter in found.parameters:
+        expected = differences(scene, settings, parameter, frozen, step)
+        assert found.slopes[parameter.name].keys() == solution.series.keys()
+        for sensor, slope in found.slopes[parameter.name].items():
+            size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
+            where = f"{sensor}, {parameter.name}"
+            np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=tolerance * size, err_msg=where)
 
 
 @pytest.mark.exhaustive(share=2)
@@ -225,15 +227,7 @@ def compared(scene, names, frozen=True, step=5e-4):
 
     Stored instants lie so close that the control of the error has no say: a neighbour would answer it with other steps.
     """
-    solution = run(*scene)
-    found = sensitivities(solution, names, frozen)
-    for parameter in found.parameters:
-        expected = differences(scene[0], scene[1:], parameter, frozen, step)
-        assert found.slopes[parameter.name].keys() == solution.series.keys()
-        for sensor, slope in found.slopes[parameter.name].items():
-            size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
-            where = f"{sensor}, {parameter.name}"
-            np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=3e-6 * size, err_msg=where)
+    check(scene[0], scene[1:], *names, frozen=frozen, step=step, tolerance=3e-6)
 
 
 @pytest.mark.exhaustive(group="runs", share=2)

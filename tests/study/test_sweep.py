@@ -10,11 +10,12 @@ import pytest
 import xarray
 from command_line import cli, refused
 from runs import solved
+from studies import dataset, plan_of, swept_in
 
 from kaneflex import OutputError, SceneError, read_scene, sweep, with_settings
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.response.time_statistics import statistics, statistics_of_all
-from kaneflex.study.plan import Plan, make_plan
+from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
 from kaneflex.study.sweep import Progress, in_this_process
@@ -28,27 +29,13 @@ STUDY = HEAD + """
 """Nine points; with a rod of 30 mm the linkage can't close."""
 
 
-def plan_of(folder: Path, text: str = STUDY) -> Plan:
-    file = folder / "study.toml"
-    file.write_text(text)
-    return make_plan(file)
-
-
 def points(**tables: object) -> list[dict]:
     return points_of(Study.model_validate({"scene": "engine", **tables}))
 
 
-def dataset(folder: Path) -> xarray.Dataset:
-    with xarray.open_dataset(folder / "sweep.nc", engine="scipy") as found:
-        return found.load()
-
-
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory) -> tuple[Plan, xarray.Dataset]:
-    folder = tmp_path_factory.mktemp("sweep")
-    plan = plan_of(folder)
-    sweep(plan, folder / "out")
-    return plan, dataset(folder / "out")
+    return swept_in(tmp_path_factory.mktemp("sweep"), STUDY)
 
 
 def test_lists_ranges_and_listed_points_are_combined_and_the_last_varies_fastest():
@@ -131,7 +118,7 @@ def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr("kaneflex.solve.variants.solve", broken)
-    record = next(solve_points(plan_of(tmp_path), [0]))
+    record = next(solve_points(plan_of(tmp_path, STUDY), [0]))
     assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
 
 
