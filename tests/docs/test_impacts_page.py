@@ -2,24 +2,18 @@
 
 import math
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 from command_line import cli, unrendered
-from places import DOCS
+from pages import blocks, check_printed, commands, page
 from runs import run
 
 from kaneflex.study.poincare import Poincare
 
-PAGE = DOCS / "impacts.md"
-TEXT = PAGE.read_text(encoding="utf-8")
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
+TEXT = page("impacts.md")
 
 
 def row(start: str) -> list[float]:
@@ -33,9 +27,9 @@ def outputs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
         unrendered(patch, drawn=False)
-        for text in blocks("toml"):
+        for text in blocks(TEXT, "toml"):
             Path(text.split()[1]).write_text(text)
-        yield [cli(*shlex.split(line)[1:]) for text in blocks("sh") for line in text.splitlines()]
+        yield [cli(*arguments) for arguments in commands(TEXT)]
 
 
 def test_the_commands_draw_what_the_page_says(outputs):
@@ -49,9 +43,7 @@ def test_the_commands_draw_what_the_page_says(outputs):
 
 
 def test_the_python_prints_what_its_comments_say(capsys):
-    (code,) = blocks("python")
-    exec(compile(code, "impacts.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^# (.*)$", code, flags=re.MULTILINE)
+    check_printed(TEXT, capsys, r"^# (.*)$")
 
 
 def test_a_section_holds_the_ends_of_periods():

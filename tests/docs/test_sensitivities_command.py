@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray
 from command_line import cli, refused
-from places import DOCS
+from pages import check_printed, commands, page
 from runs import model, run
 
 import kaneflex
@@ -17,21 +17,16 @@ from kaneflex import SceneError, read_scene, sensitivities, with_settings
 from kaneflex.plots import studies
 from kaneflex.study.sensitivity.parameters import find_parameters
 
-PAGE = DOCS / "sensitivities.md"
-TEXT = PAGE.read_text(encoding="utf-8")
+TEXT = page("sensitivities.md")
 QUICK = ("solve.preset=quasistatic", "solve.steps=72")
-
-
-def block(language: str) -> str:
-    (found,) = re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
-    return found
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> tuple[Path, str]:
     """The folder that the page's command makes, and what it prints."""
     path = tmp_path_factory.mktemp("page") / "out"
-    found = cli(*shlex.split(block("sh"))[1:], "-o", path, "--no-plots")
+    (command,) = commands(TEXT)
+    found = cli(*command, "-o", path, "--no-plots")
     assert found.exit_code == 0, found.output
     return path, found.stdout
 
@@ -75,9 +70,7 @@ def test_the_bars_are_the_numbers_of_the_table(tmp_path, monkeypatch):
 
 
 def test_the_python_prints_what_its_comments_say(capsys):
-    code = block("python")
-    exec(compile(code, "sensitivities.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, flags=re.MULTILINE)
+    check_printed(TEXT, capsys)
 
 
 def test_links_and_options_of_the_page_are_there():

@@ -1,22 +1,19 @@
 """docs/stability.md: its commands run, and the page shows what they print."""
 
 import re
-import shlex
 
 import pytest
 from command_line import cli
-from places import DOCS
+from pages import check_printed, commands, page
 
-PAGE = DOCS / "stability.md"
-TEXT = PAGE.read_text(encoding="utf-8")
+TEXT = page("stability.md")
 
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory) -> str:
-    commands = [line for block in re.findall(r"```sh\n(.*?)```", TEXT, flags=re.DOTALL) for line in block.splitlines()]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
-        results = [cli(*shlex.split(command)[1:]) for command in commands]
+        results = [cli(*arguments) for arguments in commands(TEXT)]
     assert [result.exit_code for result in results] == [0, 0]
     return "\n".join(result.stdout for result in results)
 
@@ -33,6 +30,4 @@ def test_the_page_has_every_finding(printed):
 
 
 def test_the_python_prints_what_its_comment_says(capsys):
-    (block,) = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
-    exec(compile(block, "stability.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    check_printed(TEXT, capsys)

@@ -1,23 +1,16 @@
 """docs/sweep.md: its study and commands run as they stand, its Python prints what it says, its table has every key."""
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 import xarray
 from command_line import cli, unrendered
-from places import DOCS
+from pages import blocks, check_printed, commands, page
 
 from kaneflex.study.study import Axis, Sample, Study
 
-PAGE = DOCS / "sweep.md"
-TEXT = PAGE.read_text(encoding="utf-8")
-
-
-def block(language: str) -> str:
-    (found,) = re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
-    return found
+TEXT = page("sweep.md")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -26,9 +19,9 @@ def outputs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
         unrendered(patch, drawn=False)
-        Path("rod.toml").write_text(block("toml"))
-        commands = [shlex.split(line)[1:] for line in block("sh").splitlines()]
-        yield [cli(*arguments) for arguments in commands]
+        (study,) = blocks(TEXT, "toml")
+        Path("rod.toml").write_text(study)
+        yield [cli(*arguments) for arguments in commands(TEXT)]
 
 
 def test_the_commands_give_the_same_dataset(outputs):
@@ -39,9 +32,7 @@ def test_the_commands_give_the_same_dataset(outputs):
 
 
 def test_the_python_prints_what_its_comments_say(capsys):
-    code = block("python")
-    exec(compile(code, "sweep.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, flags=re.MULTILINE)
+    check_printed(TEXT, capsys)
 
 
 def test_the_table_has_every_key():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray
 from command_line import cli, refused, unrendered
+from pages import check_printed, page
 from places import DOCS
 from runs import run
 
@@ -16,6 +17,7 @@ from kaneflex import SceneError, compare, read_scene, with_settings
 from kaneflex.solve.curves import Curves
 from kaneflex.study.comparison import side_by_side
 
+PAGE = page("comparison.md")
 PRESETS = ("rigid", "quasistatic", "linear", "stiffened")
 
 
@@ -128,17 +130,13 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path, monkeypatc
 
 
 def test_the_page_prints_what_it_says(capsys):
-    page = (DOCS / "comparison.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
-    exec(compile(block, "comparison.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
-    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
+    check_printed(PAGE, capsys)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", PAGE):
         assert (DOCS / picture).exists()
 
 
 def test_the_pages_commands_are_accepted():
-    page = (DOCS / "comparison.md").read_text(encoding="utf-8")
-    options = {option for command in re.findall(r"^kaneflex compare .*$", page, re.MULTILINE) for option in
+    options = {option for command in re.findall(r"^kaneflex compare .*$", PAGE, re.MULTILINE) for option in
                re.findall(r"--[a-z-]+", command)}  # fmt: skip
     shown = cli("compare", "--help").stdout
     assert options and all(option in shown for option in options)

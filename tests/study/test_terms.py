@@ -8,6 +8,7 @@ from dataclasses import replace
 import csv_tables
 import pytest
 from command_line import cli
+from pages import check_printed, page
 from places import DOCS
 
 from kaneflex import SceneError, Terms, read_scene, scene_of, terms, trade, with_settings
@@ -20,6 +21,8 @@ from kaneflex.study.runs import run
 from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral
 from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
 from kaneflex.study.trade.terms import groups
+
+PAGE = page("trade.md")
 
 
 def chosen(scene, *names):
@@ -190,23 +193,18 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
 
 
 def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):
-    docs = DOCS
-    page = (docs / "trade.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
-    exec(compile(block, "trade.md", "exec"), {})
-    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
-    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
-        assert (docs / picture).exists()
+    check_printed(PAGE, capsys)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", PAGE):
+        assert (DOCS / picture).exists()
     for command in ("trade", "terms", "run", "derive"):
         shown = cli(command, "--help").stdout
-        lines = re.findall(rf"^kaneflex {command} .*$", page, re.MULTILINE)
+        lines = re.findall(rf"^kaneflex {command} .*$", PAGE, re.MULTILINE)
         assert lines and all(option in shown for line in lines for option in re.findall(r"--[a-z-]+", line))
 
 
 def test_the_pages_table_is_that_of_the_engine(effects):
-    page = (DOCS / "trade.md").read_text(encoding="utf-8")
     for name, effect in effects.items():
-        (row,) = re.findall(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
+        (row,) = re.findall(rf"^\| {name} \| (.*) \|$", PAGE, re.MULTILINE)
         change, rms, sensor, needed, operations = (cell.strip() for cell in row.split("|"))
         assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.peak_share, rel=0.05)
         assert float(rms.removesuffix(" %")) == pytest.approx(100 * effect.rms, rel=0.05)

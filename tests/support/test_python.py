@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from places import DOCS
+from pages import check_printed, page
 from scipy.io import netcdf_file
 
 import kaneflex
@@ -197,19 +197,12 @@ def test_quiet_and_verbose(tmp_path, monkeypatch):
 
 
 def test_the_page_s_examples_run_and_print_what_they_say(tmp_path, monkeypatch, capsys):
-    text = (DOCS / "python.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     monkeypatch.chdir(tmp_path)
-    namespace: dict[str, object] = {}
-    for block in blocks:
-        exec(compile(block, "python.md", "exec"), namespace)
-    promised = re.findall(r"^ *print\(.*\)  # (.*)$", "\n".join(blocks), flags=re.MULTILINE)
-    assert promised and capsys.readouterr().out.splitlines() == promised
+    check_printed(page("python.md"), capsys)
 
 
 def test_the_page_names_what_there_is():
-    text = (DOCS / "python.md").read_text(encoding="utf-8")
-    column = " ".join(re.findall(r"^\| (`.*?) \|", text, flags=re.MULTILINE))
+    column = " ".join(re.findall(r"^\| (`.*?) \|", page("python.md"), flags=re.MULTILINE))
     verbs = set(re.findall(r"`(\w+)`", column))
     functions = {name for name in kaneflex.__all__ if name[0].islower()}
     assert verbs <= functions
