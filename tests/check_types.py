@@ -19,9 +19,9 @@ BASELINE = {
     "multibody": 36,
     "plots": 31,
     "report": 5,
-    "response": 30,
+    "response": 26,
     "scene": 59,
-    "solve": 23,
+    "solve": 22,
     "study": 70,
     "support": 3,
 }

@@ -72,7 +72,7 @@ def test_a_mode_that_only_turns_the_nodes_counts_like_others(start):
 def test_joint_forces_balance_the_piston():
     """m a = gas + wrist force: multipliers against the accelerations and the gas table."""
     solution = run("engine", "solve.preset=coupled")
-    motion = solution.motion
+    motion = solution.motion.moving
     mass = solution.model.scene.bodies["piston"].mass
     a_x = motion.body("piston")[2][0]
     gap = mass * a_x + solution.rigid["gas"] - motion.reactions["wrist.force_x"]
@@ -125,7 +125,7 @@ solve = {preset = "coupled", duration = "0.5 s", steps = 1000}
 def test_a_pushed_cart_and_its_mast_take_up_the_impulse():
     """Momentum of cart and mast against the integral of the force; the mast's from its nodes by Simpson's rule."""
     solution = solved(scene_of(CART))
-    motion, mast = solution.motion, solution.model.links["mast"]
+    motion, mast = solution.motion.moving, solution.model.links["mast"]
     v_x = np.array([motion.moving_place("mast", (node, 0.0))[1][0] for node in mast.nodes])
     weights = np.array([1, 4, 2, 4, 2, 4, 1]) / 18
     momentum = 2.0 * motion.body("cart")[1][0] + 7850.0 * 40e-6 * 0.5 * weights @ v_x
@@ -167,7 +167,7 @@ ground.wall = ["-1 m", 0]
 def test_a_spring_and_its_damper_hold_the_cart():
     """Tension k (L - L_0) + c L' of the cart's own slide, the cart's balance of forces, and that of the energy."""
     solution = solved(scene_of(CART + 'sensors.pull = {spring_force = "back"}' + SPRINGS))
-    motion = solution.motion
+    motion = solution.motion.moving
     slide, speed, accel = (part[0] for part in motion.body("cart"))
     pull = solution.series["pull"].values
     assert pull == pytest.approx(2000 * slide + 4 * speed, abs=1e-9)

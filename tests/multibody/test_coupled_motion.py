@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import STENCIL, gaps, model, run
+from runs import STENCIL, gaps, model, run, solved
 
+from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
-from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
+from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result
@@ -37,7 +38,7 @@ def test_rates_are_the_derivatives_of_places():
     moved = still(given.coupled, q)
     moved.rows[:, 0] = times
     solution = as_result(given, replace(moved, v=v, a=a), 0.0)
-    motion = solution.motion
+    motion = solution.motion.moving
     found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
     for name, (place, rate, accel) in found.items():
         for lower, higher in ((place, rate), (rate, accel)):
@@ -50,7 +51,7 @@ def test_constraints_are_the_gaps_between_these_places():
     system, joints = given.coupled, given.scene.joints
     q = 0.1 * np.random.default_rng(5).normal(size=(1, system.size))
     found = gaps(system, 0.0, q[0])
-    motion = CoupledMotion(given, given.motion.at(0.0), still(system, q))
+    motion = FloatingMotion.of(given, given.motion.at(0.0), still(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
@@ -68,11 +69,12 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     numbers = {"rho_A": density(middles), "rho_A_rise": -0.2 * lengths}
     numbers |= {"rho_I": rotary(middles), "rho_I_rise": 0.03 * lengths}
     own = replace(link, parameters=dict(link.parameters) | numbers)
-    system = replace(given.coupled, links={"strip": own})
+    shapes = {"strip": replace(given.coupled.shapes["strip"], link=own)}
+    system = replace(given.coupled, links={"strip": own}, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
     trajectory = replace(still(system, q), v=v, a=a)
-    motion = CoupledMotion(replace(given, coupled=system), given.motion.at(0.0), trajectory)
+    motion = FloatingMotion.of(replace(given, coupled=system), given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0
 
@@ -90,7 +92,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
 
 def test_shear_does_not_jump_beside_a_joint():
     """It is what the joint exerts there, the ringing in tension included, which sections far from joints leave out."""
-    motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion
+    motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion.moving
     sections = balanced(motion)["strip"]
     c, s = np.cos(motion.body("strip")[0][2]), np.sin(motion.body("strip")[0][2])
     force = [motion.reactions[f"hinge.force_{axis}"] for axis in "xy"]
@@ -102,7 +104,7 @@ def test_shear_does_not_jump_beside_a_joint():
 
 def test_balances_at_joints_are_evaluated_once_for_all_sections(monkeypatch):
     """Two balances at each station, and two at each end of the link: it has no joint between these."""
-    sections = balanced(run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion)["strip"]
+    sections = balanced(run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion.moving)["strip"]
     asked, section = [], Balance.section
     monkeypatch.setattr(Balance, "section", lambda self, x, after=False: asked.append(x) or section(self, x, after))
     for x in np.linspace(0.1, 0.9, 9):
@@ -129,3 +131,22 @@ def test_where_the_rigid_mechanism_stands_depends_on_nothing_that_was_asked_befo
     first = motion.at(times).values.copy()
     motion.at(np.linspace(0.07, 0.0, 9)).values  # noqa: B018
     assert np.array_equal(motion.at(times).values, first)
+
+
+def test_a_force_in_body_axes_turns_with_its_section():
+    """The end of a bent cantilever carries the force as the equations apply it: along the axes of the section there."""
+    scene = {
+        "schema": 1, "name": "follower", "ground": {"base": [0, 0]},
+        "joints": {"root": {"weld": ["ground.base", "rod"]}},
+        "bodies": {"rod": {"length": "1 m", "beam": {
+            "elements": 4, "section": {"rectangle": ["20 mm", "4 mm"]}, "material": "aluminium",
+        }}},
+        "loads": {"tip": {"force_on": "rod.end", "direction": [0, 1], "axes": "body", "value": "6 N"}},
+        "solve": {"preset": "coupled", "duration": "0.1 s", "steps": 20},
+    }  # fmt: skip
+    motion = solved(scene_of(scene)).motion
+    theta = motion.moving.moving_place("rod", (1.0, 0.0))[0][2]
+    N, V, _ = motion.section("rod", 1.0)
+    assert abs(theta).max() > 0.02
+    assert N == pytest.approx(-6.0 * np.sin(theta), abs=1e-9)
+    assert V == pytest.approx(6.0 * np.cos(theta), abs=1e-9)

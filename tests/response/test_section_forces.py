@@ -82,7 +82,7 @@ def test_the_slider_cranks_bending_converges_with_its_modes():
     least = []
     for modes in (3, 5):
         solution = run(scene, f"solve.modes={modes}")
-        least.append(balanced(solution.motion)["rod"].section(0.15)[2].min())
+        least.append(balanced(solution.motion.moving)["rod"].section(0.15)[2].min())
     assert least == pytest.approx([-6.34] * 2, rel=1e-2)
 
 
@@ -165,7 +165,7 @@ def axes_of(solution, link):
     """cos and sin of the axes in which a link's section forces are given."""
     if solution.model.coupled is None:
         return solution.rigid[f"{link}.c"], solution.rigid[f"{link}.s"]
-    phi = solution.motion.body(link)[0][2]
+    phi = solution.motion.moving.body(link)[0][2]
     return np.cos(phi), np.sin(phi)
 
 

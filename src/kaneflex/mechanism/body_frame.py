@@ -12,9 +12,10 @@ acceleration relative to the body's start, in the body's axes,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -70,6 +71,8 @@ class BodyFrame:
 
     motion: Scalars
     body: str
+    relative: ClassVar[tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = velocity, acceleration
+    """Velocity and acceleration relative to an origin, by the rotation."""
 
     def _scalar(self, key: str) -> np.ndarray:
         if self.body == GROUND:
@@ -125,9 +128,26 @@ class BodyFrame:
 
     def components(self, d: np.ndarray, d_rate: np.ndarray, d_accel: np.ndarray) -> Rates:
         """Components of a global vector in these axes, and the rates of these components, from its global rates."""
-        omega, epsilon = self.omega, self.epsilon
+        omega, epsilon, (velocity, acceleration) = self.omega, self.epsilon, self.relative
         return (
             self.to_body(d),
             self.to_body(velocity(-omega, d, d_rate)),
             self.to_body(acceleration(-omega, -epsilon, d, d_rate, d_accel)),
         )
+
+    def gap(self, p, other: BodyFrame, there) -> Rates:
+        """Global position of a point of other axes relative to a point of these, with its rates; both points are fixed
+        in their axes."""
+        return (
+            other.place(there) - self.place(p), other.velocity(there) - self.velocity(p),
+            other.acceleration(there) - self.acceleration(p),
+        )  # fmt: skip
+
+    def apart(self, p, other: BodyFrame, there) -> Rates:
+        """The same in these axes, with its rates there."""
+        return self.components(*self.gap(p, other, there))
+
+    def turned(self, other: BodyFrame) -> Rates:
+        """Rotation of other axes relative to these, from -pi to pi, and its rates, (1, n_times) each."""
+        c, s = self.to_body((other.c, other.s))
+        return np.arctan2(s, c)[None], (other.omega - self.omega)[None], (other.epsilon - self.epsilon)[None]

@@ -20,9 +20,21 @@ _SMALL = 1e-2
 """Square of an angle below which a series, exact to 1e-12, avoids the difference of nearly equal numbers."""
 
 
+def velocity(omega, p, p_rate=_STILL) -> np.ndarray:
+    """Relative velocity p' + omega x p."""
+    return p_rate + cross(omega, p)
+
+
+def acceleration(omega, epsilon, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
+    """Relative acceleration p'' + 2 omega x p' + epsilon x p + omega x (omega x p)."""
+    return p_accel + cross(epsilon, p) + cross(omega, cross(omega, p) + 2.0 * p_rate)
+
+
 class SpatialFrame(BodyFrame):
     """Axes of a body, or of the ground, in a motion in space: points p are given in these axes, (3,) or (3, n_times)
     [m]; vectors are (3, n_times)."""
+
+    relative = velocity, acceleration
 
     @cached_property
     def axes(self) -> np.ndarray:
@@ -56,14 +68,18 @@ class SpatialFrame(BodyFrame):
 
     def velocity(self, p, p_rate=_STILL) -> np.ndarray:
         """Global velocity of a point that moves by p' in these axes [m/s]."""
-        return self._vector("v_x", "v_y", "v_z") + cross(self.omega, self.to_global(p)) + self.to_global(p_rate)
+        return self._vector("v_x", "v_y", "v_z") + velocity(self.omega, self.to_global(p), self.to_global(p_rate))
 
     def acceleration(self, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
         """Global acceleration of a point that moves by p', p'' in these axes [m/s^2]."""
-        arm, omega = self.to_global(p), self.omega
-        carried = cross(self.epsilon, arm) + cross(omega, cross(omega, arm))
-        relative = self.to_global(p_accel) + 2.0 * cross(omega, self.to_global(p_rate))
-        return self._vector("a_x", "a_y", "a_z") + carried + relative
+        moved = map(self.to_global, (p, p_rate, p_accel))
+        return self._vector("a_x", "a_y", "a_z") + acceleration(self.omega, self.epsilon, *moved)
+
+    def turned(self, other: BodyFrame) -> Rates:
+        """Rotation vector of other axes relative to these, the angular velocity and its rate, (3, n_times) each."""
+        angle = rotation_vector(np.einsum("jit,jkt->ikt", self.axes, cast(SpatialFrame, other).axes))
+        omega = other.omega - self.omega
+        return angle, self.to_body(omega), self.to_body(other.epsilon - self.epsilon - cross(self.omega, omega))
 
 
 def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, relative: np.ndarray) -> Rates:
@@ -90,12 +106,19 @@ def turn_rates(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -
 def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> Rates:
     """Displacement of a joint along its axis, with two rates [m, m/s, m/s^2], (n_times,) each."""
     on_first, on_second = (side.at for side in joint.sides)
-    axis, omega, epsilon = first.to_global(joint.axes[0]), first.omega, first.epsilon
-    apart = second.place(on_second) - first.place(on_first)
-    moves = second.velocity(on_second) - first.velocity(on_first) - cross(omega, apart)
-    speeds_up = second.acceleration(on_second) - first.acceleration(on_first) - cross(epsilon, apart)
-    speeds_up -= cross(omega, cross(omega, apart)) + 2.0 * cross(omega, moves)
-    return _dot(axis, apart), _dot(axis, moves), _dot(axis, speeds_up)
+    apart = first.apart(on_first, second, on_second)
+    return cast(Rates, tuple(np.asarray(joint.axes[0]) @ part for part in apart))
+
+
+def rotation_vector(turned: np.ndarray) -> np.ndarray:
+    """Rotation vectors [rad] of rotation matrices (3, 3, n), (3, n), with angles up to pi."""
+    from scipy.spatial.transform import Rotation
+
+    found = np.full((3, turned.shape[2]), np.nan)
+    known = np.isfinite(turned).all(axis=(0, 1))
+    if known.any():
+        found[:, known] = Rotation.from_matrix(turned[:, :, known].transpose(2, 0, 1)).as_rotvec().T
+    return found
 
 
 def applied(matrices: np.ndarray, vector) -> np.ndarray:

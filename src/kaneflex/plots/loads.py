@@ -88,10 +88,10 @@ def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
 
 def _speed(motion: Motion, joint: str) -> np.ndarray:
     """Speed of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
-    from kaneflex.response.coupled_motion import CoupledMotion  # with numba
+    from kaneflex.response.floating_motion import FloatingMotion  # with numba
 
-    if isinstance(motion, CoupledMotion):
-        return motion.coordinate(joint)[1]
+    if isinstance(motion.scalars, FloatingMotion):
+        return motion.scalars.coordinate(joint)[1]
     scene = motion.model.scene
     first, second = scene.joints[joint].addresses
     one, other = (motion.rigid.frame(address.body) for address in (first, second))

@@ -93,10 +93,9 @@ def _lines(scene: Scene, body: str) -> tuple[list[Vector], list[tuple[int, int]]
 
 def _moving(motion: Motion, body: str, at: Vector) -> np.ndarray:
     """Place of a point, its displacement, velocity and acceleration, all global, (4, 3, n_times)."""
-    frame, dimensions = motion.rigid.frame(body), len(at)
-    d, d_rate, d_accel = (part[:dimensions] for part in motion.displacement(body, at))
-    p = np.reshape(at, (dimensions, 1)) + d
-    found = [frame.place(p), frame.to_global(d), frame.velocity(p, d_rate), frame.acceleration(p, d_rate, d_accel)]
+    dimensions = len(at)
+    d = motion.rigid.frame(body).to_global(motion.displacement(body, at)[0][:dimensions])
+    found = [motion.place(body, at), d, *(motion.rate(body, at, order)[0] for order in (1, 2))]
     return np.array([np.vstack([part, np.zeros((3 - dimensions, part.shape[1]))]) for part in found])
 
 

@@ -1,4 +1,4 @@
-"""Motion of a coupled trajectory.
+"""Motion of a coupled trajectory, in the plane and in space.
 
 It has two descriptions. *In the floating frames*: motion of the frames and small deformation in them, from which
 positions and section forces follow. *Relative to the rigid mechanism*, whose drives have the coordinates of the coupled
@@ -7,137 +7,190 @@ motion: displacements, so that sensors have the same meaning under every preset.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
-from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import Side
+from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.trajectory import by_themselves
-from kaneflex.response.dalembert import Balanced, balanced
+from kaneflex.response.dalembert import Balance, Balanced, balanced
 from kaneflex.response.floating_motion import FloatingMotion
-from kaneflex.response.motion import Section, beside
+from kaneflex.response.motion import Motion, Section
+
+if TYPE_CHECKING:
+    pass
+
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledMotion(FloatingMotion):
-    """Motion of a coupled trajectory; displacements are relative to the rigid mechanism."""
+class CoupledMotion(Motion):
+    """Motion of a coupled trajectory; displacements are relative to the rigid mechanism.
+
+    ``moving``: frames of the bodies with their shapes, forces and loads.
+    """
+
+    moving: DeformingMotion
 
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        of = self.system.engine.columns
-        return self.trajectory.rows[:, of["q"]].T, self.trajectory.rows[:, of["u"]].T
+        return self.moving.state
 
     @property
-    def energy(self) -> Energy:
-        return self.trajectory.energy
+    def energy(self) -> Energy | None:
+        return getattr(self.moving, "energy", self.model.energy)
 
     @property
     def has_rigid_forces(self) -> bool:
         """True if rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
         vibrate with them."""
         scene = self.model.scene
-        deforms = self.system.engine.shapes.any() and not (scene.contacts or scene.frictions)
-        return bool(deforms) and self.model.module.determined
+        return bool(self.moving.shapes) and self.model.module.determined and not (scene.contacts or scene.frictions)
 
     @cached_property
     def rigid_forces(self) -> RigidMotion:
         reference = self.model.module
         rows = reference.system.states(reference.rows(self.times, reference.first))
         trajectory = by_themselves(rows, reference.system.unfold(rows))
-        return CoupledMotion(replace(self.model, coupled=reference.system), self.rigid, trajectory).floating
+        return FloatingMotion.of(replace(self.model, coupled=reference.system), self.rigid, trajectory)
 
     @property
     def scalars(self) -> RigidMotion:
-        return self.floating
+        return self.moving
 
     def taken(self, instants: np.ndarray) -> CoupledMotion:
-        rigid = self.rigid.taken(instants)
-        picked = {key: getattr(self.trajectory, key)[instants] for key in ("rows", "q", "v", "a", "multipliers")}
-        shift = {name: part[instants] for name, part in self.shift.items()}
-        contacts, frictions = self.trajectory.contacts, self.trajectory.frictions
-        trajectory = replace(
-            self.trajectory, **picked, contacts=contacts and contacts.taken(instants),
-            frictions=frictions and frictions.taken(instants),
-        )  # fmt: skip
-        return replace(self, rigid=rigid, trajectory=trajectory, shift=shift, whole=self.whole or self)
+        rigid, moving = self.rigid.taken(instants), self.moving.taken(instants)
+        return replace(self, rigid=rigid, moving=moving, whole=self.whole or self)
+
+    # ---- in the floating frames -------------------------------------------------------------------------------
+
+    def nodes(self, link: str) -> np.ndarray:
+        return self.moving.shapes[link].basis @ self.moving.modal(link)[0]
+
+    def reaction(self, name: str) -> np.ndarray:
+        return self.moving[name]
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        between = self.model.scene.springs[name].torsional_at is None
+        return self.moving[f"{name}.{'tension' if between else 'torque'}"]
+
+    def section(self, link: str, x: float, after: bool = False) -> Section:
+        return self._elastic_section(link, x, after) if link in self._balances else super().section(link, x, after)
 
     def _elastic_section(self, link: str, x: float, after: bool) -> Section:
         return self._balances[link].section(x, after)
 
     @cached_property
-    def _balances(self) -> dict[str, Balanced]:
-        return balanced(self)
+    def _balances(self) -> Mapping[str, Balance | Balanced]:
+        return balanced(self.moving)
+
+    @property
+    def _floating(self) -> FloatingMotion:
+        """Motion of a planar mechanism."""
+        return cast(FloatingMotion, self.moving)
+
+    def place(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
+        """Global position of a point in this motion, known even where the rigid mechanism does not close."""
+        frame, p = self._section(body, at)
+        return frame.place(p)
+
+    def rate(self, body: str, at: tuple[float, ...], order: int) -> tuple[np.ndarray, np.ndarray]:
+        frame, p = self._section(body, at)
+        return (frame.acceleration(p), frame.epsilon) if order == 2 else (frame.velocity(p), frame.omega)
+
+    def angle(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
+        """Angle of a body at a point in this motion, with the full turns that sensors leave out."""
+        left_out = self._floating.turns_left_out.get(body, 0.0)
+        return self._floating.moving_place(body, cast(tuple[float, float], at))[0][2] - left_out
+
+    def slide(self, joint: str) -> np.ndarray:
+        return self._floating.coordinate(joint)[0]
+
+    def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
+        deforms = body != GROUND and self.model.scene.bodies[body].deforms
+        return (self.rigid if deforms or body == GROUND else self.moving).frame(body).to_body(vector)
+
+    def _section(self, body: str, at: tuple[float, ...]) -> tuple[Any, Any]:
+        """Axes of the section at a point, and the point in these."""
+        frame, side = self.moving.section_frame(Side(body, at))
+        return frame, side.at
 
     # ---- relative to the rigid mechanism ----------------------------------------------------------------------
 
-    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        frame = self.model.frame
-        if body in self.system.links:
-            return beside(self._in_axes(body, self._moved(body, (at[0], 0.0))), (0.0, at[1]))
-        if frame is None or body in frame.bodies or self.model.scene.bodies[body].modal is not None:
-            return self._in_axes(body, self._moved(body, at))
-        return self._still()
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> Rates:
+        carried = self.model.frame
+        if carried is not None and not self.model.scene.bodies[body].deforms and body not in carried.bodies:
+            return self._still()
+        frame, (section, p) = self.rigid.frame(body), self._section(body, at)
+        found = tuple(map(np.vstack, zip(frame.apart(at, section, p), frame.turned(section), strict=True)))
+        for part in found:
+            part[self._held(body, at)] = 0.0
+        return cast(Rates, found)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of the rigid motion with the turns counted by the run, including earlier ones."""
-        frame = self.rigid.frame(body)
+        frame, moving = self.rigid.frame(body), self._floating
         angle = np.arctan2(frame.s, frame.c)
-        return angle + whole_turns(self.body(body)[0][2] - self._turns_left_out[body] - angle)
+        return angle + whole_turns(moving[f"{body}.phi"] - moving.turns_left_out[body] - angle)
 
-    def _moved(self, body: str, at: tuple[float, float]) -> Rates:
-        """Global displacement and rotation of a point relative to the rigid mechanism with rates, (3, n_times) each."""
-        frame = self.rigid.frame(body)
-        moved = self.moving_place(body, at)
-        before = frame.place(at), frame.velocity(at), frame.acceleration(at)
-        phi, turned = self.body(body)[0][2], moved[0][2]
-        c, s = frame.to_body((np.cos(phi), np.sin(phi)))
-        angles = turned - phi + np.arctan2(s, c), moved[1][2] - frame.omega, moved[2][2] - frame.epsilon
-        parts = [np.vstack([new[:2] - old, angle]) for new, old, angle in zip(moved, before, angles, strict=True)]
-        for part in parts:
-            part[self._held(body, at[0])] = 0.0
-        return tuple(parts)
-
-    def _held(self, body: str, x: float) -> list[int]:
+    def _held(self, body: str, at: tuple[float, ...]) -> list[int]:
         """Components among x, y and the angle that joints keep as in the rigid mechanism, up to rounding."""
-        interfaces, link = self.model.interfaces, self.system.links.get(body)
-        at = None if link is None else link.node_at(x)
-        if interfaces is None or at is None or (body, at) not in interfaces.displaced:
+        interfaces, link = self.model.interfaces, self.model.links.get(body)
+        at_node = None if link is None or any(at[1:]) else link.node_at(at[0])
+        if interfaces is None or at_node is None or (body, at_node) not in interfaces.displaced:
             return []
-        node = body, at
+        node = body, at_node
         fixed = interfaces.displaced[node] in interfaces.fixed
         clamped = interfaces.turned[node] in interfaces.clamped
         return [0, 1] * fixed + [2] * clamped
 
     @cached_property
     def coordinates(self) -> Rates:
-        names = self.model.equations.coordinates
-        rows: dict[str, Rates] = {}
-        for name, link in self.system.links.items():
+        """Coordinates of the linear equations; without these the amplitudes of all shapes."""
+        names, rows = self.model.equations.coordinates, dict[str, list[np.ndarray]]()
+        if not names:
+            parts = [(np.zeros((0, len(self.times))),) * 3, *map(self.moving.modal, self.moving.shapes)]
+            return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
+        for name, link in self.model.links.items():
             for node, x in enumerate(link.nodes):
-                local = self.displacement(name, (x, 0.0))
-                for k, dof in enumerate(("u", "v", "theta")):
-                    rows[f"{name}.{node}.{dof}"] = tuple(part[k] for part in local)
+                for dof, *row in zip(("u", "v", "theta"), *self.displacement(name, (x, 0.0)), strict=True):
+                    rows[f"{name}.{node}.{dof}"] = row
         joints = self.model.interfaces.joint if self.model.interfaces is not None else {}
-        displaced = self.model.interfaces.displaced if self.model.interfaces is not None and joints else {}
-        for (body, node), group in displaced.items():
-            moved = self._moved(body, (self.system.links[body].nodes[node], 0.0))
-            for k, axis in enumerate("xy"):
-                rows[f"{joints[group]}.{axis}"] = tuple(part[k] for part in moved)
+        for (body, node), group in self.model.interfaces.displaced.items() if self.model.interfaces and joints else ():
+            for axis, *row in zip("xy", *self._moved(body, (self.model.links[body].nodes[node], 0.0)), strict=True):
+                rows[f"{joints[group]}.{axis}"] = row
         for name in self.model.frame.bodies if self.model.frame is not None else ():
             rows |= self._carried_rows(name)
         found = (np.array([rows[name][order] for name in names]) for order in range(3))
-        return tuple(part.reshape(len(names), len(self.times)) for part in found)
+        return cast(Rates, tuple(part.reshape(len(names), len(self.times)) for part in found))
 
-    def _carried_rows(self, name: str) -> dict[str, Rates]:
+    def _moved(self, body: str, at: tuple[float, ...]) -> Rates:
+        """Global displacement of a planar point and its rates, (2, n_times) each."""
+        moved = self.rigid.frame(body).gap(at, *self._section(body, at))
+        return cast(Rates, tuple(0.0 * part for part in moved)) if 0 in self._held(body, at) else moved
+
+    def _carried_rows(self, name: str) -> dict[str, list[np.ndarray]]:
         """Displacement of a carried rigid body's start, its rotation, and its slide along its guide."""
-        moved = self._moved(name, (0.0, 0.0))
-        rows = {f"{name}.{key}": tuple(part[k] for part in moved) for k, key in enumerate(("x", "y", "turn"))}
+        moved, turns = self._moved(name, (0.0, 0.0)), [part[2] for part in self.displacement(name)]
+        rows = {f"{name}.{axis}": row for axis, *row in zip("xy", *moved, strict=True)} | {f"{name}.turn": turns}
         for joint in self.model.scene.joints.values():
             if joint.kind == "prismatic" and name in (address.body for address in joint.addresses):
-                local = self._in_axes(joint.addresses[0].body, moved)
-                rows[f"{name}.slide"] = tuple(np.array(joint.direction) @ part[:2] for part in local)
+                local = self.rigid.frame(joint.addresses[0].body).components(*moved)
+                rows[f"{name}.slide"] = [np.array(joint.direction) @ part for part in local]
         return rows
+
+
+def coupled_motion(model: Model, moved: RigidMotion, trajectory: Any, whole: Motion | None = None) -> CoupledMotion:
+    """Motion of a run; ``moved``: the model's motion at its instants, in space of the bodies that deform."""
+    if model.coupled is not None:
+        return CoupledMotion(model, moved, FloatingMotion.of(model, moved, trajectory), whole=whole)
+    moving = cast(DeformingMotion, moved)
+    return CoupledMotion(model, moving.motion.rigid.later(moving.times), moving, whole=whole)

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.mechanism.body_frame import BodyFrame
-from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.body_frame import rotate
+from kaneflex.mechanism.spatial_frame import applied
 from kaneflex.mechanism.wrenches import Wrench, moment_of
-from kaneflex.response.section_forces import LinkForces, rate_of_momentum, spread_loads
-from kaneflex.scene.quantities import Address
+from kaneflex.response.section_forces import LinkForces, carried, rate_of_momentum, spread_loads
 
 if TYPE_CHECKING:
-    from kaneflex.response.floating_motion import FloatingMotion
+    from kaneflex.multibody.time.sections import Deformed, DeformingMotion
 
 _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
-class DAlembert(ABC):
+class Balance:
     """Equilibrium of one link in its deformed configuration by d'Alembert's principle.
 
     Force and moment at a section are int rho A (a - g) and its moment over the part before it, less all forces on that
@@ -40,7 +38,7 @@ class DAlembert(ABC):
     weight and distributed loads.
     """
 
-    motion: Any
+    motion: DeformingMotion
     link: str
     wrenches: Callable[[], Iterable[Wrench]]
 
@@ -79,57 +77,67 @@ class DAlembert(ABC):
         """Positions [m] of loads, and their sums."""
         return [(each.on[0], each.about_start) for each in self.wrenches()]
 
-    @property
-    @abstractmethod
-    def _link(self) -> Link: ...
+    @cached_property
+    def _link(self) -> Link:
+        return cast(Link, self.motion.link(self.link))
 
-    @abstractmethod
+    def _at(self, x: float) -> Deformed:
+        """Motion of the axis at x [m] from the start."""
+        return self.motion.deformed(self.link, np.array(self.motion.scene.vector((x, 0.0))))
+
+    @cached_property
+    def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return carried(self.motion.scene, self.motion, self.link)
+
     def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Slice of an element at x [m] from the start: place, acceleration less gravity, and rate of the moment of
         momentum about its own centre per length."""
+        part, own, (force, omega, epsilon) = self._at(x), self._link, self._carried
+        (place, rate, accel), (turning, faster) = part.moved, part.turning
+        place = np.vstack([x + place[0], place[1:]])
+        force = force + self.motion.frame(self.link).relative[1](omega, epsilon, place, rate, accel)
+        if len(place) == 2:
+            share = (x - own.nodes[e]) / own.length_of(e) - 0.5
+            rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
+            return place, force, rotary * (epsilon + faster)
+        profile = self.motion.scene.bodies[self.link].profile
+        about_y, about_z = profile.at(x)[1:3]
+        I = np.array([[about_y + about_z], [about_y * profile.rotary], [about_z * profile.rotary]])
+        to_section = part.turned.swapaxes(0, 1)
+        own_omega = applied(to_section, omega + turning)
+        own_epsilon = applied(to_section, epsilon + moment_of(omega, turning) + faster)
+        return place, force, applied(part.turned, I * own_epsilon + moment_of(own_omega, I * own_omega))
 
-    @property
-    @abstractmethod
-    def _spread(self) -> Iterable[tuple[np.ndarray, np.ndarray]]:
+    @cached_property
+    def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Distributed loads in the link's axes: load at its start [N/m], and its slope [N/m^2]."""
+        turned = self._at(0.0).turned
+        to_body = partial(applied, turned) if turned.ndim == 3 else partial(rotate, np.cos(turned), np.sin(turned))
+        return list(spread_loads(self.motion.scene, self.motion, self.link, to_body))
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Section forces: axial force N [N, tension positive], shear force V [N] and bending moment M [N m], or N, V_y,
-        V_z, T, M_y, M_z; (3 or 6, n_times). Components are those along the floating frame's axes."""
+        V_z, T, M_y, M_z; (3 or 6, n_times). Components are those along the floating frame's axes, in space along those
+        of the tangent, the chord or the mean rotation, as in the plane."""
         total = self.before(x, after)
         n = len(total) // 2 + len(total) % 2
         total[n:] -= moment_of(self._slice(self._link.locate(x)[0], x)[0], total[:n])
-        return total
+        if n == 2:
+            return total
+        return cast(np.ndarray, np.einsum("jit,kjt->kit", self._turned, total.reshape(2, 3, -1)).reshape(6, -1))
+
+    @cached_property
+    def _turned(self) -> np.ndarray:
+        """Axes of the components in the body's axes, columns (3, 3, n_times)."""
+        from scipy.spatial.transform import Rotation
+
+        q, *_ = self.motion.modal(self.link)
+        turn = self.motion.shapes[self.link].turn
+        return cast(np.ndarray, Rotation.from_rotvec((turn @ q).T).as_matrix().transpose(1, 2, 0))
 
     def _sums(self, e: int, x: float) -> np.ndarray:
         """Rate of momentum of an element up to x [m], less its distributed loads."""
         return rate_of_momentum(self._link, e, x, partial(self._slice, e), self._spread)
-
-
-@dataclass(frozen=True, eq=False)
-class Balance(DAlembert):
-    """Equilibrium of a planar link."""
-
-    motion: FloatingMotion
-
-    @property
-    def _link(self) -> Link:
-        return self.motion.system.links[self.link]
-
-    @cached_property
-    def _axes(self) -> BodyFrame:
-        return self.motion.floating.frame(self.link)
-
-    def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        own, axes, gravity = self._link, self._axes, np.array(self.motion.model.scene.gravity)[:, None]
-        share = (x - own.nodes[e]) / own.length_of(e) - 0.5
-        rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
-        place, _, accel = self.motion.moving_place(self.link, (x, 0.0))
-        return axes.to_body(place[:2] - axes.origin), axes.to_body(accel[:2] - gravity), rotary * accel[2]
-
-    @cached_property
-    def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        return list(spread_loads(self.motion.model.scene, self.motion.floating, self.link))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +154,7 @@ class Balanced:
     quiet: Balance
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
-        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`DAlembert.section`."""
+        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
         N, V, M = self.loud.section(x, after)
         stops = self._stops
         if np.min(abs(stops - x)) > _SAME * stops[-1]:
@@ -160,11 +168,11 @@ class Balanced:
     def _stops(self) -> np.ndarray:
         """Positions of the ends, and of joints and contacts between them [m]."""
         motion, link = self.loud.motion, self.loud.link
-        scene = motion.model.scene
+        scene = motion.scene
         acting = [address for joint in scene.joints.values() for address in joint.addresses]
         acting += [side for contact in scene.contacts.values() for side in contact.sides]
         places = [scene.point(address)[0] for address in acting if address.body == link]
-        return np.unique([0.0, motion.system.links[link].length, *places])
+        return np.unique([0.0, motion.link(link).length, *places])
 
     @cached_property
     def _differences(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -175,29 +183,16 @@ class Balanced:
         return self.loud.section(x, after) - self.quiet.section(x, after)
 
 
-class FloatingForces(LinkForces):
-    """Forces on the links of a coupled motion in their floating frames, with lumped masses on the deflected axis."""
-
-    def __init__(self, motion: FloatingMotion):
-        super().__init__(motion.model.scene, motion.floating, self._deflected)
-        self.motion = motion
-
-    def _deflected(self, side: BodyPoint) -> tuple[BodyFrame, BodyPoint]:
-        """Floating axes of a point's body, and the displaced point in these."""
-        frame, place = self.rigid.frame(side.body), self.motion.moving_place(side.body, side.at)[0][:2]
-        x, y = frame.to_body(place - frame.origin)
-        return frame, replace(side, at=(x, y))
-
-    def specific_force(self, address: Address) -> np.ndarray:
-        g_x, g_y = self.scene.gravity
-        return self.motion.joined(address)[2] - np.array([[g_x], [g_y], [0.0]])
-
-    def balance(self, link: str) -> Balance:
-        """Equilibrium of a link with all forces on it."""
-        return Balance(self.motion, link, partial(self.wrenches, link))
-
-
-def balanced(motion: FloatingMotion) -> dict[str, Balanced]:
+def balanced(motion: DeformingMotion) -> dict[str, Balance] | dict[str, Balanced]:
     """Section forces of every link of a coupled motion."""
-    loud, quiet = FloatingForces(motion), FloatingForces(motion.quiet)
-    return {name: Balanced(loud.balance(name), quiet.balance(name)) for name in motion.system.links}
+    loud = _balances(motion)
+    if motion.quiet is motion:
+        return loud
+    return {name: Balanced(loud[name], quiet) for name, quiet in _balances(motion.quiet).items()}
+
+
+def _balances(motion: DeformingMotion) -> dict[str, Balance]:
+    """Equilibria of the elastic links with all forces on them."""
+    forces = LinkForces(motion.scene, motion, motion.section_frame)
+    links = [name for name in motion.shapes if motion.scene.bodies[name].elastic]
+    return {name: Balance(motion, name, partial(forces.wrenches, name)) for name in links}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
@@ -18,7 +18,8 @@ from kaneflex.response.section_forces import LinkForces
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
-    from kaneflex.scene.quantities import Address
+    from kaneflex.multibody.time.sections import DeformingMotion
+    from kaneflex.response.floating_motion import FloatingMotion
 
 Section = np.ndarray
 """Axial force N (tension positive), shear force V [N] and bending moment M [N m] in link axes, exerted by the part
@@ -72,18 +73,8 @@ class Motion(ABC):
         """Motion at some of its instants, by their indices."""
 
     @abstractmethod
-    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> Rates:
         """Displacement (x, y) and rotation of a point in its body's axes, and their rates there; each (3, n_times)."""
-
-    def from_rigid(self, address: Address, displacement: Callable[[Address], Rates]) -> np.ndarray:
-        """Displacement and rotation of a point relative to the rigid mechanism of :attr:`beside`, in its axes, (3 or 6,
-        n_times); ``displacement`` is that of a point as :meth:`displacement` returns it."""
-        return displacement(address)[0]
-
-    @property
-    def beside(self) -> RigidMotion:
-        """Rigid mechanism from which sensors of displacements count."""
-        return self.rigid
 
     def nodes(self, link: str) -> np.ndarray:
         """Displacements u, v, theta of an elastic link's nodes in the axes of its equations, without foreshortening;
@@ -100,11 +91,11 @@ class Motion(ABC):
 
     def modal(self, body: str) -> Rates:
         """Modal coordinates of a body and their two rates, (n, n_times) each; exist under preset coupled only."""
-        raise LookupError(body)
+        return cast("DeformingMotion", self.scalars).modal(body)
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m] and normal force [N] of a contact, (n_times,) each; exist in coupled motions only."""
-        raise LookupError(name)
+        return cast("FloatingMotion", self.scalars).contact(name)
 
     def clearance(self, name: str) -> np.ndarray:
         """Position of a pin or block in a joint with clearance, (3, n_times).
@@ -112,11 +103,11 @@ class Motion(ABC):
         Relative to the other side: x and y in m, and the angle [rad]. For a pin in global axes; for a block along its
         guide, across it to the left, and its tilt.
         """
-        raise LookupError(name)
+        return cast("FloatingMotion", self.scalars).clearance(name)
 
     def friction(self, name: str) -> np.ndarray:
         """Friction force or torque on the second side of a joint or contact [N or N m], (n_times,)."""
-        raise LookupError(name)
+        return cast("FloatingMotion", self.scalars).friction(name)
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
         """Section forces x [m] from a link's start; at a load, ``after`` selects the side."""
@@ -160,13 +151,13 @@ class Motion(ABC):
         near = np.interp(self.times, self.whole.times, self.whole.turned(body))
         return near + wrapped(angle - near)
 
-    def angle(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    def angle(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
         """Angle of a body at a point, elastic rotation included [rad]."""
         if body == "ground":
             return np.zeros(len(self.times))
         return self.turned(body) + self.displacement(body, at)[0][2]
 
-    def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    def place(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
         """Global position of a point including its displacement [m], (2, n_times)."""
         frame = self.rigid.frame(body)
         if body == "ground":
@@ -174,10 +165,14 @@ class Motion(ABC):
         d = self.displacement(body, at)[0][: len(at)]
         return frame.place(np.reshape(at, (-1, 1)) + d)
 
-    def point(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates | None:
-        """Position x, y [m] and angle [rad] of a displaced planar point with rates, (3, n_times) each, if known
-        without the rigid mechanism, which may not close there."""
-        return None
+    def rate(self, body: str, at: tuple[float, ...], order: int) -> tuple[np.ndarray, np.ndarray]:
+        """Global velocity (``order`` 1) or acceleration (2) of a displaced point, and that of its section's angle."""
+        frame, moved, n = self.rigid.frame(body), self.displacement(body, at), len(at)
+        p, *rates = (np.reshape(at, (-1, 1)) + moved[0][:n], *(part[:n] for part in moved[1 : order + 1]))
+        turn = moved[order][2] if n == 2 else frame.to_global(moved[order][3:])
+        if order == 1:
+            return frame.velocity(p, *rates), frame.omega + turn
+        return frame.acceleration(p, *rates), frame.epsilon + turn
 
     def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
         """Components of a global vector, (2 or 3, n_times), in the axes of sensors on a body.

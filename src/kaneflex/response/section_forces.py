@@ -24,7 +24,8 @@ class LinkForces:
     points of deformed bodies."""
 
     def __init__(self, scene: Scene, rigid: RigidMotion, carried: Carried | None = None):
-        self.scene, self.rigid, self.carried = scene, rigid, carried
+        self.scene, self.rigid = scene, rigid
+        self.carried: Carried = carried or (lambda side: (rigid.frame(side.body), side))
         self._known: dict[str, list[tuple[float, np.ndarray]]] = {}
 
     def section(self, name: str, x: float, after: bool = False) -> np.ndarray:
@@ -67,16 +68,16 @@ class LinkForces:
         for name, mass in scene.masses.items() if not scene.is_spatial else ():
             if mass.at.body == link:
                 x, y, epsilon = self.specific_force(mass.at)
-                side = BodyPoint(link, mass.at.point, scene.point(mass.at))
-                at = side.at if self.carried is None else self.carried(side)[1].at
-                force = -mass.mass * rigid.frame(link).to_body(np.array([x, y]))
-                yield Wrench(name, side.at, np.reshape(at, (2, -1)), force, -mass.inertia * epsilon)
+                side, frame = BodyPoint(link, mass.at.point, scene.point(mass.at)), rigid.frame(link)
+                axes, there = self.carried(side)
+                at = frame.to_body(axes.place(there.at) - frame.origin)
+                force = -mass.mass * frame.to_body(np.array([x, y]))
+                yield Wrench(name, side.at, at, force, -mass.inertia * epsilon)
 
     def specific_force(self, address: Address) -> np.ndarray:
-        """Acceleration a - g of a point of the rigid mechanism, global, and angular acceleration, (3, n_times)."""
-        frame = self.rigid.frame(address.body)
-        specific_force = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
-        return np.vstack([specific_force, frame.epsilon])
+        """Acceleration a - g of a planar point, global, and angular acceleration, (3, n_times)."""
+        axes, there = self.carried(BodyPoint(address.body, address.point, self.scene.point(address)))
+        return np.vstack([axes.acceleration(there.at) - np.array(self.scene.gravity)[:, None], axes.epsilon])
 
 
 def carried(scene: Scene, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

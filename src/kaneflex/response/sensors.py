@@ -131,8 +131,8 @@ class Reader:
     def __init__(self, motion: Motion):
         self.motion, self.rigid, self.scene = motion, motion.rigid, motion.model.scene
         self.steps = len(motion.times)
-        self._elastic: Callable[[Address], Rates] = cache(
-            lambda address: motion.displacement(address.body, self.scene.point(address))
+        self._displaced: Callable[[Address], np.ndarray] = cache(
+            lambda address: motion.displacement(address.body, self.scene.point(address))[0]
         )
 
     def read(self, sensor: Sensor) -> np.ndarray:
@@ -180,16 +180,6 @@ class Reader:
 
     # ---- motion of points -------------------------------------------------------------------------------------
 
-    def _point(self, address: Address) -> Rates:
-        """Position of a displaced point in its body's axes with rates, (2 or 3, n_times) each."""
-        at = self.scene.point(address)
-        d, d_rate, d_accel = (part[: len(at)] for part in self._elastic(address))
-        return np.reshape(at, (-1, 1)) + d, d_rate, d_accel
-
-    def _turn(self, frame: BodyFrame, moved: np.ndarray) -> np.ndarray:
-        """Contribution of a displacement, or of its rate, to a body's rotation, global."""
-        return moved[2] if len(moved) == 3 else frame.to_global(moved[3:])
-
     def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """Component of a global vector, or of an angle or a global rotation vector, that a sensor reads."""
         if sensor.component == "angle":
@@ -201,8 +191,7 @@ class Reader:
         return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        frame = self.motion.beside.frame(address_of(sensor).body)
-        return displacement_of(self.scene, sensor, frame, lambda at: self.motion.from_rigid(at, self._elastic))
+        return displacement_of(self.scene, sensor, self.rigid.frame(address_of(sensor).body), self._displaced)
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)
@@ -229,11 +218,12 @@ class Reader:
 
         name = address_of(sensor).body
         joint = spatial_mechanism_of(self.scene).joints[name]
-        joint, first, second = cast("SpatialMotion", self.rigid).joined_frames(joint)
+        scalars = cast("SpatialMotion", self.motion.scalars)
+        joint, first, second = scalars.joined_frames(joint)
         if sensor.component != "angle":
             rigid = slide_of(joint, first, second)
         else:
-            rigid = self.rigid[f"{name}.angle"], *turn_rates(joint, first, second)
+            rigid = scalars[f"{name}.angle"], *turn_rates(joint, first, second)
         if not self.motion.model.links:
             return rigid
         freedom = "angle" if sensor.component == "angle" else "position"
@@ -271,13 +261,7 @@ class Reader:
 
     def _rate(self, address: Address, order: int) -> tuple[np.ndarray, np.ndarray]:
         """Global velocity (``order`` 1) or acceleration (2) of a displaced point, and that of its angle."""
-        known = self.motion.point(address.body, self.scene.point(address))
-        if known is not None:
-            return known[order][:2], known[order][2]
-        frame, turn = self.rigid.frame(address.body), self._elastic(address)[order]
-        if order == 1:
-            return frame.velocity(*self._point(address)[:2]), frame.omega + self._turn(frame, turn)
-        return frame.acceleration(*self._point(address)), frame.epsilon + self._turn(frame, turn)
+        return self.motion.rate(address.body, self.scene.point(address), order)
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
@@ -298,7 +282,7 @@ class Reader:
 
     def _of_bushing(self, sensor: Sensor) -> np.ndarray:
         part = "force" if sensor.kind == "spring_force" else "moment"
-        return self.rigid[f"{sensor.target}.{part}_{sensor.component}"]
+        return self.motion.scalars[f"{sensor.target}.{part}_{sensor.component}"]
 
     def _stress(self, sensor: Sensor) -> np.ndarray:
         body, point = address_of(sensor)

@@ -15,7 +15,7 @@ from kaneflex.scene.contacts import Contact
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.response.coupled_motion import CoupledMotion
+    from kaneflex.response.floating_motion import FloatingMotion
     from kaneflex.scene.quantities import Address
     from kaneflex.solve.run_result import RunResult
 
@@ -68,7 +68,7 @@ def off_their_lines(solution: RunResult) -> Iterator[str]:
         pushed = np.flatnonzero(motion.contact(name)[1] > 0.0)
         if not len(pushed):
             continue
-        taken = cast("CoupledMotion", motion.taken(pushed))
+        taken = cast("FloatingMotion", motion.scalars.taken(pushed))
         base, tip = taken.joined(line)[0], taken.joined(point)[0]
         n_x, n_y = contact.direction
         t_x, t_y = rotate(np.cos(base[2]), np.sin(base[2]), (n_y, -n_x))

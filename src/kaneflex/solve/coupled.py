@@ -32,7 +32,7 @@ from kaneflex.multibody.time.spatial_curves import Curve, Followed
 from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.response.coupled_motion import CoupledMotion
+from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
@@ -231,7 +231,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
     system, rigid = model.coupled, model.motion
     assert system is not None and isinstance(rigid, ReferenceKinematics)
-    bare = CoupledMotion(model, rigid.at(trajectory.times), trajectory)
+    bare = FloatingMotion.of(model, rigid.at(trajectory.times), trajectory)
     moved = [bare.coordinate(name) for name in rigid.module.FREE]
     free = Courses(trajectory.times, *np.array(moved).reshape(-1, 3, len(trajectory.times)).transpose(1, 2, 0))
     run = None if system.engine.shapes.any() else trajectory

@@ -16,10 +16,9 @@ from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
 from kaneflex.multibody.time.neighbours import Neighbours, probes
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.response.coupled_motion import CoupledMotion
-from kaneflex.response.motion import Motion
+from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
+from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.sensors import sensor_values
-from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result, undeformed
@@ -86,14 +85,14 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
     equations = Equations(motion.module.system if system is None else system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
     given = equations.given(base, x)
-    beside: Motion
     if system is None:
         curve = Neighbours(motion.module.system, base, given)
         moved = cast(CoupledKinematics, motion).along(curve)
-        beside = SpatialCoupledMotion(replace(model, motion=moved), moved.at(curve.times))
+        beside = coupled_motion(replace(model, motion=moved), moved.at(curve.times), None)
     else:
         shift = dict(zip(inputs(model), x[:, 3 * n :].T, strict=True))
-        beside = replace(cast(CoupledMotion, as_result(model, probes(system, base, given), 0.0).motion), shift=shift)
+        beside = cast(CoupledMotion, as_result(model, probes(system, base, given), 0.0).motion)
+        beside = replace(beside, moving=replace(cast(FloatingMotion, beside.moving), shift=shift))
     rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
     return np.array(rows).reshape(len(sensors), len(weights))
 

@@ -116,14 +116,10 @@ class RunResult:
     def motion(self) -> Motion:
         """Motion for sensors, events and pictures; it caches its results, so request it once."""
         whole = None if self.whole is None else self.whole.motion
-        if self.model.coupled is not None:
-            from kaneflex.response.coupled_motion import CoupledMotion
+        if self.model.options.dynamics == "coupled":
+            from kaneflex.response.coupled_motion import coupled_motion
 
-            return CoupledMotion(self.model, self.rigid, self.trajectory, whole=whole)
-        if self.model.coupled_in_space is not None:
-            from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
-
-            return SpatialCoupledMotion(self.model, self.rigid, whole=whole)
+            return coupled_motion(self.model, self.rigid, self.trajectory, whole)
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
         coordinates = series if basis is None else tuple(basis @ part for part in series)

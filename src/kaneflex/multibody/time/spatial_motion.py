@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.mechanism.spatial import Side, SpatialJoint
+from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.dynamics.spatial_work import Instants
 from kaneflex.multibody.model.computed_module import ComputedModule
+from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.spatial_layout import COORDINATE
+from kaneflex.multibody.model.spatial_layout import COORDINATE, Deformable
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.revolutions import Counts
+from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
-from kaneflex.multibody.time.spatial_sections import Deformed, SectionFrame, deformed, modal_scalars, modal_series
+from kaneflex.scene import Scene
 
 _XYZ = "xyz"
 _BODY = (
@@ -32,6 +37,7 @@ _BODY = (
 )
 _JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
                for name in COMPONENTS)  # fmt: skip
+_RATES = (("", "m"), ("_rate", "m/s"), ("_accel", "m/s^2"))
 _STEPS = 500
 """Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
 _AT_ONCE = 1024
@@ -54,6 +60,8 @@ class SpatialModule(ComputedModule):
     system: SpatialSystem
     open_reactions: frozenset[str] = frozenset()
     more: tuple[tuple[str, str, str], ...] = ()
+    determined: ClassVar[bool] = False
+    """In the plane: whether runs of deforming bodies also have forces of the rigid mechanism."""
 
     @cached_property
     def FREE(self) -> tuple[str, ...]:
@@ -82,7 +90,8 @@ class SpatialModule(ComputedModule):
             found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
         found += [(f"{name} energy", "J", "of shapes and springs") for name in ("kinetic", "strain", "weight")]
         for body, shapes in self.system.layout.shapes.items():
-            found += [(name, unit, "of a shape") for name, unit in modal_scalars(body, shapes.count)]
+            for tail, unit in _RATES:
+                found += [(f"{body}.shape_{k}{tail}", unit, "of a shape") for k in range(shapes.count)]
         return (*found, *self.more)
 
     @cached_property
@@ -169,7 +178,7 @@ class SpatialKinematics(RigidKinematics):
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
             found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
             *(each[:, None] for each in (kinetic, strain, weight)),
-            *modal_series(system, found),
+            *_modal_series(system, found),
         ])  # fmt: skip
 
     @cached_property
@@ -248,22 +257,39 @@ class SpatialKinematics(RigidKinematics):
         times = np.atleast_1d(np.asarray(times, dtype=float))
         return SpatialMotion(self, times, self.table(times))
 
+    def later(self, times: np.ndarray) -> SpatialMotion:
+        """The same, tabulated on request."""
+        return _Later(self, times)
+
 
 @dataclass(frozen=True, eq=False)
-class SpatialMotion(RigidMotion):
+class SpatialMotion(DeformingMotion):
     """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
 
+    motion: Any
     freedoms = 6
 
     @property
     def system(self) -> SpatialSystem:
         return self.motion.module.system
 
-    def taken(self, instants: np.ndarray) -> SpatialMotion:
-        return SpatialMotion(self.motion, self.times[instants], self.values[instants])
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        found = self.system.instants(self.motion.curve.rows(self.times))
+        return found.q.T, rates_of(self.system.engine, found.q, found.u).T
+
+    @property
+    def scene(self) -> Scene:  # type: ignore[override]
+        return self.system.scene
+
+    @property
+    def shapes(self) -> Mapping[str, Deformable]:  # type: ignore[override]
+        return self.system.layout.shapes
+
+    def taken(self, instants: np.ndarray) -> Self:
+        return type(self)(self.motion, self.times[instants], self.values[instants])
 
     def modal(self, body: str) -> Rates:
-        """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
         first, count = self.motion.column[f"{body}.shape_0"], self.system.layout.shapes[body].count
         found = self.values[:, first : first + 3 * count].T.reshape(3, count, -1)
         return found[0], found[1], found[2]
@@ -272,21 +298,24 @@ class SpatialMotion(RigidMotion):
         """The axes of a body, or of the ground."""
         return SpatialFrame(self, body)
 
-    def deformed(self, side: Side) -> Deformed:
-        """Motion of a point of a deforming body relative to its body's axes."""
-        return deformed(self.system.layout.shapes[side.body], side, self.modal(side.body))
-
-    def section_frame(self, side: Side) -> tuple[SpatialFrame, Side]:
-        """Axes of the section at a point, and the point in these."""
-        if side.body not in self.system.layout.shapes:
-            return self.frame(side.body), side
-        frame = SectionFrame(self, side.body, np.asarray(side.at, float), self.deformed(side))
-        return frame, Side(side.body, (0.0, 0.0, 0.0))
-
     def joined_frames(self, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
         """Joint with its sides in the axes of their sections, and these axes."""
         (first, at_first), (second, at_second) = (self.section_frame(side) for side in joint.sides)
         return replace(joint, sides=(at_first, at_second)), first, second
+
+
+class _Later(SpatialMotion):
+    """Motion at some times that is tabulated on request."""
+
+    def __init__(self, motion: SpatialKinematics, times: np.ndarray) -> None:
+        self.__dict__.update(motion=motion, times=times)
+
+    def taken(self, instants: np.ndarray) -> Self:
+        return type(self)(self.motion, self.times[instants])
+
+    @cached_property
+    def values(self) -> np.ndarray:  # type: ignore[override]
+        return self.motion.table(self.times)
 
 
 def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
@@ -300,6 +329,17 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
     stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
     return [Closing(", ".join(system.layout.cuts), False, values, stand)]
+
+
+def _modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
+    """Modal coordinates, rates and accelerations of all deforming bodies, (n_times, count) each."""
+    series, first, modal = list[np.ndarray](), 0, system.engine.modal
+    for shapes in system.layout.shapes.values():
+        own = slice(first, first + shapes.count)
+        q, u = (places[own] for places in modal)
+        series += [found.q[:, q], found.u[:, u], found.du[:, u]]
+        first += shapes.count
+    return series
 
 
 def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:

@@ -1,0 +1,201 @@
+"""Positions, rotations and motions of sections of deforming bodies, from a motion's scalars."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self, cast
+
+import numpy as np
+from numba import njit
+
+from kaneflex.fem.links import Link
+from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
+from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import ModalData
+from kaneflex.support.fingerprint import made_of
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """Motion of a point relative to its body's axes, in these, (2 or 3, n_times) each.
+
+    Attributes
+    ----------
+    moved : Rates
+        Its displacement.
+    turned : ndarray
+        Rotation of its section: the angle (n_times,), in space the axes as columns (3, 3, n_times).
+    turning : tuple of two ndarray
+        Angular velocity and its rate.
+    """
+
+    moved: Rates
+    turned: np.ndarray
+    turning: tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class PointShapes:
+    """Shapes of a planar body with modal data, which its points have."""
+
+    data: ModalData
+
+    def carrier(self, at: Sequence[float]) -> Sequence[float]:
+        """The point itself."""
+        return at
+
+    def at(self, place: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Rows u, v and theta of the shapes, (3, count), and G (3, count, count)."""
+        k = self.data.at((place[0], 0.0))
+        s, w, psi, H = (self.data.arrays[key][k] for key in ("s", "w", "psi", "H"))
+        across, none = slice(len(s), None), np.zeros(len(s))
+        G = np.zeros((3, len(s) + len(w), len(s) + len(w)))
+        G[0, across, across] = -H
+        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), G
+
+
+def deformed(shapes: Any, at: np.ndarray, amplitudes: Rates) -> Deformed:
+    """Motion of a point of a deforming body; a point beside its carrier moves rigidly with the section there."""
+    place, n = shapes.carrier(at), len(at)
+    (rows, G), arm = shapes.at(place), np.subtract(at, place[:n])
+    q, u, b = amplitudes
+    d, d_rate, d_accel = (rows[:n] @ of for of in (q, u, b))
+    for k in np.flatnonzero(G[:n].any(axis=(1, 2))):
+        by_q = G[k] @ q
+        d[k] += 0.5 * np.einsum("jt,jt->t", q, by_q)
+        d_rate[k] += np.einsum("jt,jt->t", u, by_q)
+        d_accel[k] += np.einsum("jt,jt->t", b, by_q) + np.einsum("jt,jt->t", u, G[k] @ u)
+    turned, *turning = (_turn_in_space if n == 3 else _turn_in_plane)(*(rows[n:] @ of for of in (q, u, b)))
+    if arm.any():
+        velocity, acceleration = (SpatialFrame if n == 3 else BodyFrame).relative
+        carried = applied(turned, arm) if n == 3 else rotate(np.cos(turned), np.sin(turned), arm)
+        d += carried - arm[:, None]
+        d_rate += velocity(turning[0], carried)
+        d_accel += acceleration(*turning, carried)
+    return Deformed((d, d_rate, d_accel), turned, (turning[0], turning[1]))
+
+
+def _turn_in_plane(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
+    """Angle of a section, its angular velocity and acceleration."""
+    return [theta[0], rate[0], accel[0]]
+
+
+def _turn_in_space(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
+    """Axes of a section, its angular velocity and acceleration."""
+    turned, T, gamma = (np.ascontiguousarray(np.moveaxis(part, 0, -1)) for part in sections(theta.T, rate.T))
+    return [turned, applied(T, rate), applied(T, accel) + gamma]
+
+
+def sections(theta: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axes R and T (n, 3, 3) of sections that stand at theta (n, 3) and turn by T theta', and T' theta' (n, 3)."""
+    found = np.zeros((len(theta), 21))
+    _turn(np.hstack([theta, rate]), found)
+    return found[:, :9].reshape(-1, 3, 3), found[:, 9:18].reshape(-1, 3, 3), found[:, 18:]
+
+
+@njit(cache=True, error_model="numpy")
+@made_of(shape_laws.__file__)
+def _turn(angles, found):
+    """Evaluate `spatial_shapes.section` for rows of angles and their rates, (n_times, 6), into `found`, (., 21)."""
+    for k in range(len(angles)):
+        shape_laws.section(angles[k], 0, found[k], 0)
+
+
+class DeformingMotion(RigidMotion, ABC):
+    """Motion of bodies that deform, by the names of a rigid motion's scalars.
+
+    ``scene``; ``shapes`` of the bodies that deform.
+    """
+
+    motion: Any
+    scene: Scene
+    shapes: Mapping[str, Any]
+
+    @property
+    @abstractmethod
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of the equations and their rates, (n, n_times) each."""
+
+    @abstractmethod
+    def taken(self, instants: np.ndarray) -> Self: ...
+
+    @abstractmethod
+    def modal(self, body: str) -> Rates:
+        """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
+
+    @property
+    def quiet(self) -> Self:
+        """The same states without axial vibration of the links; here they are unchanged."""
+        return self
+
+    def link(self, name: str) -> Link:
+        """Finite elements of an elastic link."""
+        return cast(Link, self.shapes[name].link)
+
+    def section_frame(self, side: Any) -> tuple[Any, Any]:
+        """Axes of the section at a point, and the point in these."""
+        frame = self.frame(side.body)
+        if side.body not in self.shapes:
+            return frame, side
+        at = np.asarray(side.at, float)
+        kind = PlanarSection if len(at) == 2 else SpatialSection
+        return kind(self, side.body, frame, at, self.deformed(side.body, at)), replace(side, at=tuple(0.0 * at))
+
+    def deformed(self, body: str, at: np.ndarray) -> Deformed:
+        """Motion of a point of a deforming body relative to its body's axes."""
+        return deformed(self.shapes[body], at, self.modal(body))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionFrame(BodyFrame):
+    """Axes of a section of a deforming body, with their origin at one of its points.
+
+    ``frame``: the body's axes.
+    """
+
+    frame: Any
+    at: np.ndarray
+    deformed: Deformed
+
+    def _vector(self, *names: str) -> np.ndarray:
+        """Place, velocity and acceleration of the point."""
+        moved = self.deformed.moved
+        place = self.at[:, None] + moved[0]
+        if names[0] == "x":
+            return self.frame.place(place)
+        if names[0] == "v_x":
+            return self.frame.velocity(place, moved[1])
+        return self.frame.acceleration(place, *moved[1:])
+
+
+class PlanarSection(SectionFrame):
+    """Section of a planar body."""
+
+    def _scalar(self, key: str) -> np.ndarray:
+        frame, turned = self.frame, self.deformed.turned
+        if key in ("omega", "epsilon"):
+            return getattr(frame, key) + self.deformed.turning[key == "epsilon"]
+        return frame.to_global((np.cos(turned), np.sin(turned)))["cs".index(key)]
+
+
+class SpatialSection(SectionFrame, SpatialFrame):
+    """Section of a body in space."""
+
+    @cached_property
+    def axes(self) -> np.ndarray:
+        return np.einsum("ijt,jkt->ikt", self.frame.axes, self.deformed.turned)
+
+    @property
+    def omega(self) -> np.ndarray:
+        return self.frame.omega + self.frame.to_global(self.deformed.turning[0])
+
+    @property
+    def epsilon(self) -> np.ndarray:
+        frame, (omega, alpha) = self.frame, self.deformed.turning
+        return frame.epsilon + cross(frame.omega, frame.to_global(omega)) + frame.to_global(alpha)
