@@ -94,20 +94,13 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
     M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r. Damping acts
     on its velocity in the body's axes, d' - omega S d.
     """
-    load = Affine.constant([[mass * gravity[0]], [mass * gravity[1]], [0.0]])
-    load += Affine.term((f"{body}.a_x",), [[-mass], [0.0], [0.0]]) + Affine.term(
-        (f"{body}.a_y",), [[0.0], [-mass], [0.0]]
-    )
-    x, y = at
-    if x or y:
-        spin, turn = (f"{body}.omega", f"{body}.omega"), (f"{body}.epsilon",)
-        global_axes = to_link_axes(body).T
-        toward = global_axes @ Affine.constant([[mass * x], [mass * y]])
-        across = global_axes @ Affine.constant([[-mass * y], [mass * x]])
-        arms = toward @ Affine.term(spin, [[1.0]]) + across @ Affine.term(turn, [[-1.0]])
-        load += Affine.constant(np.eye(3)[:, :2]) @ arms
+    acceleration = Affine.constant(-np.reshape(gravity, (2, 1)))
+    acceleration += Affine.term((f"{body}.a_x",), [[1.0], [0.0]]) + Affine.term((f"{body}.a_y",), [[0.0], [1.0]])
+    if any(at):
+        acceleration += (to_link_axes(body).T @ Affine.constant(np.reshape(at, (2, 1)))).rate.rate
+    load = SHIFT.T @ (-mass * acceleration)
     if inertia:
-        load += Affine.term((f"{body}.epsilon",), [[0.0], [0.0], [-inertia]])
+        load += TURN.T @ Affine.term((f"{body}.epsilon",), [[-inertia]])
     part = sparse_part(name, 3, M=Affine.constant(np.diag([mass, mass, inertia])), F=load)
     return replace(part, turns=body)
 

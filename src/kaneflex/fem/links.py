@@ -118,20 +118,12 @@ class Link:
 
     def shape(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
-        if (e, local) not in self._shapes:
-            self._shapes[e, local] = self.functions(float(local), self._numbers[e])
-        return self._shapes[e, local]
+        return self.functions(local, {name: float(numbers[e]) for name, numbers in self.parameters.items()})
 
     @staticmethod
     def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
         """Rows of :meth:`shape` at x [m] from the start of an element with these parameters, or of many."""
         return shape_functions(x, of["length"], of["phi_s"], of["E_I_rise"] / of["E_I"])
-
-    @cached_property
-    def _numbers(self) -> list[dict[str, float]]:
-        """Parameters of each element as Python floats, which are faster."""
-        return [{name: float(numbers[e]) for name, numbers in self.parameters.items()}
-                for e in range(len(self.nodes) - 1)]  # fmt: skip
 
     @cached_property
     def gauss(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -143,28 +135,16 @@ class Link:
         """Parameter that grows linearly over an element, at the points of :attr:`gauss`, (elements, 5)."""
         return self.parameters[name][:, None] + 0.5 * self.parameters[f"{name}_rise"][:, None] * GAUSS[0]
 
-    @cached_property
-    def _shapes(self) -> dict[tuple[int, float], np.ndarray]:
-        """Cached results, since sensors share places, and the points of a study share a link."""
-        return {}
-
     def sums(self, kept: tuple[bool, ...], alpha: float, beta: float) -> Mapping[tuple[str, Monomial], np.ndarray]:
         """Sums of the element terms in use by "M", "C", "K" or "F" and monomial, with alpha M + beta K_s in C;
         (elements, 6, 6 or 1) each."""
-        if (kept, alpha, beta) not in self._sums:
-            found: dict[tuple[str, Monomial], np.ndarray] = {}
-            for (key, monomial, blocks), is_kept in zip(self.element_terms, kept, strict=True):
-                weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
-                for name, factor in ((key[0], float(is_kept)), ("C", weight)):
-                    if factor:
-                        found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
-            self._sums[kept, alpha, beta] = found
-        return self._sums[kept, alpha, beta]
-
-    @cached_property
-    def _sums(self) -> dict[tuple, Mapping[tuple[str, Monomial], np.ndarray]]:
-        """Cached results, since the points of a study share a link."""
-        return {}
+        found: dict[tuple[str, Monomial], np.ndarray] = {}
+        for (key, monomial, blocks), is_kept in zip(self.element_terms, kept, strict=True):
+            weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
+            for name, factor in ((key[0], float(is_kept)), ("C", weight)):
+                if factor:
+                    found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
+        return found
 
     def rigid_motion(self, x: float) -> np.ndarray:
         """Displacements and rotations at x in rigid motions of the link, by those of its start, (dofs, dofs)."""

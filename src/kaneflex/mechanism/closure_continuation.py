@@ -250,7 +250,8 @@ class _Follower:
         would reject some of them."""
         each = [drives(x) for x in xs]
         coordinates = {name: np.array([at[name] for at in each]) for name in each[0]}
-        found = self._closed(coordinates, _interpolated(np.array(few), poses, np.arange(len(xs))))
+        near = [np.interp(np.arange(len(xs)), few, pose) for pose in poses.T]
+        found = self._closed(coordinates, np.array(near).T)
         if found is None:
             return None
         before, after = (_Place(found.poses[part], found.jacobian[part]) for part in (slice(-1), slice(1, None)))
@@ -319,16 +320,3 @@ class _Follower:
             name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
         }
         return max(self.mechanism.loop_joints, key=strain.__getitem__)
-
-
-def _interpolated(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Values (n, columns) at ``x`` by the cubic through those at the four knots around each (Lagrange)."""
-    count = min(4, len(knots))
-    first = np.clip(np.searchsorted(knots, x) - count // 2, 0, len(knots) - count)
-    near = first[:, None] + np.arange(count)
-    total = np.zeros((len(x), values.shape[1]))
-    for k in range(count):
-        others = np.delete(knots[near], k, axis=1)
-        weight = np.prod((x[:, None] - others) / (knots[near[:, k], None] - others), axis=1)
-        total += weight[:, None] * values[near[:, k]]
-    return total

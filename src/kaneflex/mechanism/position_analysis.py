@@ -106,7 +106,7 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
         """The entry that chooses one closure of a group; empty where there is none to choose."""
         if closing is None:
             return ""
-        side = None if dyad is None else _side_of(dyad, poses)
+        side = _side_of(dyad, poses)
         if side is not None:
             return f" joints.{closing.name}.branch={'+' if side >= 0.0 else '-'}"
         return f" joints.{closing.name}.near.{group[0]}={math.degrees(float(wrapped(poses[group[0]][2]))):.0f}deg"
@@ -146,7 +146,7 @@ def with_branches(scene: Scene) -> Scene:
         closing = _closing(around)
         if closing and closing.near and not _is_larger(group, around):
             poses = poses or place(scene).poses
-            side = None if dyad is None else _side_of(dyad, poses)
+            side = _side_of(dyad, poses)
             ahead = side is None or side >= 0.0
             joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": "+" if ahead else "-"})
     return scene.model_copy(update={"joints": joints})
@@ -228,7 +228,7 @@ def _closed(
         assemblies = _assemblies(constraints, poses, group, joints)
     else:
         for closed in islice(_assembled(constraints, poses, group, joints, 1), _IN_VAIN + 1):
-            first, side = _closing(around), None if dyad is None else _side_of(dyad, closed)
+            first, side = _closing(around), _side_of(dyad, closed)
             if first is None or side is None or side * first.branch >= 0.0:
                 return {name: closed[name] for name in group}
     if assemblies:
@@ -423,7 +423,7 @@ def _dyad_of(group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
     return Dyad(middle, (first, last), (start, end))
 
 
-def _side_of(dyad: Dyad, poses: Poses) -> float | None:
+def _side_of(dyad: Dyad | None, poses: Poses) -> float | None:
     """Number whose sign is the branch of a dyad (see kaneflex.derive.equations.closure); None for others."""
-    vectors = dyad.vectors(axes_of(poses))
+    vectors = None if dyad is None else dyad.vectors(axes_of(poses))
     return None if vectors is None else cross(*vectors)

@@ -26,7 +26,6 @@ class LinkForces:
     def __init__(self, scene: Scene, rigid: RigidMotion, carried: Carried | None = None):
         self.scene, self.rigid = scene, rigid
         self.carried: Carried = carried or (lambda side: (rigid.frame(side.body), side))
-        self._known: dict[str, list[tuple[float, np.ndarray]]] = {}
 
     def section(self, name: str, x: float, after: bool = False) -> np.ndarray:
         """Section forces of the rigid link at x, from the equilibrium of the part before x under inertia, weight and
@@ -47,17 +46,12 @@ class LinkForces:
             # int_0^x q and int_0^x (x - X) q of the linear profile
             force = force - (start * x + rise * x**2 / 2)
             moment = moment + moment_of(along, start * x**2 / 2 + rise * x**3 / 6)
-        for at, push in self._acting(name):
+        for each in self.wrenches(name):
+            at, push = each.on[0], each.about_start
             if at < x or at == 0.0 or (after and at == x < body.length):
                 force = force - push[: len(along)]
                 moment = moment - push[len(along) :] + x * moment_of(along, push[: len(along)])
         return np.vstack([force, moment])
-
-    def _acting(self, name: str) -> list[tuple[float, np.ndarray]]:
-        """Distance [m], and force with its moment about the link's start, of all that acts at its points."""
-        if name not in self._known:
-            self._known[name] = [(each.on[0], each.about_start) for each in self.wrenches(name)]
-        return self._known[name]
 
     def wrenches(self, link: str) -> Iterator[Wrench]:
         """All that acts at points of a link, lumped masses of the plane included; in space these are bodies."""
