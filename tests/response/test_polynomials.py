@@ -11,7 +11,7 @@ import kaneflex
 from kaneflex import Solution, load, read_scene, shipped_scenes, with_settings
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.response.polynomials import Readings, sensor_readings
-from kaneflex.response.reactions import normal_equations
+from kaneflex.response.reactions import by_reflections
 from kaneflex.response.sensors import measure
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.variants import has_compiled_readings
@@ -35,7 +35,7 @@ def evaluated(readings: Readings, given: list[np.ndarray]) -> dict[str, np.ndarr
         elif n:
             A = np.array([of(each) for each in islice(sums, rows * n)]).reshape(rows, n, -1).transpose(2, 0, 1)
             b = np.array([of(each) for each in islice(sums, rows)]).T
-            values += [*(np.linalg.solve(A, b[..., None])[..., 0] if rows == n else normal_equations(A, b)).T]
+            values += [*(np.linalg.solve(A, b[..., None])[..., 0] if rows == n else by_reflections(A, b)).T]
     assert len(values) == readings.count
     return dict(zip(readings.sensors, map(of, sums), strict=True))
 

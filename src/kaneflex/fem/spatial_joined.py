@@ -294,18 +294,19 @@ class Joined:
         these independent coordinates, (3, n_times, rows, columns)."""
         independent, tied = choice.independent[columns], self.tied
         rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
-        J = self.rows(motion, self._named(rows))[0] * self.measure[tied]
+        J, measure = self.rows(motion, self._named(rows))[0], self.measure[tied]
         L = np.zeros((3, len(motion.times), len(tied), len(columns)))
         at = np.flatnonzero(np.isin(independent, tied))
         L[0][:, self.places(independent[at]), at] = 1.0
         for block in choice.blocks:
-            own, others = (J[:, :, block.rows[:, None], each] for each in (block.dependent, block.given))
+            parts = block.dependent, block.given
+            own, others = (J[:, :, block.rows[:, None], each] * measure[each] for each in parts)
             given, square = product(others, L[:, :, block.given]), len(block.rows) == len(block.dependent)
             back = -(np.linalg.inv if square else np.linalg.pinv)(own[0])
             L_0 = back @ given[0]
             L_1 = back @ (given[1] + own[1] @ L_0)
             L[:, :, block.dependent] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
-        L *= self.measure[tied][:, None] / self.measure[independent]
+        L *= measure[:, None] / self.measure[independent]
         return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 

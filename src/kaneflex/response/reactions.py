@@ -27,12 +27,6 @@ Solver = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Function of A (n_times, n_rows, n) and b (n_times, n_rows) that returns x (n_times, n) with least |A x - b|."""
 
 
-def normal_equations(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve A^T A x = A^T b at every instant: a :data:`Solver`."""
-    turned = matrix.transpose(0, 2, 1)
-    return np.linalg.solve(turned @ matrix, turned @ right[..., None])[..., 0]
-
-
 def by_reflections(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve by A = Q R, which does not square the condition number: a :data:`Solver`."""
     Q, R = np.linalg.qr(matrix)
@@ -40,7 +34,7 @@ def by_reflections(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def least_squares(
-    rows: Sequence[Row], right: np.ndarray, solver: Solver = normal_equations
+    rows: Sequence[Row], right: np.ndarray, solver: Solver = by_reflections
 ) -> dict[int, np.ndarray]:
     """Unknowns x, (n_times,) each, with the least sum of squares of ``rows`` x - ``right``, (n_rows, n_times).
 
@@ -116,7 +110,7 @@ def consistent_reactions(
             for row, values in enumerate(exerted, 3 * sites.index(site)):
                 weight = scale if row % 3 == 2 else 1.0
                 rows[row] |= {k: weight * value for k, value in zip(own, values, strict=True) if np.any(value)}
-    solved = least_squares(rows, right, solver or normal_equations)
+    solved = least_squares(rows, right, solver or by_reflections)
     return {name: solved[k] for k, name in enumerate(names)}
 
 
