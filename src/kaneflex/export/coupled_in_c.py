@@ -88,7 +88,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 def _check_untouched(scene: Scene, model: Model) -> None:
     """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
-    system = model.coupled or model.motion.module.system  # in space
+    system = model.coupled_system
     touching, switched = (*scene.contacts, *scene.frictions), getattr(system.module, "SWITCHES", ())
     if not (touching or switched or len(system.engine.contacts) or len(system.engine.holds)):
         return

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -173,3 +173,17 @@ class RigidMotion:
         for monomial, matrix in affine.terms.items():
             total += as_array(matrix) * self.monomial(monomial)
         return total
+
+
+class LaterMotion(RigidMotion):
+    """Motion at some times that is tabulated on request."""
+
+    def __init__(self, motion: Any, times: np.ndarray) -> None:
+        self.__dict__.update(motion=motion, times=times)
+
+    def taken(self, instants: np.ndarray) -> Self:
+        return type(self)(self.motion, self.times[instants])
+
+    @cached_property
+    def values(self) -> np.ndarray:  # type: ignore[override]
+        return self.motion.table(self.times)

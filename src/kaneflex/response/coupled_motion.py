@@ -164,8 +164,9 @@ class CoupledMotion(Motion):
                 for dof, *row in zip(("u", "v", "theta"), *self.displacement(name, (x, 0.0)), strict=True):
                     rows[f"{name}.{node}.{dof}"] = row
         joints = self.model.interfaces.joint if self.model.interfaces is not None else {}
-        for (body, node), group in self.model.interfaces.displaced.items() if self.model.interfaces and joints else ():
-            for axis, *row in zip("xy", *self._moved(body, (self.model.links[body].nodes[node], 0.0)), strict=True):
+        for (body, k), group in self.model.interfaces.displaced.items() if self.model.interfaces and joints else ():
+            moved = self._moved(body, (float(self.model.links[body].nodes[cast(int, k)]), 0.0))
+            for axis, *row in zip("xy", *moved, strict=True):
                 rows[f"{joints[group]}.{axis}"] = row
         for name in self.model.frame.bodies if self.model.frame is not None else ():
             rows |= self._carried_rows(name)

@@ -168,14 +168,13 @@ class FloatingMotion(DeformingMotion):
 
     def body(self, name: str) -> Rates:
         """Position x, y [m] and angle phi [rad] of a body's frame with rates, (3, n_times) each."""
-        k = self.system.start[name]
-        t = self.trajectory
-        return tuple(part[:, k : k + BODY].T for part in (t.q, t.v, t.a))
+        k, t = self.system.start[name], self.trajectory
+        rows = slice(k, k + BODY)
+        return t.q[:, rows].T, t.v[:, rows].T, t.a[:, rows].T
 
     def modal(self, name: str) -> Rates:
-        rows = self.system.modal(name)
-        t = self.trajectory
-        return tuple(part[:, rows].T for part in (t.q, t.v, t.a))
+        rows, t = self.system.modal(name), self.trajectory
+        return t.q[:, rows].T, t.v[:, rows].T, t.a[:, rows].T
 
     @cached_property
     def shapes(self) -> Mapping[str, Shapes | PointShapes]:  # type: ignore[override]

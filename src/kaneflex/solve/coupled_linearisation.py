@@ -82,7 +82,7 @@ def inputs(model: Model) -> tuple[str, ...]:
 def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.ndarray:
     """Derivatives of the sensors with respect to coordinates, rates and inputs, (n_sensors, 2 n_y + n_inputs)."""
     base, n, system, motion = found.instant, len(found.names), model.coupled, model.motion
-    equations = Equations(motion.module.system if system is None else system, base.choice)
+    equations = Equations(model.coupled_system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
     given = equations.given(base, x)
     if system is None:

@@ -76,7 +76,7 @@ def begun(model: Model) -> Begun:
     system, start = model.coupled, beginning(model) if model.options.start != "periodic" else _periodic(model)
     kind: type[Run] = SpatialRun if system is None else Run
     times = model.step * np.arange(model.options.steps + 1)
-    run = kind(system or model.motion.module.system, start, times, method_of(model))
+    run = kind(model.coupled_system, start, times, method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")

@@ -41,10 +41,8 @@ def start_coordinates(model: Model) -> tuple[str, ...]:
 
 def start_dimensions(model: Model) -> dict[str, Dimension]:
     """Dimension of each of these coordinates."""
-    if model.coupled is not None:
-        return state_dimensions(model.coupled)
-    if model.coupled_in_space is not None:
-        return state_dimensions(model.coupled_in_space.module.system)
+    if model.options.dynamics == "coupled":
+        return state_dimensions(model.coupled_system)
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH

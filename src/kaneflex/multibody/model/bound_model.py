@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
     from kaneflex.mechanism.kernels import Kernels
     from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
@@ -183,6 +184,11 @@ class Model:
     def coupled_in_space(self) -> CoupledKinematics | None:
         """The motion of a mechanism in space under preset ``coupled``, which has its shapes; None of others."""
         return cast("CoupledKinematics", self.in_space) if self.options.dynamics == "coupled" else None
+
+    @property
+    def coupled_system(self) -> CoupledSystem | SpatialSystem:
+        """System of the equations of motion: of preset ``coupled``, in space of all presets."""
+        return self.coupled or cast("SpatialKinematics", self.motion).module.system
 
     @property
     def awaits_run(self) -> bool:

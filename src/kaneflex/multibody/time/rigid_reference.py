@@ -16,7 +16,7 @@ import numpy as np
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import Drive, floating_coordinates
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.multibody.dynamics.unfolding import FAR
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.model import layout as at
@@ -230,13 +230,10 @@ class ReferenceKinematics(RigidKinematics):
         return np.concatenate([self.module.known(times, self.free), bodies], axis=1)
 
 
-class _Placed(RigidMotion):
+class _Placed(LaterMotion):
     """Motion at some times, whose bodies are placed when they are asked for."""
 
     motion: Any
-
-    def __init__(self, motion: ReferenceKinematics, times: np.ndarray) -> None:
-        self.__dict__.update(motion=motion, times=times)
 
     def __getitem__(self, name: str) -> np.ndarray:
         owner, _, key = name.rpartition(".")
@@ -251,17 +248,10 @@ class _Placed(RigidMotion):
         start, end = (self.frame(side.body).place(side.at) for side in sides)
         return (end - start) / np.hypot(*(end - start))
 
-    def taken(self, instants: np.ndarray) -> RigidMotion:
-        return _Placed(self.motion, self.times[instants])
-
     @cached_property
     def known(self) -> np.ndarray:
         """Scalars that are known before the bodies are placed."""
         return self.motion.module.known(self.times, self.motion.free)
-
-    @cached_property
-    def values(self) -> np.ndarray:  # type: ignore[override]
-        return self.motion.table(self.times)
 
 
 def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> ReferenceKinematics:

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.dynamics.spatial_work import Instants
@@ -304,18 +304,8 @@ class SpatialMotion(DeformingMotion):
         return replace(joint, sides=(at_first, at_second)), first, second
 
 
-class _Later(SpatialMotion):
-    """Motion at some times that is tabulated on request."""
-
-    def __init__(self, motion: SpatialKinematics, times: np.ndarray) -> None:
-        self.__dict__.update(motion=motion, times=times)
-
-    def taken(self, instants: np.ndarray) -> Self:
-        return type(self)(self.motion, self.times[instants])
-
-    @cached_property
-    def values(self) -> np.ndarray:  # type: ignore[override]
-        return self.motion.table(self.times)
+class _Later(LaterMotion, SpatialMotion):
+    """Motion in space that is tabulated on request."""
 
 
 def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:

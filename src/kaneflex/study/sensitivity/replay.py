@@ -96,7 +96,7 @@ class Replay:
         """Cycles of a model in the steps of the own run, by the same independent coordinates."""
         stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
         kind = SpatialCycles if model.coupled is None else PlanarCycles
-        equations = replace(self._equations, system=model.coupled or model.motion.module.system)
+        equations = replace(self._equations, system=model.coupled_system)
         return kind(equations, self.own.times * stretch, method, ends=self.own.ends * stretch)
 
     def result(self, model: Model, cycle: Any) -> RunResult:
