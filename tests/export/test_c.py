@@ -222,7 +222,6 @@ def off_the_run(made: CModel, found: dict[str, np.ndarray]) -> float:
     return max(abs(found[name] - values).max() / peaks[name] for name, values in series.items())
 
 
-
 def test_its_run_is_that_of_the_harmonics(compiler, tmp_path):
     bound = model("engine")
     assert bound.options.integrator == "spectral"

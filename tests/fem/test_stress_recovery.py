@@ -16,6 +16,8 @@ from kaneflex.scene.recovery import Recovery
 
 E, LENGTH, HEIGHT, WIDTH, FORCE = 210e9, 0.5, 20e-3, 10e-3, 40.0
 I_Z = WIDTH * HEIGHT**3 / 12
+
+
 def pushed(of, sensors):
     """A bar that hardly turns, under a skew force."""
     return pendulum(

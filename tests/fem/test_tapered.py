@@ -313,6 +313,8 @@ tip = {displacement = "arm.end", component = "y"}
 mid = {displacement = "arm.mid", component = "y"}""",
         solve={"preset": "quasistatic", "duration": "0.1 s"},
     )
+
+
 STEP = 0.4
 E_OF, RHO_OF = (2.1e11, 7.0e10), (7850.0, 2700.0)
 A, I = 2e-4, 0.01 * 0.02**3 / 12

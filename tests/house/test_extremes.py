@@ -18,6 +18,8 @@ from kaneflex.solve.simulation import solve
 from kaneflex.solve.validity import FEWEST_STEPS, few_steps, validity_warnings
 
 PAGE = DOCS / "extremes.md"
+
+
 def pressed(law):
     """A cantilever under a force by a law."""
     return cantilever(

@@ -154,7 +154,6 @@ def test_a_torsional_spring_at_a_pin_without_a_drive_works_between_its_bodies():
     np.testing.assert_allclose(added, power, atol=1e-6 * np.abs(power).max())
 
 
-
 @pytest.mark.parametrize("preset", ["stiffened", "linear", "quasistatic"])
 def test_a_spring_on_the_driven_crank_of_an_elastic_engine_moves_its_torque_alone(preset):
     text = 'schema = 1\nlike = "engine"\nground.post = ["20 mm", "90 mm"]\n'

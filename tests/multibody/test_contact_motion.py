@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from runs import folded, solved
+from test_contact_runs import BALL
 
 from kaneflex import SceneError, scene_of
 from kaneflex.integrate.outcome import Outcome
@@ -209,18 +210,7 @@ def test_extremes_of_stiffness_restitution_and_gap(scenes, integrator):
         assert abs(found.energy.gap).max() < 1e-6 * G * (gap + deepest) + 1e-12 * G  # and what places are rounded to
 
 
-BOUNCING = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies = {ball = {mass = "1 kg"}}
-joints = {fall = {prismatic = ["ground", "ball"], direction = [0, 1]}}
-drives = {fall = {free = true, position = "1 m"}}
-contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = {stiffness = 1e9, restitution = 0.7}}
-sensors.push = {contact_force = "floor"}
-sensors.air = {contact_gap = "floor"}
-sensors.height = {position = "fall"}
-solve = {preset = "coupled", duration = "4 s", steps = 200}
-"""
+BOUNCING = BALL.replace('"2 s", steps = 500', '"4 s", steps = 200')
 
 
 def test_impacts_are_on_the_solution_in_its_summary_and_its_results():

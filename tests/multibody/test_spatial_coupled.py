@@ -132,7 +132,6 @@ def test_a_bent_cantilever_turns_through_60_degrees(count, bound):
     assert np.linalg.norm(tip - reference) < bound * np.linalg.norm(reference)
 
 
-
 def test_the_princeton_beams_table_is_a_rod_that_is_stiffer_in_torsion():
     """With Saint-Venant's J the rod's y is up to 0.83 % above the table's, and so no model with it comes closer."""
     for beta, expected in _table().items():

@@ -132,7 +132,6 @@ def test_films_keep_the_extremes_and_say_what_they_leave_out(tmp_path, peer):
 def test_a_film_states_it_in_its_title(tmp_path, monkeypatch):
     titles, recorded = [], animation.recorded
 
-
     def noting(axes, *given):
         titles.append(axes.figure.get_suptitle())
         return recorded(axes, *given)

@@ -372,6 +372,7 @@ def test_what_can_not_be_drawn_is_said(tmp_path, monkeypatch):
     told = cli("sweep", "study.toml")
     assert told.exit_code == 0 and "No picture sweep: no parameter of the study is a number that varies" in told.stderr
 
+
 def test_statistics_of_many_series_are_those_of_each():
     times = np.linspace(0.0, 2.0, 201)
     wave = np.sin(7.0 * times) + 0.3
