@@ -1,13 +1,15 @@
-"""An installation without extras: what it runs, and what it says where a package is missing."""
+"""An installation without extras and what it says of missing packages; what runs import, against a budget."""
 
+import json
 import re
 import subprocess
 import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from places import ROOT
+from places import DATA, ROOT
 
 HERE = ROOT
 PROJECT = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -127,3 +129,90 @@ def test_every_extra_is_tested_with_the_tests_or_in_ci(extra):
     everywhere = names(PROJECT["optional-dependencies"]["test"])
     in_ci = re.search(r"^export EXTRAS=(\S+)", (HERE / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)[1]
     assert extra in in_ci.split(",") or names(PROJECT["optional-dependencies"][extra]) <= everywhere
+
+
+BUDGET = DATA / "budget.json"
+RUN = """
+import json, sys
+from pathlib import Path
+
+lines = set()
+
+def line(frame, event, argument):
+    lines.add((frame.f_code.co_filename, frame.f_lineno))
+    return line
+
+def call(frame, event, argument):
+    return line if "kaneflex" in frame.f_globals.get("__name__", "") else None
+
+sys.settrace(call)
+from kaneflex.cli import main
+main({arguments}, standalone_mode=False)
+sys.settrace(None)
+modules = [name for name in sys.modules if name.split(".")[0] == "kaneflex"]
+print(json.dumps({{"modules": len(modules), "lines": len(lines)}}))
+"""
+
+
+def told(code, folder, good):
+    """Lines that a program prints; it runs again if they are not good, because the first run may have compiled.
+
+    What was compiled is called without numba, and compiling executes lines, too.
+    """
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stderr
+        lines = done.stdout.splitlines()
+        if good(lines):
+            break
+    return lines
+
+
+@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="lines are counted as Python 3.11 executes them")
+@pytest.mark.parametrize("command", sorted(json.loads(BUDGET.read_text())))
+def test_a_command_stays_within_its_budget(command, tmp_path):
+    budget = json.loads(BUDGET.read_text())[command]
+
+    def over(found):
+        return {what: (found[what], most) for what, most in budget.items() if found[what] > most}
+
+    found = told(RUN.format(arguments=command.split()), tmp_path, lambda lines: not over(json.loads(lines[-1])))
+    found = json.loads(found[-1])
+    assert not over(found), f"found, allowed: {over(found)}"
+    slack = {what: (found[what], most) for what, most in budget.items() if found[what] < 0.98 * most}
+    assert not slack, f"lower the budget in {BUDGET.name}; found, allowed: {slack}"
+
+
+HEAVY = ("matplotlib", "numba", "pandas", "pint", "rich", "scipy.interpolate", "scipy.linalg", "scipy.sparse", "sympy")
+HEAVY += ("xarray", "kaneflex.plots", "numpy.ma", "numpy.random", "email")
+IMPORTS = """
+import gc, sys
+from kaneflex.cli import main
+for arguments in {commands}:
+    collected = [each["collections"] for each in gc.get_stats()]
+    main(arguments, standalone_mode=False)
+    print(sum(each["collections"] for each in gc.get_stats()) - sum(collected), gc.isenabled())
+    print([name for name in {heavy} if name in sys.modules])
+if "matplotlib" in sys.modules:
+    from matplotlib.axes import Axes
+    assert "antialiased" not in Axes.plot.__doc__, "lists of properties in docstrings take 0.1 s"
+"""
+LIGHT = ("list", "check engine", "check four-bar", "modes engine", "run engine --no-plots -o results --force")
+"""Commands that import none of these, one after the other in one process."""
+
+
+@pytest.mark.parametrize(("commands", "used"), [
+    (LIGHT, []),
+    (["check swept-blade"], ["numba", "scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random", "email"]),
+    (["show engine -o shown.png --force"], ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
+    (["run engine -o results --force"], ["matplotlib", "kaneflex.plots", "numpy.ma"]),
+])  # fmt: skip
+def test_a_command_imports_only_what_it_uses(commands, used, tmp_path):
+    code = IMPORTS.format(commands=[command.split() for command in commands], heavy=HEAVY)
+    lines = told(code, tmp_path, lambda lines: lines[-1] == str(used))
+    found = [pair for pair in pairwise(lines) if re.fullmatch(r"\d+ (True|False)", pair[0])]
+    assert [imported for _, imported in found] == [str(used)] * len(commands)
+    for command, (collections, _) in zip(commands, found, strict=True):
+        number, enabled = collections.split()
+        assert enabled == "True"
+        assert int(number) <= 20 or "run" in command  # 178 of check where garbage is looked for meanwhile
