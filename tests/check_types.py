@@ -19,7 +19,7 @@ BASELINE = {
     "multibody": 36,
     "plots": 31,
     "report": 5,
-    "response": 26,
+    "response": 25,
     "scene": 59,
     "solve": 22,
     "study": 70,

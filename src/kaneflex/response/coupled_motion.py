@@ -75,15 +75,9 @@ class CoupledMotion(Motion):
     def nodes(self, link: str) -> np.ndarray:
         return self.moving.shapes[link].basis @ self.moving.modal(link)[0]
 
-    def reaction(self, name: str) -> np.ndarray:
-        return self.moving[name]
-
-    def spring_tension(self, name: str) -> np.ndarray:
-        between = self.model.scene.springs[name].torsional_at is None
-        return self.moving[f"{name}.{'tension' if between else 'torque'}"]
-
     def section(self, link: str, x: float, after: bool = False) -> Section:
-        return self._elastic_section(link, x, after) if link in self._balances else super().section(link, x, after)
+        elastic = self.model.scene.bodies[link].elastic
+        return self._elastic_section(link, x, after) if elastic else super().section(link, x, after)
 
     def _elastic_section(self, link: str, x: float, after: bool) -> Section:
         return self._balances[link].section(x, after)

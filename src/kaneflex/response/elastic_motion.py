@@ -57,12 +57,12 @@ class ElasticMotion(Motion):
 
     def reaction(self, name: str) -> np.ndarray:
         """Joint reaction; that of the rigid mechanism if the equations don't balance at every instant."""
-        return self._exerted[name] if self.model.links and self.model.balances else self.rigid[name]
+        return self._exerted[name] if self.model.links and self.model.balances else super().reaction(name)
 
     def spring_tension(self, name: str) -> np.ndarray:
         spring, placed = self.model.scene.springs[name], self.model.sprung.get(name)
         if placed is None or not placed.L.terms:
-            return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
+            return super().spring_tension(name)
         material = replace(self.model.options, geometric=False)
         force = demanded(self.model, self.rigid, self.coordinates, placed, material)
         directed = spring.torsional_at is not None or spring.length or spring.damping

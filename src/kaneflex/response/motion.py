@@ -81,13 +81,14 @@ class Motion(ABC):
         (3 n, n_times). Unknown in coupled motions in space."""
         raise LookupError(link)
 
-    @abstractmethod
     def reaction(self, name: str) -> np.ndarray:
         """Component of a joint's force on its second body, or force of a drive, by its name in the motion's scalars."""
+        return self.scalars[name]
 
-    @abstractmethod
     def spring_tension(self, name: str) -> np.ndarray:
         """Tension of a spring and damper [N], or torque of a torsional one against the rotation of its joint [N m]."""
+        between = self.model.scene.springs[name].torsional_at is None
+        return self.scalars[f"{name}.{'tension' if between else 'torque'}"]
 
     def modal(self, body: str) -> Rates:
         """Modal coordinates of a body and their two rates, (n, n_times) each; exist under preset coupled only."""
