@@ -59,6 +59,13 @@ def cantilever(bar: str, body: str = "bar", root: str = "root", **tables: Any) -
     return text({body: bar}, {root: f'weld = ["ground", "{body}.start"]'}, {}, **tables)
 
 
+def on_supports(beam: str, **tables: Any) -> str:
+    """A body on a pin at its start and a light roller at its end."""
+    bodies = {"beam": beam, "roller": 'mass = "1e-6 kg"'}
+    joints = {"pin": _pin("ground", "beam.start", False), "support": _pin("beam.end", "roller", False)}
+    return text(bodies, joints | {"floor": 'prismatic = ["ground", "roller"], direction = [1, 0]'}, {}, **tables)
+
+
 def pendulum(bar: str, drive: str, body: str = "bar", hinge: str = "hinge", deep: bool = False, **tables: Any) -> str:
     """A body on a hinge, free or driven."""
     return text({body: bar}, {hinge: _pin("ground", f"{body}.start", deep)}, {hinge: drive}, **tables)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import on_supports
 from runs import derived_on_the_fly
 
 from kaneflex.multibody.model.building import reference_modes
@@ -88,16 +89,10 @@ def test_coupled_is_one_whole(folder):
         derived_on_the_fly(SWINGING, folder, "solve.preset=coupled", *off("gravity"))
 
 
-PINNED = """
-schema = 1
-bodies.beam.length = "1 m"
-bodies.beam.beam = {E = 1e9, rho = 1000, nu = 0.3, section = {rectangle = [0.2, 0.1]}, theory = "shear", elements = 24}
-bodies.roller.mass = "1e-6 kg"
-joints.pin = {revolute = ["ground", "beam.start"]}
-joints.support = {revolute = ["beam.end", "roller"]}
-joints.floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
-solve = {preset = "quasistatic", duration = "0.1 s"}
-"""
+PINNED = on_supports(
+    'length = "1 m", beam = {E = 1e9, rho = 1000, nu = 0.3, section = {rectangle = [0.2, 0.1]}, theory = "shear", '
+    'elements = 24}', solve={"preset": "quasistatic", "duration": "0.1 s"},
+)
 
 
 def test_the_shear_beam_on_two_supports(folder):

@@ -5,6 +5,7 @@ import re
 import closed_forms as by_hand
 import numpy as np
 import pytest
+from machines import on_supports
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 from sympy import Matrix, diff
@@ -188,22 +189,11 @@ def test_slender_beams_are_euler_bernoulli_beams(shear):
 # NAFEMS FV5 (Selected Benchmarks for Natural Frequency Analysis, 1987): length 10 m, square 2 m, simply supported.
 # Frequencies [Hz] of the Timoshenko beam with kappa = 5/6, with rotary inertia alone and without either, computed
 # from the closed solution for a pinned beam; those of NAFEMS, 42.65, 148.15 and 283.47, are for kappa = 0.85.
-DEEP = """
-schema = 1
-bodies.beam.length = "10 m"
-bodies.beam.beam.E = "200 GPa"
-bodies.beam.beam.rho = 8000
-bodies.beam.beam.nu = 0.3
-bodies.beam.beam.kappa = 0.8333333333333334
-bodies.beam.beam.section = {rectangle = ["2 m", "2 m"]}
-bodies.beam.beam.theory = "timoshenko"
-bodies.beam.beam.elements = 16
-bodies.roller.mass = "1e-6 kg"
-joints.pin = {revolute = ["ground", "beam.start"]}
-joints.support = {revolute = ["beam.end", "roller"]}
-joints.floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
-solve = {preset = "quasistatic", duration = "0.1 s"}
-"""
+DEEP = on_supports(
+    'length = "10 m", beam = {E = "200 GPa", rho = 8000, nu = 0.3, kappa = 0.8333333333333334, '
+    'section = {rectangle = ["2 m", "2 m"]}, theory = "timoshenko", elements = 16}',
+    solve={"preset": "quasistatic", "duration": "0.1 s"},
+)
 DEEP_HZ = {
     "timoshenko": [42.60871725394184, 147.78601200406814, 282.36338463546076],
     "rayleigh": [44.617002783170534, 170.50761831130924, 358.47138721891895],
@@ -228,7 +218,7 @@ def test_deep_simply_supported_beam(folder, theory):
 
 def test_a_mesh_too_coarse_for_a_mode_is_named(folder):
     """FV5 with the default of 4 elements: the third flexural frequency, after the axial one the fourth of all."""
-    coarse = derived_on_the_fly(DEEP.replace("bodies.beam.beam.elements = 16\n", ""), folder)
+    coarse = derived_on_the_fly(DEEP.replace(", elements = 16", ""), folder)
     found = modes(coarse.scene, 6)
     assert found.frequencies[3] / DEEP_HZ["timoshenko"][2] - 1 == pytest.approx(-0.018, abs=0.001)
     said = mesh_hint(found)

@@ -153,15 +153,18 @@ def test_a_rigid_body_on_a_pivoted_end_of_a_link_stays_there():
     assert not found["base"].values.any()
 
 
-def test_a_free_drive_beside_another_one_in_a_larger_loop(nothing_is_derived):
-    said = refused("""
+TAIL = """
 schema = 1
 like = "six-bar"
 bodies.tail = {length = "50 mm", mass = "0.1 kg"}
 joints.hook = {revolute = ["ground", "tail.start"]}
 drives.hook = {free = true}
 solve = {start = "zero", duration = "0.05 s"}
-""")
+"""
+
+
+def test_a_free_drive_beside_another_one_in_a_larger_loop(nothing_is_derived):
+    said = refused(TAIL)
     assert "drives.hook" in said and "a free drive must be the only drive" in said and "of more than two bodies" in said
 
 

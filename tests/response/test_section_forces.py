@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import cantilever
+from machines import cantilever, changed
 from rigid_bars import hanging_chain
 from runs import run, solved
 
@@ -347,23 +347,15 @@ def test_damping_is_a_force_on_the_whole_mechanism_of_its_mass_part_alone():
     assert 1e-5 < np.abs(outside).max() / gas < 2e-3 and beta > 0
 
 
-SWINGING = """
-schema = 1
-ground.pivot = ["100 mm", "40 mm"]
-bodies.arm = {length = "200 mm", mass = "1 kg"}
-bodies.block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-bodies.rod = {length = "250 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 1}}
-joints.main = {revolute = ["ground", "arm.start"]}
-joints.wrist = {revolute = ["rod.end", "block"]}
-joints.foot = {revolute = ["ground.pivot", "rod.start"]}
-joints.slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
-drives.main = {speed = "20 rad/s", cycle = "360 deg"}
-sensors.torque = {drive_torque = "main"}
+BEAM = 'beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = '
+SWINGING = changed(
+    GUIDE, (f'"400 mm", {BEAM}2}}', '"200 mm", mass = "1 kg"'), ('"250 mm", mass = "1 kg"', f'"250 mm", {BEAM}1}}'),
+    ('sensors.free_end = {bending_moment = "arm.end"}\n', ""), ("rigid", "quasistatic"),
+) + """
 sensors.bearing = {joint_force = "main", component = "x"}
 sensors.slot = {joint_force = "slot", component = "y"}
 sensors.slot_x = {joint_force = "slot", component = "x"}
 sensors.foot = {joint_force = "foot", component = "y"}
-solve.preset = "quasistatic"
 """
 
 
