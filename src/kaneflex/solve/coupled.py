@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
 from kaneflex.multibody.time.run import Method, integrate
 from kaneflex.multibody.time.shooting import COMPLETED, Verdict
-from kaneflex.multibody.time.spatial_curves import Curve, Followed
 from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -88,7 +88,7 @@ def repeated(
     cycles = PlanarCycles(equations, times, method_of(model), closer)
     check_repeats(system, system.engine.layout.driven, first, cycles.period)
     if closer == 1.0 and not cycles.touches:
-        bare = partial(_undeformed, model, equations, near)
+        bare = partial(_undeformed, model, near, equations.choice)
         start = orbit_start(equations, bare, near.t, cycles.period, HARMONICS)
     trajectory, verdict = cycles.repeated(start or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
@@ -146,12 +146,12 @@ def _cycle(
     start, period = start_of(system), model.options.duration
     begin = (near or start).t
     check_repeats(system, system.driven, near or start, period)
-    equations, path = Equations(system, start.choice), Followed(system, start)
+    equations = Equations(system, start.choice)
     if equations.shapes.all():
         times = begin + np.linspace(0.0, period, _POSITIONS)
-        choice = choose_for_all(system, system.instants(path.rows(times)).q)
+        choice = choose_for_all(system, np.array([state.q for state in undeformed(model, times)]))
         equations, start = Equations(system, choice), system.project(0.0, start.q, start.u, choice)
-        bare = partial(_undeformed_in_space, path, choice)
+        bare = partial(_undeformed, model, start, choice)
         near = near or orbit_start(equations, bare, begin, period, HARMONICS)
     # fast motion may have no equilibrium nearby
     start = near or equations.equilibrium(start) or start
@@ -291,20 +291,15 @@ def _slow(model: Model, start: State) -> State:
 
 def undeformed(model: Model, times: np.ndarray) -> list[State]:
     """States of a coupled system with undeformed bodies, which move as the rigid reference, at ``times`` [s]."""
-    assert isinstance(model.motion, ReferenceKinematics) and model.coupled is not None
-    return model.motion.states(model.coupled, times)
+    motion: Any = model.motion
+    found: list[State] = motion.states(model.coupled_system, times)
+    return found
 
 
-def _undeformed(model: Model, equations: Equations, first: State, times: np.ndarray) -> list[State]:
-    """The same with as many full turns as at first."""
-    found = undeformed(model, times)
-    turns = equations.engine.turns & ~equations.engine.shapes
-    missing = turns * whole_turns(first.q - found[0].q)
-    return [replace(state, q=state.q + missing, choice=equations.choice) for state in found]
-
-
-def _undeformed_in_space(path: Curve, choice: Choice, times: np.ndarray) -> list[State]:
-    """States of the undeformed mechanism at ``times`` [s]."""
-    found, none = path.system.instants(path.rows(times)), np.zeros(path.system.engine.size)
-    states = zip(times.tolist(), found.q, found.u, strict=True)
-    return [State(t, q, u, none, path.start.sizes, choice) for t, q, u in states]
+def _undeformed(model: Model, first: State, choice: Choice, times: np.ndarray) -> list[State]:
+    """The same with as many full turns as at first, by the independent speeds of a choice."""
+    found, engine = undeformed(model, times), model.coupled_system.engine
+    own, speeds = engine.own.T
+    turning, missing = own[(engine.turns & ~engine.shapes)[speeds]], 0.0 * first.q
+    missing[turning] = whole_turns((first.q - found[0].q)[turning])
+    return [replace(state, q=state.q + missing, choice=choice) for state in found]

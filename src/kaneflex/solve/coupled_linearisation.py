@@ -48,14 +48,14 @@ def linear_about(model: Model, t: float) -> Linear:
 
 def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, Any]:
     """Equations of a mechanism and its undeformed state at t [s]; at rest unless it ``moves``."""
-    if model.coupled is not None:
-        state = undeformed(model, np.array([float(t)]))[0]
-        return prepare(model.coupled, replace(state, u=moves * state.u))
-    motion, end = cast(CoupledKinematics, model.motion), model.options.duration
-    if motion.module.FREE and not 0.0 <= t <= end:
-        reason = f"the motion of {motion.module.FREE[0]} is computed from 0 to {end:.6g} s only"
+    system: Any = model.coupled_system
+    free, end = model.module.FREE, model.options.duration
+    if model.coupled is None and free and not 0.0 <= t <= end:
+        reason = f"the motion of {free[0]} is computed from 0 to {end:.6g} s only"
         raise SceneError("t", t, reason, "Choose an instant of the run, or a longer solve.duration")
-    system, state = motion.module.system, motion.undeformed(t)
+    state = undeformed(model, np.array([float(t)]))[0]
+    if model.coupled is not None:
+        return prepare(system, replace(state, u=moves * state.u))
     if not moves:
         state = replace(state, u=0.0 * state.u, choice=choose(system, state.q, prefer=True))
     return Equations(system, state.choice), state

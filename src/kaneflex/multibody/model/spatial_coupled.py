@@ -39,16 +39,19 @@ class CoupledKinematics(SpatialKinematics):
         beside = _Beside(moved, rigid.module.system, rigid.curve.start)
         return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
 
-    def undeformed(self, t: float) -> State:
-        """State at t [s] with zero shapes at rest: by the drives if they prescribe it, else from the motion."""
-        system = self.module.system
+    def states(self, system: SpatialSystem, times: np.ndarray) -> list[State]:
+        """States at ``times`` [s] with zero shapes at rest: by the drives if these prescribe them, else by the motion.
+        """
         if not self.module.FREE:
-            return Followed(system, start_of(system))(t)
-        found = self.curve(t)
+            return list(map(Followed(system, start_of(system)), times.tolist()))
+        return [self._at_rest(system, self.curve(t)) for t in times.tolist()]
+
+    def _at_rest(self, system: SpatialSystem, found: State) -> State:
+        """State with zero shapes at rest."""
         q, u = found.q.copy(), found.u.copy()
         coordinates, speeds = system.engine.modal
         q[coordinates] = u[speeds] = 0.0
-        return system.project(t, q, u, choose(system, q, prefer=True))
+        return system.project(found.t, q, u, choose(system, q, prefer=True))
 
 
 def build_coupled_system(
