@@ -36,12 +36,9 @@ def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     trajectory = run(*scene).trajectory
     level = "-O2" if scene == SCENES[2] else "-O0"
     called = {"name": NAME} if scene == SCENES[0] else {}  # which ends no comment, and is no code
-    program = built(coupled_in_c(model(*scene).scene.model_copy(update=called)), tmp_path, compiler, level=level)
-    written = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    names, found = in_c(model(*scene).scene.model_copy(update=called), tmp_path, compiler, level=level)
     system = model(*scene).coupled
-    head = [name.strip('"') for name in written.splitlines()[0].split(",")]
-    assert head == ["time", *(name for name, _ in system.coordinates), *system.constraints]
-    found = np.genfromtxt(io.StringIO(written), delimiter=",", skip_header=1)
+    assert names == ["time", *(name for name, _ in system.coordinates), *system.constraints]
     expected = np.column_stack([trajectory.times, trajectory.q, trajectory.multipliers])
     assert found.shape == expected.shape
     assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()
@@ -71,9 +68,10 @@ def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
         assert abs(found[:, k] - series).max() <= 1e-9 * peak, name
 
 
-def in_c(scene, folder, compiler):
+def in_c(scene, folder, compiler, **how):
     """Names and rows of the run that the program of a scene writes."""
-    written = subprocess.run([built(coupled_in_c(scene), folder, compiler)], capture_output=True, text=True, check=True)
+    program = built(coupled_in_c(scene), folder, compiler, **how)
+    written = subprocess.run([program], capture_output=True, text=True, check=True)
     names = [name.strip('"') for name in written.stdout.splitlines()[0].split(",")]
     return names, np.genfromtxt(io.StringIO(written.stdout), delimiter=",", skip_header=1)
 

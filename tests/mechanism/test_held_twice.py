@@ -111,7 +111,9 @@ solve = {preset = "coupled", duration = "0.3 s", steps = 100}
 """
 
 
-@pytest.mark.parametrize("text", [CYLINDER, TAIL.replace("solve = {", 'solve = {preset = "coupled", ')], ids=["cylinder", "tail"])
+@pytest.mark.parametrize("text", [
+    CYLINDER, TAIL.replace("solve = {", 'solve = {preset = "coupled", '),
+], ids=["a cylinder on an elastic boom", "a free joint beside a drive"])  # fmt: skip
 def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(text):
     energy = swung(text).trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied

@@ -20,6 +20,26 @@ WHEEL = pendulum(
     loads='torque = {torque_at = "hub", law = "0"}', sensors='angle = {position = "hub", component = "angle"}',
     solve={"preset": "coupled", "duration": "1 s", "steps": 8},
 )
+WHEEL_IN_SPACE = """
+schema = 1
+description = "A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic"
+ground.side = [0, 1, 0]
+bodies.wheel = {mass = "2 kg", inertia = [0.02, 0.02, 0.02]}
+bodies.ball.mass = "2 kg"
+bodies.ball.inertia = [0.02, 0.02, 0.02]
+bodies.ball.free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
+bodies.beam = {length = "200 mm", beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}
+joints.hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
+joints.clamp = {weld = ["ground.side", "beam.start"]}
+drives.hub = {free = true, initial_speed = "10 rad/s"}
+loads.torque = {torque_at = "hub", law = "0"}
+loads.push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
+sensors.angle = {position = "hub", component = "angle"}
+sensors.speed = {velocity = "hub", component = "angle"}
+sensors.x = {position = "ball", component = "x", axes = "global"}
+sensors.angular = {velocity = "ball", component = "angle_z", axes = "body"}
+solve = {preset = "coupled", duration = "1 s", steps = 8, modes = 1}
+"""
 METHODS = pytest.mark.parametrize("integrator", ["gauss", "radau"])
 
 
@@ -30,8 +50,15 @@ def moved(law, *settings, text=WHEEL):
 
 def motion(solution):
     """Times, angles and speeds of the wheel."""
-    assert solution.outcome is Outcome.COMPLETED, solution.trajectory.message
+    assert solution.outcome is Outcome.COMPLETED, solution.message
+    if "speed" in solution.series:
+        return solution.times, *(solution[name].values for name in ("angle", "speed"))
     return solution.times, solution.trajectory.q[:, 2], solution.trajectory.v[:, 2]
+
+
+def switched(solution):
+    """Instants at which loads of a run in space switch [s]."""
+    return [row[0] for row in solution.model.motion.curve.changes[::2]]
 
 
 @METHODS
@@ -44,19 +71,33 @@ def test_a_jump_in_time_is_located(integrator):
 
 
 @METHODS
-def test_a_jump_at_a_place_is_located(integrator):
-    """Torque from 1 rad on, where the wheel is at 0.1 s."""
-    t, angle, _ = motion(moved("3*step(hub - 1)", f"solve.integrator={integrator}"))
-    assert angle == pytest.approx(10 * t + 1.5 / J * np.clip(t - 0.1, 0, None) ** 2, abs=1e-12)
+@pytest.mark.parametrize("text", [WHEEL, WHEEL_IN_SPACE], ids=["plane", "space"])
+def test_a_jump_at_a_place_is_located(integrator, text):
+    """Torque from 1 rad on, where the wheel is at 0.1 s; in space with a ball that turns across jumps: none is lost."""
+    solution = moved("3*step(hub - 1)", f"solve.integrator={integrator}", text=text)
+    t, angle, speed = motion(solution)
+    since = np.clip(t - 0.1, 0, None)
+    assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
+    assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
+    if text == WHEEL_IN_SPACE:
+        assert solution["x"].values == pytest.approx(np.clip(t - 0.3137, 0, None) ** 2, abs=1e-12)
+        assert solution["angular"].values == pytest.approx(np.full(9, 12.0), abs=1e-12)
+        assert switched(solution) == pytest.approx([0.1, 0.3137], abs=1e-14)
 
 
 @METHODS
-def test_a_brake_stops_a_wheel_that_nothing_else_moves(integrator):
+@pytest.mark.parametrize(("text", "steps"), [(WHEEL, 7), (WHEEL_IN_SPACE, 8)], ids=["plane", "space"])
+def test_a_brake_stops_a_wheel_that_nothing_else_moves(integrator, text, steps):
     """Torque T stops it after J w/T = 0.4 s and J w^2/(2 T) = 2 rad, and there it stays."""
-    t, angle, speed = motion(moved("-0.5*sign(hub_speed)", f"solve.integrator={integrator}", "solve.steps=7"))
+    settings = (f"solve.integrator={integrator}", f"solve.steps={steps}")
+    solution = moved("-0.5*sign(hub_speed)", *settings, text=text)
+    t, angle, speed = motion(solution)
     left = np.clip(0.4 - t, 0, None)
     assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
     assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
+    if text == WHEEL_IN_SPACE:
+        found = solution.model.motion.at(np.array([0.2, 0.39, 0.41, 0.9]))
+        assert found["torque"] == pytest.approx([-0.5, -0.5, 0.0, 0.0])
 
 
 def test_a_brake_gives_way_to_a_larger_torque():
@@ -205,66 +246,9 @@ def test_laws_know_joints_without_a_drive(joint, settings):
             assert found[1].series[name].values == pytest.approx(series.values, abs=1e-6 * size), name
 
 
-WHEEL_IN_SPACE = """
-schema = 1
-description = "A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic"
-ground.side = [0, 1, 0]
-bodies.wheel = {mass = "2 kg", inertia = [0.02, 0.02, 0.02]}
-bodies.ball.mass = "2 kg"
-bodies.ball.inertia = [0.02, 0.02, 0.02]
-bodies.ball.free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
-bodies.beam = {length = "200 mm", beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}
-joints.hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
-joints.clamp = {weld = ["ground.side", "beam.start"]}
-drives.hub = {free = true, initial_speed = "10 rad/s"}
-loads.torque = {torque_at = "hub", law = "0"}
-loads.push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
-sensors.angle = {position = "hub", component = "angle"}
-sensors.speed = {velocity = "hub", component = "angle"}
-sensors.x = {position = "ball", component = "x", axes = "global"}
-sensors.angular = {velocity = "ball", component = "angle_z", axes = "body"}
-solve = {preset = "coupled", duration = "1 s", steps = 8, modes = 1}
-"""
-
-
-def moved_in_space(law, *settings):
-    """Times, angles and speeds of the wheel, and the instants of the jumps of its torque."""
-    solution = moved(law, *settings, text=WHEEL_IN_SPACE)
-    angle, speed = (solution[name].values for name in ("angle", "speed"))
-    return solution, solution.times, angle, speed
-
-
-def switched(solution):
-    """Instants at which loads of a run in space switch [s]."""
-    return [row[0] for row in solution.model.motion.curve.changes[::2]]
-
-
-@METHODS
-def test_in_space_jumps_are_located(integrator):
-    """In time and at a place, with a ball that turns across them: nothing is lost."""
-    method = f"solve.integrator={integrator}"
-    solution, t, angle, speed = moved_in_space("3*step(hub - 1)", method)
-    since = np.clip(t - 0.1, 0, None)
-    assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
-    assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
-    assert solution["x"].values == pytest.approx(np.clip(t - 0.3137, 0, None) ** 2, abs=1e-12)
-    assert solution["angular"].values == pytest.approx(np.full(9, 12.0), abs=1e-12)
-    assert switched(solution) == pytest.approx([0.1, 0.3137], abs=1e-14)
-
-
-@METHODS
-def test_in_space_a_brake_stops_a_wheel_that_nothing_else_moves(integrator):
-    solution, t, angle, speed = moved_in_space("-0.5*sign(hub_speed)", f"solve.integrator={integrator}")
-    left = np.clip(0.4 - t, 0, None)
-    assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
-    assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
-    found = solution.model.motion.at(np.array([0.2, 0.39, 0.41, 0.9]))
-    assert found["torque"] == pytest.approx([-0.5, -0.5, 0.0, 0.0])
-
-
 def test_in_space_a_brake_that_would_have_to_hold_is_named():
     with pytest.raises(SceneError, match=r"after t = 0\.666667 s the law switches back and forth") as error:
-        moved_in_space("0.2 - 0.5*sign(hub_speed)")
+        moved("0.2 - 0.5*sign(hub_speed)", text=WHEEL_IN_SPACE)
     assert error.value.key == "loads.torque.law"
 
 
