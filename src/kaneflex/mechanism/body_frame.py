@@ -23,8 +23,8 @@ from kaneflex.mechanism.planar import GROUND, Pose, carried_velocity, quarter_tu
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Quantity with its first and second rates, time along the last axis."""
-STILL = np.zeros((2, 1))
-"""Zero rate of a point that is fixed in its body."""
+STILL = np.zeros((3, 1))
+"""Zero rate of a point that is fixed in its body, in the plane or in space."""
 
 
 def rotate(c, s, vector) -> np.ndarray:
@@ -42,12 +42,12 @@ def normal(vector) -> np.ndarray:
     return np.array(quarter_turn(vector))
 
 
-def velocity(omega, p, p_rate=STILL) -> np.ndarray:
+def velocity(omega, p, p_rate=STILL[:2]) -> np.ndarray:
     """Relative velocity p' + omega S p."""
     return p_rate + np.array(carried_velocity(p, omega))
 
 
-def acceleration(omega, epsilon, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
+def acceleration(omega, epsilon, p, p_rate=STILL[:2], p_accel=STILL[:2]) -> np.ndarray:
     """Relative acceleration p'' + 2 omega S p' + epsilon S p - omega^2 p."""
     return p_accel + np.array(relative_acceleration(p, p_rate, omega, epsilon))
 
@@ -73,6 +73,8 @@ class BodyFrame:
     body: str
     relative: ClassVar[tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = velocity, acceleration
     """Velocity and acceleration relative to an origin, by the rotation."""
+    letters: ClassVar[str] = "xy"
+    """Components of vectors."""
 
     def _scalar(self, key: str) -> np.ndarray:
         if self.body == GROUND:
@@ -103,7 +105,7 @@ class BodyFrame:
     @property
     def origin(self) -> np.ndarray:
         """Position of the body's start, global [m]."""
-        return self._vector("x", "y")
+        return self._vector(*self.letters)
 
     def to_global(self, vector) -> np.ndarray:
         """Global components of a vector given in these axes, (2, n_times)."""
@@ -118,13 +120,14 @@ class BodyFrame:
         return self.origin + self.to_global(p)
 
     def velocity(self, p, p_rate=STILL) -> np.ndarray:
-        """Global velocity of a point that moves by p' in these axes [m/s], (2, n_times)."""
-        return self._vector("v_x", "v_y") + self.to_global(velocity(self.omega, p, p_rate))
+        """Global velocity of a point that moves by p' in these axes [m/s], (2 or 3, n_times)."""
+        start = self._vector(*(f"v_{axis}" for axis in self.letters))
+        return start + self.relative[0](self.omega, self.to_global(p), self.to_global(p_rate))
 
     def acceleration(self, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
-        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2], (2, n_times)."""
-        carried = acceleration(self.omega, self.epsilon, p, p_rate, p_accel)
-        return self._vector("a_x", "a_y") + self.to_global(carried)
+        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2], (2 or 3, n_times)."""
+        start, moved = self._vector(*(f"a_{axis}" for axis in self.letters)), map(self.to_global, (p, p_rate, p_accel))
+        return start + self.relative[1](self.omega, self.epsilon, *moved)
 
     def components(self, d: np.ndarray, d_rate: np.ndarray, d_accel: np.ndarray) -> Rates:
         """Components of a global vector in these axes, and the rates of these components, from its global rates."""

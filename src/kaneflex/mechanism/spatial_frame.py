@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import BodyFrame, Rates
+from kaneflex.mechanism.body_frame import STILL, BodyFrame, Rates
 from kaneflex.mechanism.planar import GROUND
 
 if TYPE_CHECKING:
@@ -15,17 +15,16 @@ if TYPE_CHECKING:
 
 AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
 """Entries of a body's axes: ``rod.axes_xy`` is the global x of its y axis."""
-_STILL = np.zeros((3, 1))
 _SMALL = 1e-2
 """Square of an angle below which a series, exact to 1e-12, avoids the difference of nearly equal numbers."""
 
 
-def velocity(omega, p, p_rate=_STILL) -> np.ndarray:
+def velocity(omega, p, p_rate=STILL) -> np.ndarray:
     """Relative velocity p' + omega x p."""
     return p_rate + cross(omega, p)
 
 
-def acceleration(omega, epsilon, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
+def acceleration(omega, epsilon, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
     """Relative acceleration p'' + 2 omega x p' + epsilon x p + omega x (omega x p)."""
     return p_accel + cross(epsilon, p) + cross(omega, cross(omega, p) + 2.0 * p_rate)
 
@@ -35,6 +34,7 @@ class SpatialFrame(BodyFrame):
     [m]; vectors are (3, n_times)."""
 
     relative = velocity, acceleration
+    letters = "xyz"
 
     @cached_property
     def axes(self) -> np.ndarray:
@@ -53,11 +53,6 @@ class SpatialFrame(BodyFrame):
         """Angular acceleration, global [rad/s^2], (3, n_times)."""
         return self._vector("epsilon_x", "epsilon_y", "epsilon_z")
 
-    @property
-    def origin(self) -> np.ndarray:
-        """Position of the body's start, global [m], (3, n_times)."""
-        return self._vector("x", "y", "z")
-
     def to_global(self, vector) -> np.ndarray:
         """Global components of a vector given in these axes."""
         return applied(self.axes, vector)
@@ -65,15 +60,6 @@ class SpatialFrame(BodyFrame):
     def to_body(self, vector) -> np.ndarray:
         """Components of a global vector in these axes."""
         return applied(self.axes.swapaxes(0, 1), vector)
-
-    def velocity(self, p, p_rate=_STILL) -> np.ndarray:
-        """Global velocity of a point that moves by p' in these axes [m/s]."""
-        return self._vector("v_x", "v_y", "v_z") + velocity(self.omega, self.to_global(p), self.to_global(p_rate))
-
-    def acceleration(self, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
-        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2]."""
-        moved = map(self.to_global, (p, p_rate, p_accel))
-        return self._vector("a_x", "a_y", "a_z") + acceleration(self.omega, self.epsilon, *moved)
 
     def turned(self, other: BodyFrame) -> Rates:
         """Rotation vector of other axes relative to these, the angular velocity and its rate, (3, n_times) each."""
