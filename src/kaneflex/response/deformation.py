@@ -85,10 +85,8 @@ class Deformation:
         """Shortening 1/2 int v'^2 of elements up to `reach` [m] from their starts, and its rates, (elements, 3,
         n_times)."""
         points, weights = _GAUSS
-        slopes = np.array([
-            [self.link.shape(e, 0.5 * far * (1 + point))[self.link.slopes] for point in points]
-            for e, far in enumerate(reach, elements.start)
-        ])  # fmt: skip
+        of = {name: numbers[elements, None] for name, numbers in self.link.parameters.items()}
+        slopes = self.link.functions(0.5 * reach[:, None] * (1 + points), of)[..., self.link.slopes, :]
         total = 0.0
         for plane in range(slopes.shape[2]):
             s, s_rate, s_accel = (slopes[:, :, plane] @ self._of_elements(part, elements)

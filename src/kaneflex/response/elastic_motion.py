@@ -97,17 +97,15 @@ class SpatialElasticMotion(ElasticMotion):
 
     def change_of(self, name: str, freedom: str) -> Rates:
         """Change of a joint's coordinate ("angle" or "position") by deformation, with rates, (n_times,) each."""
-        joined, none = self._map.joined, np.zeros(len(self.times))
+        from kaneflex.fem.spatial_rates import product
+
+        joined, found = self._map.joined, np.zeros((3, len(self.times)))
         joint = joined.mechanism.joints[name]
         row = [move for move, _ in joint.moves].index(freedom) - len(joint.moves)
-        found = [none, none, none]
         for c, side in zip(joined.coefficients(self.rigid, joint, freedoms=True), joint.sides, strict=True):
             if side.body != GROUND:
-                c_0, c_1, c_2 = c[:, :, row].transpose(0, 2, 1)
-                d, d_rate, d_accel = self.displacement(side.body, side.at)
-                found[0] = found[0] + (c_0 * d).sum(axis=0)
-                found[1] = found[1] + (c_1 * d + c_0 * d_rate).sum(axis=0)
-                found[2] = found[2] + (c_2 * d + 2.0 * c_1 * d_rate + c_0 * d_accel).sum(axis=0)
+                d = np.array(self.displacement(side.body, side.at)).transpose(0, 2, 1)[..., None]
+                found = found + product(c[:, :, row, None], d)[:, :, 0, 0]
         return found[0], found[1], found[2]
 
     @property
