@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Frame, SiteMotions, from_start, selector, to_link_axes
+from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, SiteMotions, from_start, selector, to_link_axes
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
@@ -140,17 +140,14 @@ def with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
 class Sites:
     """Sites of a planar mechanism on which parts act."""
 
-    scene: Scene
     links: Mapping[str, Link]
-    parts: Mapping[str, Part]
     motions: SiteMotions
-    frame: Frame
 
     def place(self, part: Part, *points: tuple[str, Vector, Affine]) -> Placed:
         """Part with coordinates that are sums of matrices times the global displacement and rotation of points, given
         by body and place in its axes."""
         at: list[tuple[Site, Affine]] = []
-        L = Affine.zero(part.size, len(self.frame.coordinates))
+        L = Affine.zero(part.size, len(self.motions.names))
         for body, where, rows in points:
             if body != GROUND:
                 node = self.links[body].node_at(where[0]) if body in self.links else None
@@ -162,20 +159,21 @@ class Sites:
         """Global displacement and rotation of a node or of a rigid body's start, (3, n)."""
         (name, node), known = site, self.motions.found
         if site in known or node is None:
-            return known.get(site, Affine.zero(3, len(self.frame.coordinates)))
-        rows = selector(3, [0, 1, 2], self.parts[name].place[node], self.parts[name].size) @ self.frame.maps[name]
+            return known.get(site, Affine.zero(3, len(self.motions.names)))
+        part = self.motions.links[name]
+        rows = selector(3, [0, 1, 2], part.place[node], part.size) @ self.motions.frame.maps[name]
         return (SHIFT.T @ to_link_axes(name).T @ SHIFT + TURN.T @ TURN) @ rows
 
     def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
         """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
         a first."""
         signs = zip(sides, (-1.0, 1.0), strict=True)
-        return self.place(part, *((side.body, self.scene.point(side), sign * rows) for side, sign in signs))
+        return self.place(part, *((side.body, self.motions.scene.point(side), sign * rows) for side, sign in signs))
 
 
 def place_rigid(sites: Sites) -> Iterator[Placed]:
     """Add rigid bodies, lumped masses, and the loads on rigid bodies."""
-    scene, shared = sites.scene, sites.motions.interfaces.shared
+    scene, shared = sites.motions.scene, sites.motions.interfaces.shared
     for tie in sites.motions.interfaces.ties:
         if tie.site[1] is None:
             centre = sites.motions.arm(tie, tie.site) if tie.joint else (0.0, 0.0)
@@ -209,9 +207,10 @@ def _pushes(scene: Scene, body: str) -> Iterator[tuple[str, Affine, Vector]]:
 
 def place_torques(sites: Sites) -> Iterator[Placed]:
     """Add torques at joints, which act on the rotation of the second side relative to the first."""
-    for name, load in sites.scene.torques.items():
+    scene = sites.motions.scene
+    for name, load in scene.torques.items():
         torque = sparse_part(name, 1, F=Affine.term((name,), [[1.0]]))
-        yield sites.between(torque, sites.scene.joints[load.torque_at].addresses, TURN)
+        yield sites.between(torque, scene.joints[load.torque_at].addresses, TURN)
 
 
 def sparse_part(name: str, size: int, **own: Affine) -> Part:

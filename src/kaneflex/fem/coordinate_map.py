@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -72,7 +73,7 @@ class SiteMotions:
     """
 
     def __init__(self, scene: Scene, links: Mapping[str, Part], interfaces: Interfaces) -> None:
-        self.scene, self.interfaces = scene, interfaces
+        self.scene, self.links, self.interfaces = scene, links, interfaces
         self.names: list[str] = []
         self._columns: dict[object, list[int]] = {}
         self._ties = {tie.site: tie for tie in interfaces.ties}
@@ -140,22 +141,22 @@ class SiteMotions:
         sides = mechanism_of(self.scene).joints[tie.joint].sides
         return (0.0, 0.0) if site[1] is not None else next(side.at for side in sides if side.body == site[0])
 
-
-def build_frame(motions: SiteMotions, links: Mapping[str, Part]) -> Frame:
-    """Build L of every link from the motions of its nodes at joints."""
-    size, maps = len(motions.names), {}
-    for name, part in links.items():
-        rows, columns = zip(*motions.alone[name], strict=True) if motions.alone[name] else ((), ())
-        total = selector(part.size, rows, columns, size)
-        for node, (u, v, theta) in part.place.items():
-            moved = motions.found.get((name, node))
-            if moved is not None:
-                total += _lift(part.size, [u, v]) @ to_link_axes(name) @ SHIFT @ moved
-                if theta is not None:
-                    total += _lift(part.size, [theta]) @ TURN @ moved
-        maps[name] = total
-    bodies = {name: moved for (name, node), moved in motions.found.items() if node is None}
-    return Frame(tuple(motions.names), maps, bodies)
+    @cached_property
+    def frame(self) -> Frame:
+        """Names of the coordinates, and L of every link from the motions of its nodes at joints."""
+        size, maps = len(self.names), {}
+        for name, part in self.links.items():
+            rows, columns = zip(*self.alone[name], strict=True) if self.alone[name] else ((), ())
+            total = selector(part.size, rows, columns, size)
+            for node, (u, v, theta) in part.place.items():
+                moved = self.found.get((name, node))
+                if moved is not None:
+                    total += _lift(part.size, [u, v]) @ to_link_axes(name) @ SHIFT @ moved
+                    if theta is not None:
+                        total += _lift(part.size, [theta]) @ TURN @ moved
+            maps[name] = total
+        bodies = {name: moved for (name, node), moved in self.found.items() if node is None}
+        return Frame(tuple(self.names), maps, bodies)
 
 
 def selector(rows: int, at: Sequence[int], columns: Sequence[int], size: int) -> Affine:

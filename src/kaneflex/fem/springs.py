@@ -14,7 +14,7 @@ from kaneflex.mechanism.affine import Affine
 
 def place_springs(sites: Sites) -> Iterator[Placed]:
     """Springs as parts, see :func:`spring_part` and :func:`torsion_part`, with the sites of their ends."""
-    scene = sites.scene
+    scene = sites.motions.scene
     for name, spring in scene.springs.items():
         if spring.torsional_at is not None:
             part = torsion_part(name, spring.stiffness, spring.damping)

@@ -18,7 +18,7 @@ from kaneflex.fem.assembly import (
     place_rigid,
     place_torques,
 )
-from kaneflex.fem.coordinate_map import Frame, SiteMotions, build_frame
+from kaneflex.fem.coordinate_map import Frame, SiteMotions
 from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
@@ -113,9 +113,8 @@ def _planar_stage(
     links = _links(scene, options, motion)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, frozen)
-    motions = SiteMotions(scene, parts, interfaces)
-    frame = build_frame(motions, parts)
-    sites = Sites(scene, links, parts, motions, frame)
+    sites = Sites(links, SiteMotions(scene, parts, interfaces))
+    frame = sites.motions.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
     sprung: list[Placed] = []
