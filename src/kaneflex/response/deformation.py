@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
@@ -105,10 +105,9 @@ class Deformation:
     @cached_property
     def at_nodes(self) -> np.ndarray:
         """Forces of the elements less the point loads at each node, link axes, (n_nodes, dofs, n_times)."""
-        elements = range(len(self.link.nodes) - 1)
-        return self._summed([self.end_forces(e) for e in elements])
+        return self._summed(self.end_forces)
 
-    def _summed(self, forces: Sequence[np.ndarray]) -> np.ndarray:
+    def _summed(self, forces: np.ndarray) -> np.ndarray:
         """Sum of forces at the elements' ends less the point loads at each node, (n_nodes, dofs, n_times)."""
         coordinates, place = node_coordinates(self.link.name, len(self.link.nodes), False, self.link.names)
         unloaded = Part(self.link.name, coordinates, {"F": Affine.zero(len(coordinates), 1)}, place)
@@ -158,46 +157,36 @@ class Deformation:
 
     def _ends(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Section forces inside the first and the second end of an element."""
-        f, n = self.end_forces(e), self.link.dofs
+        f, n = self.end_forces[e], self.link.dofs
         return -f[:n], f[n:]
 
-    def end_forces(self, e: int) -> np.ndarray:
-        """Forces and moments on an element at its nodes, link axes, (2 dofs, n_times).
+    @cached_property
+    def end_forces(self) -> np.ndarray:
+        """Forces and moments on each element at its nodes, link axes, (elements, 2 dofs, n_times).
 
         The residual f = M q'' + C q' + K q - F of the element's equations with the terms kept by the run; K_s q only
         for the paper's frozen model. An axially rigid element also transmits axial forces.
         """
-        if e not in self._end_forces:
-            total = self._residual(e)
-            if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.balances:
-                total[0] -= self._passed_on[e]
-                total[3] += self._passed_on[e]
-            self._end_forces[e] = total
-        return self._end_forces[e]
+        every = slice(0, len(self.link.nodes) - 1)
+        total = self.residuals_of(every) if self.residuals is None else self.residuals.copy()
+        if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.balances:
+            tension = self._passed_on(total)
+            total[:, 0] -= tension
+            total[:, 3] += tension
+        return total
 
-    @cached_property
-    def _end_forces(self) -> dict[int, np.ndarray]:
-        """Computed end forces by element."""
-        return {}
-
-    @cached_property
-    def _passed_on(self) -> np.ndarray:
+    def _passed_on(self, residuals: np.ndarray) -> np.ndarray:
         """Tension of each element of an axially rigid link in addition to its residual, (elements, n_times).
 
         From the free ends to the node at the joint, every node is in equilibrium with element forces, loads and all
         that is fixed to it.
         """
-        elements = range(len(self.link.nodes) - 1)
-        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), len(elements))
-        along = self._summed([self._residual(e) for e in elements])[:, 0]
+        held = (node for name, node in self.model.interfaces.displaced if name == self.link.name)
+        along, joint = self._summed(residuals)[:, 0], next(held, len(residuals))
         for (name, node), force in self.attached().items():
             if name == self.link.name:
                 along[node] += self.rigid.frame(name).to_body(force)[0]
         return np.concatenate([np.cumsum(along[:joint], 0), -np.cumsum(along[:joint:-1], 0)[::-1]])
-
-    def _residual(self, e: int) -> np.ndarray:
-        """Residual M q'' + C q' + K q - F of one element, (6, n_times)."""
-        return self.residuals_of(slice(e, e + 1))[0] if self.residuals is None else self.residuals[e].copy()
 
     def residuals_of(self, elements: slice) -> np.ndarray:
         """Residual M q'' + C q' + K q - F of some elements, (elements, 6, n_times)."""
