@@ -32,7 +32,6 @@ BODY = {
 
 # numbers of a point of a body in the same way
 POINT = {
-    '': ({'share': 1}, {'X': 1}, {'Y': 1}),
     'u': ({'s': 1},),
     'v': ({'w': 1}, {'psi': 1}),
     'vv': ({'H': -1},),
@@ -43,52 +42,18 @@ WITHIN = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}, "forceinline"
 
 
 @njit(**WITHIN)
-def deform(p, o, q, v, a, i, out, k):
-    """Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."""
-    share, xi, eta = p[o], p[o + 1], p[o + 2]
-    to_u, to_v = int(p[o + 3]), int(p[o + 4])
-    o += 5
-    turn = xi1 = eta1 = turn1 = xi2 = eta2 = turn2 = 0.0
-    for j in range(to_u):
-        q_j, v_j, b_j, x_0 = q[i + j], v[i + j], a[i + j], p[o]
-        o += 1
-        xi += q_j * x_0
-        xi1 += v_j * x_0
-        xi2 += b_j * x_0
-    for j in range(to_u, to_v):
-        q_j, v_j, b_j, y_0, turn_0 = q[i + j], v[i + j], a[i + j], p[o], p[o + 1]
-        o += 2
-        x_vq = x_vv = 0.0
-        for l in range(to_u, to_v):
-            x_l = p[o]
-            x_vq += x_l * q[i + l]
-            x_vv += x_l * v[i + l]
-            o += 1
-        xi += 0.5 * q_j * x_vq
-        eta += q_j * y_0
-        turn += q_j * turn_0
-        xi1 += v_j * x_vq
-        eta1 += v_j * y_0
-        turn1 += turn_0 * v_j
-        xi2 += b_j * x_vq + v_j * x_vv
-        eta2 += b_j * y_0
-        turn2 += b_j * turn_0
-    out[k], out[k + 1], out[k + 2] = xi, eta, turn
-    out[k + 3], out[k + 4], out[k + 5] = xi1, eta1, turn1
-    out[k + 6], out[k + 7], out[k + 8] = xi2, eta2, turn2
-
-
-@njit(**WITHIN)
-def push(p, o, q, i, c, s, x, y, turn, out, k):
-    """Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."""
-    along, across = c * x + s * y, c * y - s * x
-    share, xi, eta = p[o], p[o + 1], p[o + 2]
-    to_u, to_v = int(p[o + 3]), int(p[o + 4])
-    o += 5
+def displace(p, o, q, i, out, k):
+    """Store the twists of a section for a unit of each shape, (shapes, 3), in the body's axes; return its displacement
+    and rotation."""
+    to_u, to_v = int(p[o]), int(p[o + 1])
+    o += 2
+    xi = eta = turn = 0.0
     for j in range(to_u):
         q_j, x_0 = q[i + j], p[o]
         o += 1
-        out[k + 3 + j] += along * x_0
+        out[k + 3 * j] = x_0
+        out[k + 3 * j + 1] = 0.0
+        out[k + 3 * j + 2] = 0.0
         xi += q_j * x_0
     for j in range(to_u, to_v):
         q_j, y_0, turn_0 = q[i + j], p[o], p[o + 1]
@@ -97,40 +62,38 @@ def push(p, o, q, i, c, s, x, y, turn, out, k):
         for l in range(to_u, to_v):
             x_vq += p[o] * q[i + l]
             o += 1
-        out[k + 3 + j] += across * y_0 + along * x_vq + turn * turn_0
+        out[k + 3 * j] = x_vq
+        out[k + 3 * j + 1] = y_0
+        out[k + 3 * j + 2] = turn_0
         xi += 0.5 * q_j * x_vq
         eta += q_j * y_0
-    out[k] += share * x
-    out[k + 1] += share * y
-    out[k + 2] += across * xi - along * eta + turn
+        turn += q_j * turn_0
+    return xi, eta, turn
 
 
 @njit(**WITHIN)
-def twists(p, o, q, i, c, s, out, k):
-    """Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."""
-    to_u, to_v = int(p[o + 3]), int(p[o + 4])
-    o += 5
+def growth(p, o, v, i):
+    """Return the acceleration of a section along the body at constant rates of its shapes."""
+    to_u, to_v = int(p[o]), int(p[o + 1])
+    o += 2
+    xi = 0.0
     for j in range(to_u):
-        x_0 = p[o]
         o += 1
-        out[k + 3 * j] = c * x_0
-        out[k + 3 * j + 1] = s * x_0
-        out[k + 3 * j + 2] = 0.0
     for j in range(to_u, to_v):
-        y_0, turn_0 = p[o], p[o + 1]
+        v_j = v[i + j]
         o += 2
-        x_vq = 0.0
+        x_vv = 0.0
         for l in range(to_u, to_v):
-            x_vq += p[o] * q[i + l]
+            x_vv += p[o] * v[i + l]
             o += 1
-        out[k + 3 * j] = c * x_vq - s * y_0
-        out[k + 3 * j + 1] = c * y_0 + s * x_vq
-        out[k + 3 * j + 2] = turn_0
+        xi += v_j * x_vv
+    return xi
 
 
 @njit(**WITHIN)
 def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
-    """Add M u' - f, the generalised forces that a motion takes; x, y: acceleration of the start less gravity."""
+    """Return the force and moment that a motion takes, and add the forces along its shapes, M u' - f; x, y: acceleration
+    of the start less gravity."""
     a_x, a_y = c * x + s * y, c * y - s * x
     s_zz = -(omega_z * omega_z)
     mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
@@ -154,7 +117,7 @@ def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
             C_vv += p[o + 1] * v[i + l]
             o += 2
         J_zz = J_zz_0 + J_zz_uq
-        out[k + 3 + j] += (
+        out[k + j] += (
             C_uv + C_vv + H_z_vq * epsilon_z + 2.0 * H_z_vv * omega_z + J_zz * s_zz + J_zz_ub + K_0 * q_j
             + P_x_0 * a_x
         )
@@ -183,7 +146,7 @@ def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
             C_vv += p[o + 3] * v[i + l]
             o += 4
         H_z = H_z_0 + H_z_uq
-        out[k + 3 + j] += (
+        out[k + j] += (
             C_uv + C_vv + H_z * epsilon_z + 2.0 * H_z_uv * omega_z + J_zz_vq * s_zz + K_0 * q_j + M_vb
             + P_x_vq * a_x + P_y_0 * a_y
         )
@@ -198,9 +161,7 @@ def inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k):
         m_z += H_z * b_j + H_z_uv * v_j
     along = -S_y * epsilon_z + a_x * mass + f_x - omega_z * (S_x * omega_z + 2.0 * V_y)
     across = S_x * epsilon_z + a_y * mass + f_y + omega_z * (-S_y * omega_z + 2.0 * V_x)
-    out[k] += c * along - s * across
-    out[k + 1] += s * along + c * across
-    out[k + 2] += 2.0 * D_zz * omega_z + I_zz * epsilon_z + S_x * a_y - S_y * a_x + m_z
+    return c * along - s * across, s * along + c * across, 2.0 * D_zz * omega_z + I_zz * epsilon_z + S_x * a_y - S_y * a_x + m_z
 
 
 @njit(**WITHIN)

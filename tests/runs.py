@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kaneflex import Model, Scene, Solution, load, read_scene, with_settings
+from kaneflex.generated import body as kernels
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model import spatial_layout as of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
@@ -55,15 +57,16 @@ def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Sta
         for part, given in zip(engine.motion, (q, v), strict=False):
             part[first : first + count] = given[system.modal(body)]
     engine.openings(t)  # deforms the bodies
-    _place_sections(system, q, v)
     places, rates, *_ = engine.motion
-    for fields in bodies:
-        up, own = engine.sections[fields[[at.PARENT, at.INBOARD]]]
+    for body, (name, side), fields in zip(engine.layout.bodies, engine.layout.inboard, bodies, strict=True):
         sign, angle, *along = engine.tables.w[fields[at.NUMBERS] :][:4]
         moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
-        if fields[at.JOINT] == at.FREE:
-            places[moves], rates[moves] = own[:3], own[3:6]
-        elif fields[at.JOINT] == at.REVOLUTE:
+        if name is None:
+            places[moves], rates[moves] = np.split(np.array(_section(system, (body, "start"), q, v)), 2)
+            continue
+        sides = system.mechanism.joints[name].sides
+        own, up = (np.array(_section(system, (each.body, each.name), q, v)) for each in (sides[side], sides[1 - side]))
+        if fields[at.JOINT] == at.REVOLUTE:
             places[moves], rates[moves] = sign * (own[2] - up[2] - angle), sign * (own[5] - up[5])
         elif fields[at.JOINT] == at.PRISMATIC:
             guide = complex(*along) * np.exp(1j * up[2])
@@ -72,19 +75,25 @@ def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Sta
     return engine.state(t, engine.choice)
 
 
-def _place_sections(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> None:
-    """Sections of the bodies by their frames, (size,), as they are deformed; vectors are complex numbers."""
-    engine, (owners, points) = system.engine, system.engine.tables.sections[:, [at.OWNER, at.POINT]].T
-    own = np.flatnonzero(owners >= 0)
-    local = engine.numbers(at.LOCAL, at.SEC * len(owners)).reshape(-1, at.SEC)[own].T
-    k = np.array([system.start[body] for body in engine.layout.bodies])[owners[own]]
-    share = engine.tables.w[points[own]]
-    turn, omega = np.exp(1j * q[k + 2]), v[k + 2]
-    arm = turn * (local[0] + 1j * local[1])
-    place = share * (q[k] + 1j * q[k + 1]) + arm
-    rate = share * (v[k] + 1j * v[k + 1]) + 1j * omega * arm + turn * (local[3] + 1j * local[4])
-    found = place.real, place.imag, q[k + 2] + local[2], rate.real, rate.imag, omega + local[5]
-    engine.sections[own, :6] = np.column_stack(found)
+def _section(system: CoupledSystem, point: tuple[str, str], q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
+    """Pose and twist of a section by its body's frame, (size,), as it is deformed; vectors are complex numbers."""
+    node, place = system.engine.layout.carriers[point]
+    if node < 0:
+        return *place, 0.0, 0.0, 0.0, 0.0
+    arrays, body, w = system.engine.arrays, point[0], system.engine.tables.w
+    start, modal, pose, twist = system.start[body], system.modal(body), np.zeros(3), np.zeros(3)
+    pose[:2] = place
+    if modal.stop > modal.start:
+        station = arrays["nodes"][node, of.KIND] == of.STATION
+        row, numbers = (arrays[name][node if station else node + 1] for name in ("nodes", "numbers"))
+        pose, phi = numbers[0 if station else 2].copy(), np.zeros(3 * (modal.stop - modal.start))
+        if row[of.AT] >= 0:
+            pose += kernels.displace.py_func(w, row[of.AT], q[modal], 0, phi, 0)
+            twist = v[modal] @ phi.reshape(-1, 3)
+    turn, omega, arm = np.exp(1j * q[start + 2]), v[start + 2], complex(*pose[:2])
+    at_point = complex(*q[start : start + 2]) + turn * arm
+    moving = complex(*v[start : start + 2]) + 1j * omega * turn * arm + turn * complex(*twist[:2])
+    return at_point.real, at_point.imag, q[start + 2] + pose[2], moving.real, moving.imag, omega + twist[2]
 
 
 def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
@@ -96,7 +105,7 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
         ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
         joints[name] = replace(joint, first=ends[0], second=ends[1])
         for side, end in zip(joint.sides, ends, strict=True):
-            poses[end.body] = engine.sections[engine.layout.sections[side.body, side.name], :3]
+            poses[end.body] = np.array(_section(system, (side.body, side.name), q, 0.0 * q)[:3])
     drives = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3].tolist(), strict=True))
     constraints = Constraints(replace(system.mechanism, joints=joints), drives)
     names = [row for joint in joints.values() for row, *_ in reactions(joint)]

@@ -17,7 +17,7 @@ import sympy as sm
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA
 from kaneflex.derive.bodies.kinds import PLANE, POINT, Kinds, numbers
 from kaneflex.derive.bodies.loops import Shape, added, code, grow, loops, zeroed
-from kaneflex.derive.bodies.proof import AT, RIGID, by_name, prove
+from kaneflex.derive.bodies.proof import RIGID, by_name, prove
 from kaneflex.derive.bodies.space import (
     VELOCITY,
     demanded,
@@ -33,8 +33,8 @@ from kaneflex.derive.printers import module_text
 C, S, MASS = sm.symbols("c s mass")
 _STILL = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2], VELOCITY[2]), 0)
 _PLACE = {"x": "xi", "y": "eta", "turn": "turn"}
-"""Place of a point along and across the body, and rotation of its section."""
-_ROW = "out[k + 3 + j]"
+"""Displacement of a section along and across the body, and its rotation."""
+_ROW = "out[k + j]"
 
 
 @cache
@@ -50,7 +50,7 @@ def body_text() -> str:
     prove(text)
     printed = [
         _table("BODY", RIGID, PLANE, "mass", "numbers of a body: its own, of a shape by its kind, of a pair of shapes"),
-        _table("POINT", AT, POINT, "", "numbers of a point of a body in the same way"),
+        _table("POINT", (), POINT, "", "numbers of a point of a body in the same way"),
         "# reordered sums are slower here, and so are calls",
         'WITHIN = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}, "forceinline": True}',
     ]
@@ -60,7 +60,7 @@ def body_text() -> str:
 
 def kernels_text() -> str:
     """Text of all kernels, which has not been proved."""
-    return "\n\n".join([_deform(), _push(), _twists(), _inverse(), _inertia(), _energy()])
+    return "\n\n".join([_displace(), _growth(), _inverse(), _inertia(), _energy()])
 
 
 def _table(name: str, first: Iterable[sm.Expr], kinds: Kinds, of: str, comment: str) -> str:
@@ -81,54 +81,33 @@ def _signs(value: sm.Expr) -> dict[str, int]:
 
 
 def _moved(shape: Shape) -> dict[str, sm.Expr]:
-    """Increments of a point's place and of its section's rotation by the j-th shape."""
+    """Increments of a section's displacement and rotation by the j-th shape."""
     q = sm.Symbol("q_j")
     return {place: q * (shape.single(name) + shape.grown(name)) / 2 for name, place in _PLACE.items()}
 
 
-def _moving(shape: Shape) -> dict[str, sm.Expr]:
-    """Increments of the first and second time derivatives of place and rotation."""
-    v, b = sm.symbols("v_j b_j")
-    found = {f"{place}1": v * shape.grown(name) for name, place in _PLACE.items()}
-    return found | {
-        f"{place}2": b * shape.grown(name) + v * shape.total(name, "v") for name, place in _PLACE.items()
-    }
+def _displace() -> str:
+    def of_shape(shape: Shape) -> list[str]:
+        twist = [f"out[k + 3 * j{f' + {k}' if k else ''}] = {code(shape.grown(name))}" for k, name in enumerate(_PLACE)]
+        return [*twist, *grow(_moved(shape))]
 
-
-def _deform() -> str:
-    zeros = ["turn", *(f"{place}{order}" for order in (1, 2) for place in _PLACE.values())]
-    body = loops(lambda shape: grow(_moved(shape) | _moving(shape)), kinds=POINT)
-    doc = "Store a point in the body's axes: its place, the rotation of its section, their rates and accelerations."
-    return _kernel("deform(p, o, q, v, a, i, out, k)", doc, [
-        *_BEGUN_POINT, *zeroed(zeros), *body,
-        "out[k], out[k + 1], out[k + 2] = xi, eta, turn",
-        "out[k + 3], out[k + 4], out[k + 5] = xi1, eta1, turn1",
-        "out[k + 6], out[k + 7], out[k + 8] = xi2, eta2, turn2",
+    doc = (
+        "Store the twists of a section for a unit of each shape, (shapes, 3), in the body's axes; return its "
+        "displacement\nand rotation."
+    )
+    return _kernel("displace(p, o, q, i, out, k)", doc, [
+        *_BEGUN_POINT, *zeroed(_PLACE.values()), *loops(of_shape, kinds=POINT), "return xi, eta, turn",
     ])  # fmt: skip
 
 
-def _push() -> str:
-    force = sm.symbols("along across turn")
-
+def _growth() -> str:
     def of_shape(shape: Shape) -> list[str]:
-        row = sum(shape.grown(name) * x for name, x in zip(_PLACE, force, strict=True))
-        place = {name: value for name, value in _moved(shape).items() if name != "turn"}
-        return grow({_ROW: row} | place)
+        return grow({place: sm.Symbol("v_j") * shape.total(name, "v") for name, place in _PLACE.items()})
 
-    doc = "Add the generalised forces W^T F of a force (x, y, global) and a moment at a point."
-    return _kernel("push(p, o, q, i, c, s, x, y, turn, out, k)", doc, [
-        "along, across = c * x + s * y, c * y - s * x",
-        *_BEGUN_POINT, *loops(of_shape, kinds=POINT),
-        "out[k] += share * x", "out[k + 1] += share * y", "out[k + 2] += across * xi - along * eta + turn",
+    doc = "Return the acceleration of a section along the body at constant rates of its shapes."
+    return _kernel("growth(p, o, v, i)", doc, [
+        *_BEGUN_POINT, *zeroed(["xi"]), *loops(of_shape, kinds=POINT), "return xi",
     ])  # fmt: skip
-
-
-def _twists() -> str:
-    def of_shape(shape: Shape) -> list[str]:
-        return _stored("k", {name: shape.grown(name) for name in _PLACE}, _PLACE)
-
-    doc = "Store the twists of the section at a point for a unit of each shape, (shapes, 3), with the frame fixed."
-    return _kernel("twists(p, o, q, i, c, s, out, k)", doc, [*_COUNTS, *loops(of_shape, kinds=POINT)])
 
 
 def _stored(first: str, of: Mapping[str, sm.Expr], names: Iterable[str]) -> list[str]:
@@ -149,12 +128,15 @@ def _inverse() -> str:
 
     body = loops(of_shape, kinds=PLANE)
     zeros = [name for name in ("V_x", "V_y", "D_zz", "f_x", "f_y", "m_z") if name in needed]
-    doc = "Add M u' - f, the generalised forces that a motion takes; x, y: acceleration of the start less gravity."
+    doc = (
+        "Return the force and moment that a motion takes, and add the forces along its shapes, M u' - f; x, y: "
+        "acceleration\nof the start less gravity."
+    )
     return _kernel("inverse(p, o, q, v, a, i, c, s, omega_z, x, y, epsilon_z, out, k)", doc, [
         "a_x, a_y = c * x + s * y, c * y - s * x",
         *(line for line in spin() if line.startswith("s_zz")), *_BEGUN, *zeroed(zeros), *body,
         f"along = {f_x}", f"across = {f_y}",
-        "out[k] += c * along - s * across", "out[k + 1] += s * along + c * across", f"out[k + 2] += {moment}",
+        f"return c * along - s * across, s * along + c * across, {moment}",
     ])  # fmt: skip
 
 
@@ -215,5 +197,4 @@ P_x_vq is that of P_x q over shapes of kind v.
 _BEGUN = (
     "mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]", "to_u, to_v = int(p[o + 4]), int(p[o + 5])", "o += 6",
 )  # fmt: skip
-_COUNTS = ("to_u, to_v = int(p[o + 3]), int(p[o + 4])", "o += 5")
-_BEGUN_POINT = ("share, xi, eta = p[o], p[o + 1], p[o + 2]", *_COUNTS)
+_BEGUN_POINT = "to_u, to_v = int(p[o]), int(p[o + 1])", "o += 2"

@@ -35,8 +35,6 @@ _ORDER = ("X", "s", "w", "H", "psi")
 """Factors in the name of a sum."""
 RIGID = (*sm.symbols("mass mass_X mass_Y"), sum(sm.symbols("mass_X_X mass_Y_Y inertia")))
 """Sums of a rigid body."""
-AT = sm.symbols("share X Y")
-"""A point of it, and its share of the forces there."""
 
 
 @cache
@@ -90,12 +88,12 @@ def _factors(term: sm.Expr, axial: int, of: str) -> list[str]:
 
 
 def place(b: Sequence[sm.Expr], a: Sequence[sm.Expr]) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
-    """Position along and across the body, and rotation of the section, of a point with these modal coordinates."""
+    """Displacement along and across the body, and rotation, of a section with these modal coordinates."""
     both = product(enumerate(a), repeat=2)
     shortening = sum((sm.Symbol(f"H_{min(j, k)}_{max(j, k)}") * c * d for (j, c), (k, d) in both), sm.S.Zero) / 2
     along, across, turn = (sum((sm.Symbol(f"{name}_{j}") * c for j, c in enumerate(of)), sm.S.Zero)
                            for name, of in (("s", b), ("w", a), ("psi", a)))  # fmt: skip
-    return sm.Symbol("X") + along - shortening, sm.Symbol("Y") + across, turn
+    return along - shortening, across, turn
 
 
 # ---- proof ----------------------------------------------------------------------------------------------------------
@@ -171,9 +169,9 @@ def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
     whole = turn * M * turn.T
     yield "inertia", out, [*whole[:3, :3], *whole[3:, :3], *whole[3:, 3:]]
 
-    out = [sm.S.Zero] * n
-    kernels.inverse(p, 0, q, v, a, 0, C, S, OMEGA, x, y, EPSILON, out, 0)
-    yield "inverse", out, list(turn * own.xreplace({ALONG: C * x + S * y, ACROSS: C * y - S * x}) + inside)
+    out = [sm.S.Zero] * shapes
+    frame = kernels.inverse(p, 0, q, v, a, 0, C, S, OMEGA, x, y, EPSILON, out, 0)
+    yield "inverse", [*frame, *out], list(turn * own.xreplace({ALONG: C * x + S * y, ACROSS: C * y - S * x}) + inside)
 
     out = [sm.S.Zero] * 3
     centre = kernels.energy(p, 0, q, v, 0, C, S, v_x, v_y, OMEGA, out)
@@ -184,32 +182,22 @@ def _of_body(kernels: SimpleNamespace, axial: int, transverse: int):
 
 
 def _of_point(kernels: SimpleNamespace, axial: int, transverse: int):
-    p = _numbers(AT, axial, transverse, POINT, "")
+    p = _numbers((), axial, transverse, POINT, "")
     b, a = ([dynamicsymbols(f"{name}_{k}") for k in range(count)] for name, count in (("b", axial), ("a", transverse)))
     modal = [*b, *a]
-    q, v, a2 = ([sm.Symbol(f"{name}_{k}") for k in range(len(modal))] for name in ("q", "v", "accel"))
-    plain = {c: symbol for c, symbol in zip(modal, q, strict=True)}
-    rates = {c.diff(TIME, k): symbol for k, of in ((1, v), (2, a2)) for c, symbol in zip(modal, of, strict=True)}
-    inside = place(b, a)
+    q, v = ([sm.Symbol(f"{name}_{k}") for k in range(len(modal))] for name in ("q", "v"))
+    plain = dict(zip(modal, q, strict=True))
+    inside = sm.Matrix([sm.sympify(entry) for entry in place(b, a)])
 
-    out = [sm.S.Zero] * 9
-    kernels.deform(p, 0, q, v, a2, 0, out, 0)
-    motion = [x.diff(TIME, order) if order else x for order in range(3) for x in inside]
-    yield "deform", out, [x.subs(rates).subs(plain) if x else sm.S.Zero for x in map(sm.sympify, motion)]
-
-    x, y, share = sm.symbols("x y share")
-    xi, eta, turn = (sm.sympify(entry).xreplace(plain) for entry in inside)
-    c, s = sm.cos(PHI), sm.sin(PHI)
-    twist = sm.Matrix([share * x + c * xi - s * eta, share * y + s * xi + c * eta, PHI + turn])
-    W = twist.jacobian([x, y, PHI, *q])
     out = [sm.S.Zero] * 3 * len(modal)
-    kernels.twists(p, 0, q, 0, C, S, out, 0)
-    yield "twists", out, list(W[:, 3:].T)
+    moved = kernels.displace(p, 0, q, 0, out, 0)
+    here = inside.xreplace(plain)
+    yield "displace", [*moved, *out], [*here, *(entry.diff(each) for each in q for entry in here)]
 
-    force = sm.Matrix(sm.symbols("f_x f_y torque"))
-    out = [sm.S.Zero] * W.cols
-    kernels.push(p, 0, q, 0, C, S, *force, out, 0)
-    yield "push", out, list(W.T * force)
+    still = {c.diff(TIME, 2): 0 for c in modal}
+    rates = {c.diff(TIME): symbol for c, symbol in zip(modal, v, strict=True)}
+    grows = inside.diff(TIME, 2).subs(still).subs(rates).xreplace(plain)
+    yield "growth", [kernels.growth(p, 0, v, 0), 0, 0], list(grows)
 
 
 def _plain(expression: sm.Expr) -> sm.Expr:

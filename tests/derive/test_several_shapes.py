@@ -96,14 +96,14 @@ def test_a_bar_of_shapes(axial, transverse):
         q, v, a = MOTIONS.uniform(-1, 1, (3, count))
         motion = MOTIONS.uniform(-1, 1, 4)
         arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
-        p, out = body_block(arrays, axial, transverse), np.zeros(3 + count)
+        p, out = body_block(arrays, axial, transverse), np.zeros(count)
         x, y = turn[:2, :2] @ motion[:2]
-        body.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
+        frame = body.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
         parts = np.full(9 + 3 * count + count**2, np.nan)
         body.inertia(p, 0, q, 0, c, s, parts, 0, 9, 9 + 3 * count)
         I, E, L = np.split(parts, [9, 9 + 3 * count])
         matrix = np.block([[I.reshape(3, 3), E.reshape(count, 3).T], [E.reshape(count, 3), L.reshape(count, count)]])
-        assert_equal(out, turn @ forces)
+        assert_equal(np.array([*frame, *out]), turn @ forces)
         assert_equal(matrix, turn @ mass @ turn.T)
 
 

@@ -19,6 +19,7 @@ from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import reduction, spatial_entries, unfolding
 from kaneflex.multibody.dynamics.spatial_work import SPACE
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model import spatial_layout as of
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU
@@ -28,8 +29,9 @@ from kaneflex.solve.coupled_start import begun
 
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
-"""Whole numbers by the names of arguments: a body on another one, a section of a body, a load; else 0 or 1."""
-ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", "planar_tree", "kinematics")
+"""Whole numbers by the names of arguments: a body on another one, a node or section of a body, a load; else 0 or 1."""
+ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", "tree", "kinematics", "axes",
+         "deformation", "inverse_dynamics", "wrenches")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
 WHOLE_RUNS = ("integrate", "finish", "soften", "add_in_stages", "settle")
 """Functions that take as many steps as rounding lets them, or serve contacts, which the scene does not have, or space:
@@ -122,8 +124,8 @@ def memory(run, random):
     """Arrays of the engine with random numbers near a state, and arrays for other arguments."""
     engine = run.engine
     near = engine.tables.w * (1.0 + 1e-3 * random.normal(size=len(engine.tables.w)))
-    points = engine.tables.sections[engine.tables.sections[:, at.OWNER] >= 0, at.POINT]
-    for first in (*(points + 3), *(engine.tables.bodies[:, at.BLOCK] + 4)):  # numbers of shapes
+    points = engine.parts["nodes"][:, of.AT]
+    for first in (*points[points >= 0], *(engine.tables.bodies[:, at.BLOCK] + 4)):  # numbers of shapes
         near[first : first + 2] = engine.tables.w[first : first + 2]
     for part in (at.RATE, at.ACCEL):  # at rest most of these functions find nothing
         near[engine.tables.plan[part] :][: engine.size] += 0.1 * random.normal(size=engine.size)

@@ -88,7 +88,7 @@ def inertia_forces(model, q, v, a):
     blocks = Blocks(model.scene, system.counts, system.shapes)
     for name, k in system.start.items():
         turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]
-        body.inverse.py_func(blocks.body(name), 0, q, v, a, k + 3, *turn, *frame, found, k)
+        found[k : k + 3] += body.inverse.py_func(blocks.body(name), 0, q, v, a, k + 3, *turn, *frame, found, k + 3)
     return found
 
 

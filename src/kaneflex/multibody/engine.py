@@ -17,10 +17,13 @@ from kaneflex.multibody.compile.library import library
 from kaneflex.multibody.dynamics import independent_speeds, reduction, unfolding
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
+from kaneflex.multibody.model.spatial_layout import JOINT_NODE, OWNER
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.topology import Layout, build_tables
 from kaneflex.multibody.time import collocation
 
+_EVERY = "plan", "bodies", "acts", "w", "pivots", "kernels", "p", "real", "pair"
+"""Arrays of every mechanism."""
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
 
@@ -41,6 +44,10 @@ class Engine:
         Kind of mechanism whose library it uses, if not its own.
     chosen : list
         Current choice of independent speeds.
+    parts : mapping
+        Further arrays by their names in the kind of mechanism.
+    views : mapping
+        Places in the numbers w, and lengths, of those that compiled functions fill.
     """
 
     tables: at.Tables
@@ -51,6 +58,8 @@ class Engine:
     pair: np.ndarray
     shared: at.Handed | None = None
     chosen: list[Choice] = field(default_factory=lambda: [NONE])
+    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    views: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses and views, which belong to one process."""
@@ -204,7 +213,8 @@ class Engine:
         for of, numbers in ((at.ROW_OF, choice.rows), (at.DEPENDENT, choice.dependent)):
             plan[plan[of] : plan[of] + kept] = numbers
         plan[at.KEPT], plan[at.BENDS] = kept, self.shapes[choice.dependent].any()
-        plan[at.LED] = bisect_right(self._last_columns, min(choice.dependent, default=self.size))
+        led, nodes = bisect_right(self._last_columns, min(choice.dependent, default=self.size)), self.parts["nodes"]
+        plan[at.LED] = self.parts["frames"][led, JOINT_NODE] if led < len(self._last_columns) else len(nodes)
         self.chosen[0] = choice
 
     @property
@@ -328,9 +338,15 @@ class Engine:
         return self.tables.w[first : first + at.CONTACT_SIZE * count].reshape(-1, at.CONTACT_SIZE)
 
     @property
+    def owners(self) -> np.ndarray:
+        """Body of every section, -1 on the ground."""
+        on = self.parts["on"]
+        return np.where(on >= 0, self.parts["nodes"][on, OWNER], -1)
+
+    @property
     def sections(self) -> np.ndarray:
         """View of the sections, (sections, 9)."""
-        return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
+        return self.numbers(at.SECTION, at.SEC * len(self.parts["on"])).reshape(-1, at.SEC)
 
     def demand(self, choice: Choice, times: np.ndarray, given: np.ndarray) -> np.ndarray:
         """Residuals of the independent speeds at ``times`` [s], then all speeds, (k, independent + speeds), see
@@ -420,14 +436,16 @@ class Engine:
     @property
     def workspaces(self) -> Collection[str]:
         """Names among :attr:`arrays` of those that compiled functions fill, besides those of every engine."""
-        return ()
+        return self.views
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
         """Arrays of compiled functions by their names in :attr:`handed`."""
         t = self.tables
-        found = t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
-        return dict(zip(at.PARTS, found, strict=True))
+        found = t.plan, t.bodies, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
+        views = {name: t.w[first : first + count] for name, (first, count) in self.views.items()}
+        every = {**dict(zip(_EVERY, found, strict=True)), **self.parts, **views}
+        return {name: every[name] for name in self.handed.parts}
 
     @cached_property
     def _handle(self) -> Handle:
@@ -441,6 +459,7 @@ class Engine:
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """Engine of a mechanism with its structure's module and the module's parameters; at rest, loops not closed."""
     switches = len(getattr(module, "SWITCHES", ()))
-    tables, layout, (real, pair) = build_tables(mechanism, blocks.counts, blocks, mechanism.size, switches)
+    tables, layout, size, nodes, views = build_tables(mechanism, blocks.counts, blocks, mechanism.size, switches)
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
-    return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
+    room, pairs = np.zeros(size), np.zeros(size, complex)
+    return Engine(tables, layout, kernels, p, room, pairs, parts=nodes, views=views)

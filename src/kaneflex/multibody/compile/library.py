@@ -14,7 +14,7 @@ from typing import Any
 
 from numba import njit
 
-from kaneflex.generated import body, contact, friction, joints
+from kaneflex.generated import body, contact, friction, joints, spatial, spatial_shapes
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.dynamics import independent_speeds, reduction, unfolding
 from kaneflex.multibody.model import layout
@@ -31,16 +31,16 @@ from kaneflex.support import inner
 from kaneflex.support.fingerprint import made_of
 
 
-def sources(*left_out: str) -> list[str]:
-    """Files of the engine's compiled functions, without those whose path has one of ``left_out`` in it."""
+def sources() -> list[str]:
+    """Files of the engine's compiled functions."""
     multibody = Path(layout.__file__).parents[1]
     files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
-    compiled = (each for each in files if b"numba" in each.read_bytes())
-    chosen = [str(each) for each in compiled if not any(part in str(each.relative_to(multibody)) for part in left_out)]
-    return sorted([*chosen, inner.__file__, *map(str, (multibody / "model").glob("*layout.py"))])
+    compiled = (str(each) for each in files if b"numba" in each.read_bytes())
+    generated = (each.__file__ for each in (body, contact, friction, joints, spatial, spatial_shapes))
+    return sorted([*compiled, *generated, inner.__file__, *map(str, (multibody / "model").glob("*layout.py"))])
 
 
-_made_of_parts = made_of(*sources("spatial"), body.__file__, contact.__file__, friction.__file__, joints.__file__)
+_made_of_parts = made_of(*sources())
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES | independent_speeds.ENTRIES
 _plain, _with_contacts, _with_impacts, _with_holds = (
     entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM)

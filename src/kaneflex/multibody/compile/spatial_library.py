@@ -8,15 +8,13 @@ from typing import Any
 
 from numba import njit
 
-from kaneflex.generated import spatial as laws
-from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.compile.library import sources
 from kaneflex.multibody.dynamics.spatial_entries import ENTRIES, PRESCRIBED_ENTRIES
 from kaneflex.multibody.model.layout import OUTER, RIGID_SPACE, SPACE, SWITCHED_SPACE, Handed
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*sources(), laws.__file__, shape_laws.__file__)
+_made_of_parts = made_of(*sources())
 _prescribed, _integrated, _switched_prescribed, _switched = (
     entered(space, entries) for space in (RIGID_SPACE, SWITCHED_SPACE) for entries in (PRESCRIBED_ENTRIES, ENTRIES)
 )

@@ -211,6 +211,39 @@ def minus(a, b):
 
 
 @njit(**IN_ORDER)
+def rate_at(a, t, r):
+    """Acceleration of the origin of a body with twist t, referred to the point r."""
+    inside()
+    x, y, square = r[0], r[1], t[2] * t[2]
+    return a[0] - a[2] * y - square * x, a[1] + a[2] * x - square * y, a[2]
+
+
+@njit(**IN_ORDER)
+def _rate_at_6(a, t, r):
+    inside()
+    w = last(t)
+    return joined(plus(first(a), plus(cross(last(a), r), cross(w, cross(w, r)))), last(a))
+
+
+@njit(**IN_ORDER)
+def coriolis(t, relative):
+    """Part of an acceleration by the rotation, of twist t, of the axes in which a body has a relative twist."""
+    inside()
+    w = 2.0 * t[2]
+    return -w * relative[1], w * relative[0], 0.0
+
+
+@njit(**IN_ORDER)
+def _coriolis_6(t, relative):
+    inside()
+    w = last(t)
+    return joined(cross(w, scaled(2.0, first(relative))), cross(w, last(relative)))
+
+
+rate_at, coriolis = by_size(rate_at, _rate_at_6), by_size(coriolis, _coriolis_6)
+
+
+@njit(**IN_ORDER)
 def turned(R, n, a):
     """R a in space, R the matrix whose rows begin at the n-th vector"""
     inside()

@@ -16,7 +16,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.values import copy
-from kaneflex.multibody.dynamics.dimensions import bent, demand
+from kaneflex.multibody.dynamics.inverse_dynamics import demand
 from kaneflex.multibody.dynamics.loop_closure import SIDES, crosses, reduce_across
 from kaneflex.multibody.dynamics.loop_condition import determined, margin
 from kaneflex.multibody.dynamics.reduction import react
@@ -73,7 +73,6 @@ def project(m, t, i):
     if crosses(m, t):
         reduce_across(m)
         return True
-    bent(m)
     if not react(m):
         return False
     copy(m.w, m.plan[NOW], m.plan[STAGE_R] + m.plan[REACTIONS] * i, m.plan[REACTIONS])
@@ -89,7 +88,6 @@ def react_at_end(m, t):
     for r in range(m.plan[REACTIONS]):
         m.w[m.plan[NOW] + r] = 0.0
     demand(m, t)
-    bent(m)
     react(m)
     return True
 

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.generated import body
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.compile.values import by_size, inside
+from kaneflex.multibody.dynamics.wrenches import push
 from kaneflex.multibody.model.layout import (
-    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FORCE,
-    FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X, NORMAL_Y,
-    NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSH_NOW, RATE, ROOM, ROW, ROW_AT, ROW_SIZE, SEC,
-    SECTION, SIZE, SPRINGS, STAYS, SUMS, SWITCH, TURN, WHAT, X, Y, apart, kernel, shifted,
+    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, GAP,
+    GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS,
+    PLACE_X, PLACE_Y, PUSH_NOW, RATE, ROOM, ROW_AT, ROW_SIZE, SEC, SECTION, SIZE, SPRINGS, STAYS, SUMS, SWITCH, TURN,
+    WHAT, X, Y, apart, kernel, shifted,
 )  # fmt: skip
 
 
@@ -143,19 +143,6 @@ def meet_switch(m, n, k):
         value = w[k + ROOM] - abs(value)
     w[k + GAP], w[k + GAP_RATE] = value, rate
     w[k + NORMAL_X] = w[k + NORMAL_Y] = 0.0
-
-
-@njit(**OPTIONS)
-def push(m, n, wrench):
-    """Subtract a wrench on a section from the inertia forces of its body."""
-    apart()
-    b = m.sections[n, OWNER]
-    if b >= 0:
-        w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
-        body.push(
-            w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -wrench[0], -wrench[1],
-            -wrench[2], w, m.plan[FORCE] + m.bodies[b, ROW],
-        )  # fmt: skip
 
 
 @of_contacts(None)

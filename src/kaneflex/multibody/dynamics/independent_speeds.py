@@ -9,7 +9,9 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length
 from kaneflex.multibody.dynamics.courses import prescribe
-from kaneflex.multibody.dynamics.dimensions import bent, cut_rows, deform, place
+from kaneflex.multibody.dynamics.cut_rows import cut_rows
+from kaneflex.multibody.dynamics.deformation import deform
+from kaneflex.multibody.dynamics.kinematics import place
 from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
@@ -44,9 +46,9 @@ def open_rows(m):
     """Residuals of all these rows at the current coordinates, with their derivatives by all coordinates at GRADIENT."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    deform(m)
     place(m, 0)
     cut_rows(m)
-    bent(m)
     for k in range(plan[REACTIONS] * n):
         w[plan[GRADIENT] + k] = 0.0
     for row in range(plan[REACTIONS]):
@@ -58,7 +60,6 @@ def open_rows(m):
 def openings(m, t, out):
     """The same with prescribed drives at t; residuals of all rows, zero of rows that are no constraints."""
     prescribe(m, t)
-    deform(m)
     open_rows(m)
     for row in range(m.plan[REACTIONS]):
         out[row] = m.w[m.plan[CUT] + row_length(m) * row] if stands(m, row) else 0.0

@@ -11,62 +11,19 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as spatial_laws
-from kaneflex.multibody.compile.values import after, by_size, numbers_of, row_length, twists, width
-from kaneflex.multibody.dynamics import forces, planar_tree
-from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, force_at, joined, minus, scaled, zero_like
+from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, width
+from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
 from kaneflex.multibody.dynamics.forces import load_sizes, press
 from kaneflex.multibody.dynamics.spatial_bushings import cushion
-from kaneflex.multibody.dynamics.spatial_kinematics import freedoms
+from kaneflex.multibody.dynamics.kinematics import twist_at_section
+from kaneflex.multibody.dynamics.wrenches import along, push
 from kaneflex.multibody.model.layout import (
     ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS,
     PUSHED, PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger,
     shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.support.inner import once
-
-
-@once
-@njit(**OPTIONS)
-def _push_6(m, n, wrench):
-    apart()
-    on = m.on[n]
-    if on >= 0:
-        m.F[on] = axpy(-1.0, force_at(wrench, minus(m.sections[5 * n], m.r[on])), m.F[on])
-
-
-@once
-@njit(**OPTIONS)
-def _along_6(m, n, wrench, bends, out):
-    """Inwards from the section's node, over whose tree alone the wrench acts."""
-    apart()
-    node, w = m.on[n], after(m.w, out)
-    if node < 0:
-        return
-    wrench = force_at(wrench, minus(m.sections[5 * n], m.r[node]))
-    while node >= 0:
-        s, parent = m.nodes[node, SPEED], m.nodes[node, PARENT]
-        if m.nodes[node, ROW_OF] >= 0:
-            for j in range(m.nodes[node, COUNT]):
-                w[s + j] += dot(m.phi[m.nodes[node, ROW_OF] + j], wrench)
-        for j in range(s, s + freedoms(m, node)):
-            w[j] += dot(m.S[j], wrench)
-        if parent >= 0:
-            wrench = force_at(wrench, minus(m.r[node], m.r[parent]))
-        node = parent
-
-
-@njit(**OPTIONS)
-def twist_at_section(m, n):
-    """Velocity and angular velocity of a section."""
-    k = m.plan[SECTION] + SEC * n
-    return m.w[k + 3], m.w[k + 4], m.w[k + 5]
-
-
-@njit(**OPTIONS)
-def _twist_6(m, n):
-    return joined(m.sections[5 * n + 1], m.sections[5 * n + 3])
 
 
 @njit(**OPTIONS)
@@ -134,9 +91,7 @@ def _stretch_6(m, act, k):
     return scaled(-1.0, force)
 
 
-push, along = by_size(forces.push, _push_6), by_size(planar_tree.along, _along_6)
-twist_at_section, unit_wrench = by_size(twist_at_section, _twist_6), by_size(unit_wrench, _unit_wrench_6)
-stretch = by_size(stretch, _stretch_6)
+unit_wrench, stretch = by_size(unit_wrench, _unit_wrench_6), by_size(stretch, _stretch_6)
 
 
 @once

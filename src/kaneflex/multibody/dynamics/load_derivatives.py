@@ -22,7 +22,7 @@ from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import product
 from kaneflex.multibody.dynamics.courses import leave_out
-from kaneflex.multibody.dynamics.dimensions import bent, deform, move
+from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
 from kaneflex.multibody.model.layout import (
@@ -83,8 +83,6 @@ def _fill_ways(m):
     """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
     apart()
     plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
-    if bends:
-        bent(m)
     for k in range(plan[COORDINATES] * (plan[CONTACTS] - plan[DRIVES])):
         w[plan[WAYS] + k] = 0.0
     for act in range(plan[DRIVES], plan[LOADS]):
@@ -111,7 +109,6 @@ def find(m, t, h, here):
     plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
     for k in range(n):
         w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
-    deform(m)
     move(m, 0)
     _fill_ways(m)
     _derive_sizes(m, t, h)

@@ -25,16 +25,11 @@ from kaneflex.multibody.model.layout import (
     ROW_OF, SIDE, SWITCH, WHAT, WHEN, Y, YIELDING, apart, larger,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
-from kaneflex.multibody.dynamics.dimensions import (
-    accelerate,
-    assemble,
-    bent,
-    cut_rows,
-    deform,
-    demand,
-    move,
-    place,
-)  # fmt: skip
+from kaneflex.multibody.dynamics.cut_rows import cut_rows
+from kaneflex.multibody.dynamics.deformation import deform
+from kaneflex.multibody.dynamics.inverse_dynamics import demand
+from kaneflex.multibody.dynamics.kinematics import accelerate, move, place
+from kaneflex.multibody.dynamics.tree import assemble
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, at which iteration ends."""
@@ -55,8 +50,6 @@ def gradients(m):
     apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
-    if plan[BENDS]:
-        bent(m)
     for r in range(count):
         at = plan[GRADIENT] + n * r
         for i in range(n):
@@ -141,8 +134,6 @@ def _follow_here(m, near):
     for rate in range(1, 3):
         of = plan[RATE] if rate == 1 else plan[ACCEL]
         for turn in range(2 if count else 1):
-            if plan[BENDS]:
-                deform(m)
             if rate == 1:
                 move(m, turn * plan[LED])
             else:

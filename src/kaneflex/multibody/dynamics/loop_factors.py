@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.dynamics import dense_lu, spatial_tree
+from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
 from kaneflex.multibody.compile.values import by_size, row_length, vectors
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
-from kaneflex.multibody.dynamics.planar_tree import add_force, twist_of
-from kaneflex.multibody.dynamics.tree import clear, clear_bodies, fill, tree
+from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, tree, twist_of
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, OPTIONS,
+    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE, MIDDLE_CUT, ON, OPTIONS,
     REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
 )  # fmt: skip
 
@@ -92,8 +91,40 @@ def soften(m, r, count, h, A, most):
         A[own] += dry_friction.compliance(m, n, h, A[own], most)
 
 
-pull, opening = by_size(pull, spatial_tree.pull), by_size(opening, spatial_tree.opening)
-soften = by_size(soften, spatial_tree.soften)
+@njit(**OPTIONS)
+def _pull_in_space(m, t, r):
+    """Add the generalised forces of a kept row's unit reaction, or a unit along a coordinate with virtual inertia."""
+    plan = m.plan
+    if r >= plan[KEPT]:
+        t.y[m.pivots[plan[TOUCHING] + r - plan[KEPT]]] += 1.0
+        return
+    row = m.pivots[MIDDLE] + plan[COORDINATES] * r
+    for k in range(plan[COORDINATES]):
+        t.y[k] += m.w[row + k]
+
+
+@njit(**OPTIONS)
+def _opening_in_space(m, t, r):
+    """Rate of that row, or of that coordinate, by the rates of the coordinates."""
+    plan = m.plan
+    if r >= plan[KEPT]:
+        return t.y[m.pivots[plan[TOUCHING] + r - plan[KEPT]]]
+    row, total = m.pivots[MIDDLE] + plan[COORDINATES] * r, 0.0 * t.y[0]
+    for k in range(plan[COORDINATES]):
+        if t.free[k] != 0:
+            total += m.w[row + k] * t.y[k]
+    return total
+
+
+@njit(**OPTIONS)
+def _soften_in_space(m, r, count, h, A, most):
+    """Negative compliance of a row that removes virtual inertia."""
+    plan = m.plan
+    A[plan[SCHUR] + (count + 1) * r] -= 1.0 / m.virtual_inertia[m.pivots[plan[TOUCHING] + r - plan[KEPT]]]
+
+
+pull, opening = by_size(pull, _pull_in_space), by_size(opening, _opening_in_space)
+soften = by_size(soften, _soften_in_space)
 
 
 @njit(**OPTIONS)

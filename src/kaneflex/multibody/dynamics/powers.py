@@ -8,12 +8,14 @@ from kaneflex.generated import body
 from kaneflex.multibody.unilateral import friction_powers, lugre_step
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.interactions import spring_size, twist_at_section, unit_wrench
+from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
+from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, ELASTIC,
-    FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES,
-    PUSH_NOW, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, SUMS, WORKS, Y, apart, shifted,
+    ACTS, AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, ELASTIC,
+    GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES,
+    PUSH_NOW, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, SUMS, WORKS, apart, shifted,
 )  # fmt: skip
+from kaneflex.multibody.model.spatial_layout import BODY
 
 
 @njit(**OPTIONS)
@@ -26,12 +28,13 @@ def energies(m):
         w[at + k] = 0.0
     sums = shifted(w, at)
     for b in range(plan[BODIES]):
-        f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
-        x, z = body.energy(
-            w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
-            w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
-        )  # fmt: skip
-        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
+        n = m.frames[b, 0]
+        o = m.nodes[n, BODY]
+        c, s, _ = m.R[n]
+        r_x, r_y, _ = m.r[n]
+        v_x, v_y, omega = m.twist[n]
+        x, z = body.energy(w, o, m.y, m.u, m.bodies[b, MODAL], c, s, v_x, v_y, omega, sums)
+        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * r_x + x) + w[plan[GRAVITY] + 1] * (w[o] * r_y + z)
     for n in range(plan[CONTACTS] - plan[SPRINGS]):
         k = plan[SPRING] + spring_size(m) * n
         w[at + 1] += w[k + 4]

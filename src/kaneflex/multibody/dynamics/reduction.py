@@ -10,9 +10,9 @@ from numba import njit
 from numba.types import CPointer, int64, void
 
 from kaneflex.multibody.compile.values import by_size, inside
-from kaneflex.multibody.dynamics.dimensions import bent, demand
+from kaneflex.multibody.dynamics.inverse_dynamics import demand
 from kaneflex.multibody.dynamics.interactions import gradient
-from kaneflex.multibody.dynamics import dense_lu, spatial_tree
+from kaneflex.multibody.dynamics import dense_lu, rotation_vectors
 from kaneflex.multibody.dynamics.loop_closure import follow, gradients
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN
 from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
@@ -78,7 +78,7 @@ def _settled(m):
 
 
 stand_at = by_size(stand_at, _stand_at_in_space)
-settled = by_size(_settled, spatial_tree.rebase)
+settled = by_size(_settled, rotation_vectors.rebase)
 """True if rates do not yet belong to the closed position: where a ball has turned, and always in the plane."""
 
 
@@ -116,7 +116,6 @@ def reduced_demand(m, independent, free, times, count, given, width, out):
         if not follow(m, times[row]) or (settled(m) and not follow(m, times[row])):
             break
         demand(m, times[row])
-        bent(m)
         if not react(m):
             break
         settled(m)

@@ -1,4 +1,4 @@
-"""Rotation vectors and quaternions of balls, in compiled code."""
+"""Rotation vectors and quaternions of balls, in compiled code; there are none in the plane."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import inside
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, plus, scaled
-from kaneflex.multibody.model.layout import OPTIONS, apart
+from kaneflex.multibody.dynamics.spatial_work import BALLS
+from kaneflex.multibody.model.layout import COORDINATES, LAST_A, OPTIONS, apart
 
 _TERMS = 16
 """Terms of power series: those left out are below rounding up to an angle of a turn."""
+FARTHEST = 2.0
+"""Largest rotation of a ball in a step [rad]: at a full turn its rotation vector is singular."""
 
 
 @njit(**OPTIONS)
@@ -68,3 +71,66 @@ def compose(q, k, x, y, z):
     )  # fmt: skip
     length = math.sqrt(w * w + x * x + y * y + z * z)
     q[k], q[k + 1], q[k + 2], q[k + 3] = w / length, x / length, y / length, z / length
+
+
+@njit(**OPTIONS)
+def rebase(m):
+    """Make the current axes of balls those of their quaternions, where speeds are angular velocities in these axes;
+    True if one has turned since."""
+    apart()
+    turned = False
+    for n in range(m.counts[BALLS]):
+        k, s = m.balls[n, 0], m.balls[n, 1]
+        if m.y[s] != 0.0 or m.y[s + 1] != 0.0 or m.y[s + 2] != 0.0:
+            turned = True
+            omega, faster = spin(m, s)
+            compose(m.q, k, m.y[s], m.y[s + 1], m.y[s + 2])
+            for j in range(3):
+                m.y[s + j], m.u[s + j], m.du[s + j] = 0.0, omega[j], faster[j]
+    return turned
+
+
+@njit(**OPTIONS)
+def note_turns(m, i):
+    """Store the angular accelerations of balls in stage i; False: one has turned too far in the step."""
+    apart()
+    for n in range(m.counts[BALLS]):
+        s = m.balls[n, 1]
+        if m.y[s] ** 2 + m.y[s + 1] ** 2 + m.y[s + 2] ** 2 > FARTHEST**2:
+            return False
+        faster = spin(m, s)[1]
+        for j in range(3):
+            m.alpha[m.plan[COORDINATES] * i + s + j] = faster[j]
+    return True
+
+
+@njit(**OPTIONS)
+def settle(m):
+    """Begin the next step where the axes of balls are those of their quaternions; the last step's accelerations, from
+    which its first guess comes, are those in these axes."""
+    rebase(m)
+    n = m.plan[COORDINATES]
+    for ball in range(m.counts[BALLS]):
+        for i in range(3):
+            for s in range(m.balls[ball, 1], m.balls[ball, 1] + 3):
+                m.w[m.plan[LAST_A] + n * i + s] = m.alpha[n * i + s]
+
+
+@njit(**OPTIONS)
+def standing(m):
+    """Number of entries of a row for the quaternions of balls."""
+    return 4 * m.counts[BALLS]
+
+
+@njit(**OPTIONS)
+def stands(m, row):
+    """Set the quaternions of balls from a row."""
+    for k in range(4 * m.counts[BALLS]):
+        m.q[m.balls[k // 4, 0] + k % 4] = row[k]
+
+
+@njit(**OPTIONS)
+def stored(m, row):
+    """Store them in a row."""
+    for k in range(4 * m.counts[BALLS]):
+        row[k] = m.q[m.balls[k // 4, 0] + k % 4]

@@ -13,17 +13,15 @@ from numba.types import boolean, float64, int64, void
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics import independent_speeds, loop_closure, reduction, unfolding
-from kaneflex.multibody.dynamics.dimensions import demand
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.interactions import react
+from kaneflex.multibody.dynamics.inverse_dynamics import deforming, demand, gather, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
-from kaneflex.multibody.dynamics.rotation_vectors import compose
-from kaneflex.multibody.dynamics.spatial_forces import deforming, mass_matrix
-from kaneflex.multibody.dynamics.spatial_forces import pass_on as sum_inwards
-from kaneflex.multibody.dynamics.spatial_tree import rebase, use
+from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.spatial_work import BALLS, KEPT, NODES, OWN, SPACE
 from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
+from kaneflex.multibody.dynamics.tree import use
 from kaneflex.multibody.model.layout import (
     ACCEL,
     COORDINATES,
@@ -178,9 +176,9 @@ def copy_to(out, of, count):
 def pass_on(m):
     """Wrenches of the joints by multipliers of the cuts' rows alone."""
     for n in range(m.counts[NODES]):
-        m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        m.wrenches[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     react(m)
-    sum_inwards(m)
+    gather(m, m.wrenches, m.h)
 
 
 @njit(**ENTRY)

@@ -54,10 +54,10 @@ def unfold(m, row, joints, points, q, v, a, exerted):
         store(after(q, i), m.r[node])
         for k in range(3):
             store(after(q, i + 3 + 3 * k), m.R[3 * node + k])
-        store(after(v, j), m.v[node])
-        store(after(v, j + 3), m.omega[node])
-        store(after(a, j), m.a[node])
-        store(after(a, j + 3), m.e[node])
+        store(after(v, j), first(m.twist[node]))
+        store(after(v, j + 3), last(m.twist[node]))
+        store(after(a, j), first(m.rate[node]))
+        store(after(a, j + 3), last(m.rate[node]))
         for k in range(shapes):
             q[i + 12 + k], v[j + 6 + k], a[j + 6 + k] = m.y[modal + k], m.u[modal + k], m.du[modal + k]
         i, j = i + 12 + shapes, j + 6 + shapes

@@ -11,9 +11,19 @@ from numba.types import float64
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.interactions import Numbers
-from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, SWITCHED_SPACE, Fixed, N
+from kaneflex.multibody.model.layout import (
+    CONTACT_MECHANISM,
+    HOLD_MECHANISM,
+    IMPACT_MECHANISM,
+    MECHANISM,
+    RIGID_SPACE,
+    SPACE,
+    SWITCHED_SPACE,
+    Fixed,
+    N,
+)  # fmt: skip
 from kaneflex.multibody.model.places import Counts, assign
-from kaneflex.multibody.model.spatial_layout import Tables
+from kaneflex.multibody.model.spatial_layout import SHIFT, Tables
 
 SECTION = 15
 """Numbers of a section, and of a cut's row."""
@@ -25,19 +35,29 @@ geometries of factors, of the middle of a step and of its stages; BALLS, OWN: le
 
 _V, _W = Vectors(float64, 3), Vectors(float64, 6)
 _TABLES = {
-    "counts": Fixed(1), "nodes": Fixed(9), "numbers": _V, "frames": Fixed(3), "block": N, "on": Fixed(1), "at": _V,
+    "counts": Fixed(1), "nodes": Fixed(10), "numbers": _V, "frames": Fixed(4), "block": N, "on": Fixed(1), "at": _V,
     "axis_on": Fixed(1), "axis_at": _V, "twisting": Fixed(1), "gravity": _V,
     "K": N, "virtual_inertia": N, "row_measure": N,
     "balls": Fixed(2), "own": Fixed(2),
 }  # fmt: skip
 _WORK = {
-    "kept": N, "q": N, "u": N, "du": N, "R": _V, "r": _V, "v": _V, "omega": _V, "a": _V, "e": _V,
+    "kept": N, "q": N, "u": N, "du": N, "R": _V, "r": _V, "twist": _W, "rate": _W,
     "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "deforming": N,
-    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
+    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "slow": _W, "moved": _V, "offset": _V, "bent": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
     "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
 for _each in (SPACE, RIGID_SPACE, SWITCHED_SPACE):
     _each.parts.update({"bodies": Fixed(8)} | _TABLES | _WORK)
+PLANAR_TABLES = {
+    "counts": Fixed(1), "nodes": Fixed(10), "numbers": _V, "frames": Fixed(4), "on": Fixed(1), "at": _V,
+}  # fmt: skip
+PLANAR_WORK = {
+    **dict.fromkeys(("y", "u", "du", "h"), N),
+    **dict.fromkeys(("R", "r", "P", "slow", "moved", "offset", "twist", "rate", "wrenches"), _V),
+    **dict.fromkeys(("S", "phi", "sections", "I", "E"), _V), "L": N,
+}  # fmt: skip
+for _each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM):
+    _each.parts.update(PLANAR_TABLES | PLANAR_WORK)
 """All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
 
 ``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector
@@ -56,8 +76,8 @@ class Instants:
         its rotation vector in ``y`` is zero.
     R, r : ndarray (n, 3, 3), (n, 3)
         Axes and origins.
-    v, omega, a, e : ndarray (n, 3)
-        Velocity of the origin, angular velocity, acceleration of the origin, angular acceleration.
+    twist, rate : ndarray (n, 6)
+        Velocity of the origin and angular velocity; their rates.
     wrenches : ndarray (n, 6)
         Force and moment about its origin that a node's joint exerts on it.
     multipliers : ndarray (n_rows,)
@@ -79,10 +99,8 @@ class Instants:
     du: np.ndarray
     R: np.ndarray
     r: np.ndarray
-    v: np.ndarray
-    omega: np.ndarray
-    a: np.ndarray
-    e: np.ndarray
+    twist: np.ndarray
+    rate: np.ndarray
     wrenches: np.ndarray
     multipliers: np.ndarray
     along: np.ndarray
@@ -90,6 +108,26 @@ class Instants:
     springs: np.ndarray
     deforming: np.ndarray
     sizes: np.ndarray
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocities of the origins, (n, 3)."""
+        return self.twist[..., :3]
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Angular velocities, (n, 3)."""
+        return self.twist[..., 3:]
+
+    @property
+    def a(self) -> np.ndarray:
+        """Accelerations of the origins, (n, 3)."""
+        return self.rate[..., :3]
+
+    @property
+    def e(self) -> np.ndarray:
+        """Angular accelerations, (n, 3)."""
+        return self.rate[..., 3:]
 
     @classmethod
     def of(cls, rows: np.ndarray, work: Work) -> Instants:
@@ -147,6 +185,10 @@ class Work(Instants):
     E: np.ndarray
     L: np.ndarray
     P: np.ndarray
+    slow: np.ndarray
+    moved: np.ndarray
+    offset: np.ndarray
+    bent: np.ndarray
     S: np.ndarray
     phi: np.ndarray
     sections: np.ndarray
@@ -167,8 +209,8 @@ def arrays_of(
     n, b, s, rows = len(tables.nodes), counts.bodies, counts.coordinates, counts.joint_rows
     springs = counts.ranges[5] - counts.ranges[4]
     parts = {
-        "q": (coordinates,), "u": (s,), "du": (s,), "R": (n, 3, 3),
-        **dict.fromkeys(("r", "v", "omega", "a", "e"), (n, 3)), "wrenches": (n, 6), "multipliers": (rows,),
+        "q": (coordinates,), "u": (s,), "du": (s,), "R": (n, 3, 3), "r": (n, 3),
+        **dict.fromkeys(("twist", "rate", "wrenches"), (n, 6)), "multipliers": (rows,),
         "along": (s,), "rows": (rows, SECTION), "springs": (springs, 7), "deforming": (4,),
         "sizes": (counts.loads,),
     }  # fmt: skip
@@ -195,10 +237,18 @@ def arrays_of(
     found |= {
         "y": view(plan[at.Y], s), "J": view(plan[at.GRADIENT], rows, s), "h": view(plan[at.DEMAND], s),
         "I": view(plan[at.INERTIAS], 6 * b, 6), "E": view(plan[at.COUPLINGS], counts.coupling, 6),
-        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "S": np.zeros((s, 6)),
-        "phi": np.zeros((counts.twists, 6)), "sections": np.zeros((len(tables.on), SECTION)),
+        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "slow": np.zeros((n, 6)), "moved": np.zeros((n, 3)), "bent": np.zeros((n, 3, 3)),
+        "offset": tables.numbers[:, SHIFT:].copy(), "S": np.zeros((s, 6)), "phi": np.zeros((counts.twists, 6)),
+        "sections": _on_ground(tables),
         "axes": np.zeros((len(tables.axis_on), 3)), "M": np.zeros((s, s)), "F": np.zeros((n, 6)),
         "alpha": np.zeros(3 * s), "x": x, "x3": x, "now": np.zeros(3),
     }  # fmt: skip
     work = Work(kept=view(first, sum(lengths)), **found)
     return plan, w, work, {"geometry": geometry, "springs": stiffness}, size
+
+
+def _on_ground(tables: Tables) -> np.ndarray:
+    """Numbers of all sections, with the places of those on the ground."""
+    found, held = np.zeros((len(tables.on), SECTION)), tables.on < 0
+    found[held, :3] = tables.at[held]
+    return found

@@ -1,4 +1,10 @@
-"""Tables of a mechanism as the tree of :mod:`kaneflex.multibody.dynamics.articulated`, in the plane and in space."""
+"""Tables of a mechanism as the tree of :mod:`kaneflex.multibody.dynamics.articulated`, in the plane and in space.
+
+The origin of a body is the node at its joint: its section there where shapes move its axes against that, else its axes.
+
+In space, the factors of a step belong to its middle, those of mass matrices to its stages: each have a geometry of
+their own, which :func:`use` makes the current one.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +12,35 @@ from collections import namedtuple
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import copy_vectors, inside, twists, vectors, width
-from kaneflex.multibody.dynamics.algebra import zero_like
-from kaneflex.multibody.dynamics.dimensions import place_of, stiffen
+from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.values import (
+    after,
+    by_size,
+    copy,
+    copy_vectors,
+    inside,
+    twists,
+    vectors,
+    width,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.algebra import (
+    axpy,
+    dot,
+    force_at,
+    minus,
+    plus,
+    scaled,
+    times,
+    twist_at,
+    zero_like,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.articulated import transport
+from kaneflex.multibody.dynamics.axes import base, freedoms, to_global
+from kaneflex.multibody.dynamics.inverse_dynamics import inertias
+from kaneflex.multibody.dynamics.kinematics import section_place
+from kaneflex.multibody.dynamics.spatial_work import GEOMETRY, NODES, SECTIONS
+from kaneflex.multibody.dynamics.spatial_work import PHI as ROWS
+from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import (
     ARMS,
     AXES,
@@ -20,7 +52,10 @@ from kaneflex.multibody.model.layout import (
     IN_ORDER,
     INERTIAS,
     MASSES,
+    MIDDLE,
+    MODAL,
     OPTIONS,
+    PARENT_BODY,
     PHI,
     PLACES,
     SHAPES,
@@ -35,8 +70,124 @@ from kaneflex.multibody.model.layout import (
     apart,
     shifted,
 )  # fmt: skip
+from kaneflex.multibody.model.spatial_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
+from kaneflex.support.inner import once
 
 Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room")
+
+
+@njit(**OPTIONS)
+def place_of(m, what):
+    """Place in ``w`` of the geometry at which the current factors were made."""
+    inside()
+    return m.plan[what]
+
+
+@njit(**OPTIONS)
+def _place_in_use(m, what):
+    inside()
+    return m.pivots[what]
+
+
+place_of = by_size(place_of, _place_in_use)
+
+
+@once
+@njit(**OPTIONS)
+def use(m, i):
+    """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors."""
+    n, bodies, rows, phi = m.plan[COORDINATES], m.plan[BODIES], m.plan[of.REACTIONS], m.counts[ROWS]
+    first = m.counts[GEOMETRY] + i * (n * (6 + rows) + 6 * (phi + bodies))
+    m.pivots[AXES], m.pivots[PHI] = first, first + 6 * n
+    m.pivots[PLACES] = first + 6 * (n + phi)
+    m.pivots[ARMS] = first + 6 * (n + phi) + 3 * bodies
+    m.pivots[MIDDLE] = first + 6 * (n + phi + bodies)
+
+
+@njit(**OPTIONS)
+def assemble(m):
+    """Inertias of all bodies, and the geometry in use, at the current position."""
+    apart()
+    inertias(m)
+    place, arm = vectors(shifted(m.w, place_of(m, PLACES))), vectors(shifted(m.w, place_of(m, ARMS)))
+    for b in range(m.plan[BODIES]):
+        node, on = m.frames[b, 2], m.frames[b, 1]
+        if on >= 0:
+            place[b] = minus(m.r[on], m.r[m.frames[m.bodies[b, PARENT_BODY], 2]])
+            arm[b] = minus(m.r[node], m.r[on])
+    S = twists(m, shifted(m.w, place_of(m, AXES)))
+    for node in range(m.counts[NODES]):
+        count = freedoms(m, node)
+        if count:
+            away = minus(m.r[m.frames[m.nodes[node, OWNER], 2]], m.r[node])
+            for j in range(m.nodes[node, SPEED], m.nodes[node, SPEED] + count):
+                S[j] = twist_at(m.S[j], away)
+    phi = twists(m, shifted(m.w, place_of(m, PHI)))
+    for node in range(m.counts[NODES]):
+        if m.nodes[node, ROW_OF] >= 0:
+            _turn_shapes(m, node, phi)
+    for b in range(m.plan[BODIES]):
+        if m.frames[b, 2] != m.frames[b, 0]:
+            _move_inertia(m, b, after(phi, m.nodes[m.frames[b, 0], ROW_OF]))
+    keep_rows(m)
+
+
+@of_stiffness(None)
+@njit(**OPTIONS)
+def _turn_shapes(m, node, phi):
+    """Global twists of a section by shapes, relative to its body's node at the joint."""
+    apart()
+    on = base(m, node)
+    own, out = after(m.phi, m.nodes[node, ROW_OF]), after(phi, m.nodes[node, ROW_OF])
+    for j in range(m.nodes[node, COUNT]):
+        out[j] = to_global(m, on, own[j])
+    if m.nodes[node, KIND] == STATION and m.nodes[on, ROW_OF] >= 0:
+        back, away = after(phi, m.nodes[on, ROW_OF]), minus(m.r[node], m.r[on])
+        for j in range(m.nodes[node, COUNT]):
+            out[j] = plus(out[j], twist_at(back[j], away))
+
+
+@of_stiffness(None)
+@njit(**IN_ORDER)
+def _move_inertia(m, b, back):
+    """Move matrices I, E and L of a body from its axes to its joint's section; ``back``: the axes' twists by shapes,
+    moved there, too."""
+    apart()
+    count, L = m.bodies[b, SHAPES], m.bodies[b, SQUARE]
+    I, E = after(m.I, width(m) * b), after(m.E, m.bodies[b, COUPLING])
+    arm = minus(m.r[m.frames[b, 0]], m.r[m.frames[b, 2]])
+    transport(I, arm)
+    for j in range(count):
+        E[j], back[j] = force_at(E[j], arm), twist_at(back[j], scaled(-1.0, arm))
+    for j in range(count):
+        moved = plus(E[j], times(I, back[j]))
+        for l in range(j + 1):
+            m.L[L + count * j + l] += dot(back[j], E[l]) + dot(moved, back[l])
+    for j in range(count):
+        E[j] = plus(E[j], times(I, back[j]))
+
+
+@njit(**OPTIONS)
+def keep_rows(m):
+    """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes."""
+    apart()
+    plan, arms = m.plan, vectors(shifted(m.w, m.plan[MIDDLE]))
+    for n in range(m.counts[SECTIONS]):
+        on = m.on[n]
+        if on >= 0:
+            arms[n] = minus(section_place(m, n), m.r[m.frames[m.nodes[on, OWNER], 2]])
+    count = plan[of.CUT_ROWS] + plan[of.ACTS] - plan[of.CONTACTS]
+    copy(m.w, plan[of.CUT], plan[of.MIDDLE_CUT], of.ROW_SIZE * count)
+
+
+@njit(**OPTIONS)
+def _keep_gradients(m):
+    """In space: gradients of the kept rows."""
+    for k in range(m.plan[COORDINATES] * m.plan[of.KEPT]):
+        m.w[m.pivots[MIDDLE] + k] = m.w[m.plan[of.GRADIENT] + k]
+
+
+keep_rows = by_size(keep_rows, _keep_gradients)
 
 
 @njit(**OPTIONS)
@@ -51,6 +202,55 @@ def tree(m, A, y):
         vectors(shifted(w, place_of(m, PLACES))), vectors(shifted(w, place_of(m, ARMS))),
         twists(m, shifted(A, plan[TREE_X])), shifted(A, y), twists(m, shifted(A, plan[TREE_ROOM])),
     )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def stiffen(m, t, h):
+    """Add h C + h^2 K of shapes and joints, in space also virtual inertia of coordinates, to the tree's matrices."""
+    apart()
+    plan, damping, stiffness = m.plan, shifted(m.w, m.plan[of.DAMPING]), shifted(m.w, m.plan[of.STIFFNESS])
+    for k in range(plan[COORDINATES]):
+        t.D[k] = h * (damping[k] + h * stiffness[k])
+    for b in range(plan[BODIES]):
+        size, square, first = m.bodies[b, SHAPES], m.bodies[b, SQUARE], m.bodies[b, MODAL]
+        for j in range(size):
+            t.L[square + (size + 1) * j] += t.D[first + j]
+
+
+@njit(**OPTIONS)
+def _stiffen_in_space(m, t, h):
+    apart()
+    damping = m.plan[of.DAMPED]
+    for k in range(m.plan[COORDINATES]):
+        t.D[k] = m.virtual_inertia[k] + 0.0 * h
+    last = m.plan[BODIES] - 1
+    for k in range(m.bodies[last, SQUARE] + m.bodies[last, SHAPES] * m.bodies[last, SHAPES]):
+        t.L[k] += h * (m.w[damping + k] + h * m.K[k])
+
+
+@njit(**OPTIONS)
+def resist(m, h, x, A, answer):
+    """Forces -(h C + h^2 K) x of shapes and joints for accelerations x, stored from ``answer`` on."""
+    plan, w = m.plan, m.w
+    for k in range(plan[COORDINATES]):
+        A[answer + k] = -h * (w[plan[of.DAMPING] + k] + h * w[plan[of.STIFFNESS] + k]) * x[k]
+
+
+@njit(**OPTIONS)
+def _resist_in_space(m, h, x, A, answer):
+    apart()
+    damping = m.plan[of.DAMPED]
+    for k in range(m.plan[COORDINATES]):
+        A[answer + k] = 0.0 * h
+    for b in range(m.plan[BODIES]):
+        count, first, square = m.bodies[b, SHAPES], m.bodies[b, MODAL], m.bodies[b, SQUARE]
+        for i in range(count):
+            for j in range(count):
+                at = square + count * i + j
+                A[answer + first + i] -= h * (m.w[damping + at] + h * m.K[at]) * x[first + j]
+
+
+stiffen, resist = by_size(stiffen, _stiffen_in_space), by_size(resist, _resist_in_space)
 
 
 @njit(**IN_ORDER)
@@ -81,3 +281,32 @@ def clear_bodies(m, t):
     """Set the forces on all bodies to zero."""
     for b in range(m.plan[BODIES]):
         t.x[b] = zero_like(t.x[b])
+
+
+@njit(**OPTIONS)
+def twist_of(m, t, n):
+    """Twist of a section from the rates of bodies and coordinates, in the plane."""
+    apart()
+    on = m.on[n]
+    if on < 0:
+        return scaled(0.0, t.x[0])
+    b, phi = m.nodes[on, OWNER], m.nodes[on, ROW_OF]
+    twist = twist_at(t.x[b], vectors(shifted(m.w, m.plan[MIDDLE]))[n])
+    if phi >= 0:
+        for j in range(m.bodies[b, SHAPES]):
+            twist = axpy(t.y[m.bodies[b, MODAL] + j], t.phi[phi + j], twist)
+    return twist
+
+
+@njit(**OPTIONS)
+def add_force(m, t, n, force):
+    """Add a section's force and moment to the forces of its body and shapes, in the plane."""
+    apart()
+    on = m.on[n]
+    if on < 0:
+        return
+    b, phi = m.nodes[on, OWNER], m.nodes[on, ROW_OF]
+    if phi >= 0:
+        for j in range(m.bodies[b, SHAPES]):
+            t.y[m.bodies[b, MODAL] + j] += dot(t.phi[phi + j], force)
+    t.x[b] = plus(t.x[b], force_at(force, vectors(shifted(m.w, m.plan[MIDDLE]))[n]))

@@ -11,7 +11,8 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.unilateral.contacts import stand_closed
-from kaneflex.multibody.compile.values import row_length
+from kaneflex.multibody.compile.values import after, row_length
+from kaneflex.multibody.dynamics.algebra import force_at, minus, store
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.independent_speeds import is_dependent
 from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
@@ -19,11 +20,13 @@ from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE, COURSES, CUT, DEPENDENT,
-    DRIVES, ELASTIC, ENTRY, EXTENT, FRAME, FRAME_SIZE, GAP, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, KEPT, LAW,
-    LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POWER, PRISMATIC, PUSH_NOW,
-    RATE, REACTIONS, SEC, SECTION, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart, kernel, shifted, turned,
+    DRIVES, ELASTIC, ENTRY, EXTENT, GAP, HOLDS, JOINT, JOINT_ROWS, KEPT, LAW,
+    LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, POWER, PRISMATIC, PUSH_NOW,
+    RATE, REACTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart, kernel, shifted,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.dimensions import cut_rows, demand
+from kaneflex.multibody.model.spatial_layout import JOINT_NODE, SPEED
+from kaneflex.multibody.dynamics.cut_rows import cut_rows
+from kaneflex.multibody.dynamics.inverse_dynamics import demand
 
 
 FAR = 0.1
@@ -55,14 +58,15 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         touching, held = plan[ACTS] - plan[CONTACTS], plan[DRIVES] - plan[HOLDS]
         out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * (touching + held)))
         for b in range(plan[BODIES]):
-            f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
-            for j in range(3):
-                q[k + j], v[k + j], a[k + j] = w[f + j], w[f + 5 + j], w[f + 8 + j]
+            n, i, size = m.frames[b, 0], m.bodies[b, MODAL], m.bodies[b, SHAPES]
+            store(after(q, k), m.r[n])
+            store(after(v, k), m.twist[n])
+            store(after(a, k), m.rate[n])
             for j in range(size):
                 q[k + 3 + j], v[k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
                 a[k + 3 + j] = w[plan[ACCEL] + i + j]
             k += 3 + size
-            out[3 * b], out[3 * b + 1], out[3 * b + 2] = _exerted(m, b)
+            store(after(out, 3 * b), _exerted(m, b))
         for r in range(plan[REACTIONS]):
             out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
         out = shifted(out, 3 * plan[BODIES] + plan[REACTIONS])
@@ -180,17 +184,15 @@ def _exerted(m, b):
 
     ``NUMBERS`` has a sign of -1 if the body is the first one: then its normal force has the guide's arm besides.
     """
-    plan, w = m.plan, m.w
-    k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
-    x, z, turn, sign = w[k], w[k + 1], w[k + 2], w[j]
+    n = m.frames[b, JOINT_NODE]
+    x, z, turn = force_at(m.wrenches[n], minus(m.r[n], m.P[n]))
+    sign = m.w[m.bodies[b, NUMBERS]]
     if m.bodies[b, JOINT] != PRISMATIC:
         return sign * x, sign * z, sign * turn
-    up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
-    d_x, d_y = turned(w, w[up + 2], j + 2)
+    d_x, d_y, _ = m.S[m.nodes[n, SPEED]]
     normal, along = d_x * z - d_y * x, d_x * x + d_y * z
     if sign < 0.0:  # with exchanged sides the direction is reversed: n . F and d . F keep their signs
-        arm = d_x * (w[own] - w[up]) + d_y * (w[own + 1] - w[up + 1])
-        turn = -turn - normal * arm
+        turn = -turn - normal * m.y[m.nodes[n, SPEED]]
     return normal, turn, along
 
 

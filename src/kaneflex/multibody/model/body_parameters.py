@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.generated.body import BODY, POINT
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.model.inertia_integrals import body_data, body_moments, spread_shapes
+from kaneflex.multibody.model.inertia_integrals import body_data, body_moments, mean_section
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
@@ -54,19 +54,20 @@ class Blocks:
     def _moments(self, name: str) -> dict[str, np.ndarray]:
         return body_moments(self.scene, name, self._data[name])
 
-    def point(self, body: str, point: str) -> np.ndarray:
-        """Numbers of a named point of a body; loads.NAME: a distributed load, contacts.NAME: a contact's corner."""
+    def point(self, body: str, point: str) -> tuple[tuple[float, float], np.ndarray]:
+        """Place X, Y of a named point of a body [m], and its numbers; loads.NAME.0: mean section of the part of a
+        distributed load that falls, loads.NAME.1: of the part that rises; contacts.NAME: a contact's corner."""
         found: Arrays
-        data, (table, _, name) = self._data[body], point.partition(".")
+        data, (table, *rest) = self._data[body], point.split(".")
         if table == "loads":
-            found = spread_shapes(self.scene, name, self.shapes.get(body))
+            found = mean_section(self.scene, body, self.shapes.get(body), rises=rest[-1] == "1")
         elif table == "contacts":
-            found = dict(zip("XY", mechanism_of(self.scene).contacts[name].second.at, strict=True))
+            found = dict(zip("XY", mechanism_of(self.scene).contacts[rest[0]].second.at, strict=True))
         elif data is not None:
             found = data.at_point(point)
         else:
             found = dict(zip("XY", self.scene.bodies[body].points_all[point], strict=True))
-        return point_block(found, *self._counts(body))
+        return (float(found["X"]), float(found.get("Y", 0.0))), point_block(found, *self._counts(body))
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
@@ -75,13 +76,8 @@ def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
 
 
 def point_block(shapes: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Numbers of a point from its POINT_ARRAYS (X and Y only for a rigid body), or from sums of a distributed load.
-
-    The share of a point is 1. For a distributed load all are integrated with its profile: share = int p dX [m]. It
-    turns no section and has no psi.
-    """
-    none = {"share": 1.0, "Y": 0.0, "psi": 0.0}
-    return _in_reading_order(POINT, {**none, **shapes}, axial, transverse)
+    """Numbers of a point from its POINT_ARRAYS, without rotation psi if it has none; rigid bodies have none."""
+    return _in_reading_order(POINT, {"psi": 0.0, **shapes}, axial, transverse)
 
 
 def _in_reading_order(table: Mapping[str, Any], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:

@@ -143,7 +143,7 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     for fields in engine.tables.acts[engine.count(at.HOLDS) : engine.count(at.DRIVES)]:
         of_hold = engine.tables.w[fields[at.NUMBERS_AT] :]
         if of_hold[LAW_AT] < 0.0:  # a hold removes its virtual inertia once the loops are closed
-            virtual[engine.tables.sections[fields[at.ON], at.OWNER]] += of_hold[ARM]
+            virtual[engine.owners[fields[at.ON]]] += of_hold[ARM]
     for b in range(len(bodies) - 1, -1, -1):
         if bodies[b, at.PARENT_BODY] >= 0:
             carried[bodies[b, at.PARENT_BODY]] += carried[b]

@@ -95,11 +95,12 @@ def _spatial_data(shapes: Shapes, points: tuple[str, ...], of_points: Mapping[st
     })  # fmt: skip
 
 
-def spread_shapes(scene: Scene, name: str, shapes: Shapes | None) -> dict[str, Any]:
-    """Integrals of a distributed load over its body: share [m], X [m^2], s, w [m] and H [1]."""
-    load = scene.spreads[name]
-    length, (first, last) = scene.bodies[load.spread_on].length, load.profile
+def mean_section(scene: Scene, body: str, shapes: Shapes | None, rises: bool) -> dict[str, Any]:
+    """Mean place X [m] of a load along a body that rises from zero at its start, or falls to zero at its end, and of an
+    elastic one the means of s, w and H: a load's power equals that of its resultant there, as shapes are affine."""
     if shapes is None:
-        return {"share": length * (first + last) / 2, "X": length**2 * (first + 2 * last) / 6}
-    (share, X, rows, G), s = shapes.spread(first, last), shapes.counts[0]
-    return {"share": share, "X": X, "s": rows[0, :s], "w": rows[1, s:], "H": -G[0, s:, s:]}
+        length = scene.bodies[body].length
+        assert length is not None  # the body of a distributed load
+        return {"X": length * (1 + rises) / 3}
+    (share, X, rows, G), s = shapes.spread(1.0 - rises, float(rises)), shapes.counts[0]
+    return {"X": X / share, "s": rows[0, :s] / share, "w": rows[1, s:] / share, "H": -G[0, s:, s:] / share}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -38,6 +38,17 @@ class Numbers:
 
     def room(self, count: int) -> int:
         return self.put(np.zeros(count))
+
+
+class Sections(dict[tuple[str, str], int]):
+    """Number of every section that an interaction asks for: the ground's start is the first."""
+
+    def __init__(self) -> None:
+        super().__init__({(GROUND, "start"): 0})
+
+    def __missing__(self, key: tuple[str, str]) -> int:
+        self[key] = len(self)
+        return self[key]
 
 
 def key_of(point: BodyPoint) -> tuple[str, str]:
@@ -121,7 +132,8 @@ def list_acts(
     """Rows of cut joints, holds, drives, loads, springs and contacts; first row of each kind and the end; names of cut
     joints.
 
-    Joints used by laws follow the drives, switching arguments follow the contacts.
+    Joints used by laws follow the drives, switching arguments follow the contacts, forces and moments of loads follow
+    these.
     """
     taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
     found: list[tuple[int, ...]] = []
@@ -147,19 +159,11 @@ def list_acts(
     ends.append(len(found))
     for name in (*mechanism.drives, *mechanism.observed):
         joint = mechanism.joints[name]
-        place = int(bodies[taken[name], at.FIRST]) if name in taken else -1
+        place, of = (int(bodies[taken[name], at.FIRST]), (0, 0)) if name in taken else (-1, sides(joint))
         kind = at.SLIDE if joint.slides else at.TURN
-        found.append((kind, *sides(joint), place, -1, numbers.put(joint.direction)))
+        found.append((kind, *of, place, -1, numbers.put(joint.direction)))
     ends.append(len(found))
-    for k, load in enumerate(mechanism.loads.values()):
-        if load.joint is not None:
-            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), k, -1, -1))
-            continue
-        point = load.point if load.spread is None else load.spread[0]
-        assert point is not None and load.direction is not None  # only torques have none
-        on = index[key_of(point) if load.spread is None else (point.body, f"loads.{load.name}")]
-        kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
-        found.append((kind, 0, on, k, index[key_of(point)], numbers.put(load.direction)))
+    found += [(0, -1, -1, -1, -1, -1)] * len(mechanism.loads)
     ends.append(len(found))
     for spring in mechanism.springs.values():
         kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
@@ -173,7 +177,30 @@ def list_acts(
         found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
     found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     ends.append(len(found))
+    found += _load_acts(mechanism, index, numbers)
     return np.array(found, np.int64).reshape(-1, 6), ends, names
+
+
+def _load_acts(
+    mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], numbers: Numbers
+) -> Iterator[tuple[int, ...]]:  # fmt: skip
+    """Rows of forces and moments of loads."""
+    for k, load in enumerate(mechanism.loads.values()):
+        if load.joint is not None:
+            first, second = mechanism.joints[load.joint].sides
+            yield at.TORQUE, index[key_of(first)], index[key_of(second)], k, -1, -1
+            continue
+        point = load.point if load.spread is None else load.spread[0]
+        assert point is not None and load.direction is not None  # only torques have none
+        parts = [(key_of(point), 1.0)]
+        if load.spread is not None:
+            _, end, *factors = load.spread
+            parts = [((point.body, f"loads.{load.name}.{half}"), end.at[0] * float(factor) / 2)
+                     for half, factor in enumerate(factors)]  # fmt: skip
+        for on, share in parts:
+            direction = [share * float(part) for part in load.direction]
+            kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
+            yield kind, 0, index[on], k, index[key_of(point)], numbers.put(direction)
 
 
 def list_spatial_acts(

@@ -33,9 +33,8 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-SEC, FRAME_SIZE, ROW_SIZE, CONTACT_SIZE = 9, 11, 9, 44
-"""Sizes of entries in the plane. A section: x, y, theta and two rates. A frame: x, y, phi, cos, sin, then two rates of
-x, y, phi. A cut's row: residual, two rates, Jacobian by the two twists. A contact: see
+SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 44
+"""Sizes of entries in the plane. A section: x, y, theta and two rates. A cut's row: residual, two rates, Jacobian by the two twists. A contact: see
 :mod:`kaneflex.multibody.unilateral.contacts`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
@@ -43,12 +42,9 @@ SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 coordinate of the joint, and of the shapes; the parent, or -1; first row in ``phi`` of the section of the parent that
 the body hangs on, or -1 where no shape moves it; first row in ``E``; place in ``L``. See
 :mod:`kaneflex.multibody.dynamics.articulated`."""
-BLOCK, JOINT, PARENT, INBOARD, SECTIONS, LAST, ROW, NUMBERS = range(8, 16)
-"""Further columns in the plane: place of its block of numbers; kind of its joint; the parent's section at its joint and
-its own there; its first section and the one after its last; its first row
-in forces over all bodies' speeds; its joint's numbers: sign, angle, and direction in the parent section's axes."""
-OWNER, POINT, PHI_ROW = range(3)
-"""Columns of ``sections``: the body, or -1; place of its block of numbers; first row of its shapes' twists."""
+BLOCK, JOINT, NUMBERS = range(8, 11)
+"""Further columns in the plane: place of its block of numbers; kind of its joint; its joint's numbers: sign, angle, and
+direction in the parent section's axes."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
 """Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections, the first that of the
@@ -56,8 +52,8 @@ ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's n
 of the tree or elsewhere, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
 following force, in space the axis of a load or a spring; its numbers: a cut's direction and angle, a drive's or a
 load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
-(:mod:`kaneflex.multibody.unilateral.dry_friction`). In space forces and moments of loads follow, of which a distributed
-load has two."""
+(:mod:`kaneflex.multibody.unilateral.dry_friction`). Forces and moments of loads follow, of which a distributed load has
+two."""
 
 WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
@@ -119,33 +115,32 @@ them."""
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
-    Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
+    Y, RATE, ACCEL, SECTION, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
-    GRADIENT, LOOP, SIDE, PHI_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    GRADIENT, LOOP, SIDE, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
     INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
     MASS_ROWS, DAMPED, PUSHES, PUSHED, PLAN,
-) = range(111)  # fmt: skip
+) = range(106)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
-works, kept rows; 1 if shapes are among the dependent coordinates; number of bodies, the first ones, that no
+works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no
 dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the
 end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by compiled code; 1 if
-the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations), sections, points
-in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives' coordinates and rates, loads'
-sizes, springs, sums, reactions of the cuts, forces at inboard sections, residuals of coordinates, powers. Gravity,
+the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations), sections, cut rows, courses, drives' coordinates and rates, loads'
+sizes, springs, sums, reactions of the cuts, residuals of coordinates, powers. Gravity,
 stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
 to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
-right-hand side, twists of the sections by shapes now. Places in ``plan`` itself: that square's pivots, of every kept
+right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
 row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
 preceded by the holds' numbers,
 shared numbers of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant.
 In ``plan``: contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``, at the
 middle of a step: matrices I, E and L of the bodies at their inboard sections, axes of joints, twists of sections by
-shapes, places and arms (:mod:`kaneflex.multibody.dynamics.planar_tree`), sections and cut rows; stages'
+shapes, places and arms (:mod:`kaneflex.multibody.dynamics.tree`), arms of sections and cut rows; stages'
 accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
 step, and residuals of its stages;
 gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
@@ -161,11 +156,10 @@ and moments of loads in ``acts``, and their end."""
 
 
 class Tables(NamedTuple):
-    """Tables of one mechanism: plan (int64), bodies, sections, acts (int64, by row and column), w (float64)."""
+    """Tables of one mechanism: plan (int64), bodies, acts (int64, by row and column), w (float64)."""
 
     plan: np.ndarray
     bodies: np.ndarray
-    sections: np.ndarray
     acts: np.ndarray
     w: np.ndarray
 
@@ -317,7 +311,7 @@ def _part(context, builder, handed, value, name):
 
 Z = CPointer(complex128)
 PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "plan": Fixed(1), "bodies": Fixed(11), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (
@@ -326,7 +320,7 @@ MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (
 SPACE, RIGID_SPACE, SWITCHED_SPACE = (
     Handed(f"Mechanism in space{kind}", 6, **PARTS) for kind in ("", " without stiffness", " with discontinuous loads")
 )
-"""All numbers of a mechanism for compiled code, in space with those of :mod:`.spatial_work`. ``pivots``: the plan once
+"""All numbers of a mechanism for compiled code, with those of :mod:`.spatial_work`. ``pivots``: the plan once
 more, writable; ``kernels``: addresses of those of the structure, see :func:`kernel`; ``p``: the parameters of the
 structure's module; ``real``, ``pair``: arrays for factors. RIGID_SPACE: without shapes, and without derivatives of
 springs and loads in the matrix of a step."""

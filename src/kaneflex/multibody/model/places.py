@@ -142,17 +142,16 @@ def _of_motion(c: Counts) -> dict[int, int]:
     pulls, springs, rows = c.ranges[5] - c.ranges[3], c.ranges[5] - c.ranges[4], c.cut_rows + c.touching
     row_size = 3 + 2 * d
     return {
-        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * c.sections, at.LOCAL: at.SEC * c.sections,
-        at.FRAME: at.FRAME_SIZE * c.bodies * (d == 3), at.FORCE: c.speeds, at.CUT: row_size * rows,
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * c.sections, at.CUT: row_size * rows,
         at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.SIZE: c.loads + 2 * c.switches,
         at.INPUT: c.loads + c.courses,
         at.SPRING: 6 * springs * (d == 3), at.SUMS: row_size, at.NOW: reactions,
-        at.JOINTS: d * c.bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
+        at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
-        at.LOOP: reactions**2, at.SIDE: reactions, at.PHI_NOW: d * c.twists,
+        at.LOOP: reactions**2, at.SIDE: reactions,
         at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,
         at.PHI: d * c.twists, at.PLACES: 3 * c.bodies, at.ARMS: 3 * c.bodies,
-        at.MIDDLE: at.SEC * c.sections, at.MIDDLE_CUT: row_size * rows, at.STAGE_A: 3 * n,
+        at.MIDDLE: 3 * c.sections, at.MIDDLE_CUT: row_size * rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * (d == 6),

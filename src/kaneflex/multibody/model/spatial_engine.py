@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,8 +31,6 @@ class SpatialEngine(Engine):
 
     Attributes
     ----------
-    parts : mapping
-        Arrays by their names in :data:`kaneflex.multibody.dynamics.spatial_work.SPACE`.
     work : Work
         Those that compiled functions fill.
     integrates : bool
@@ -42,7 +40,6 @@ class SpatialEngine(Engine):
     """
 
     layout: Layout  # type: ignore[assignment]
-    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     work: Work = None  # type: ignore[assignment]
     integrates: bool = False
     light: bool = False
@@ -141,11 +138,6 @@ class SpatialEngine(Engine):
     def workspaces(self) -> Collection[str]:
         return {*vars(self.work), "mass_0", "mass_1", "mass_2"}
 
-    @property
-    def arrays(self) -> Mapping[str, np.ndarray]:
-        every = {**super().arrays, **self.parts}
-        return {name: every[name] for name in SPACE.parts}
-
 
 def spatial_engine(system: Any) -> SpatialEngine:
     """Engine of a :class:`kaneflex.multibody.model.spatial_system.SpatialSystem`; at rest, loops not closed."""
@@ -178,7 +170,7 @@ def spatial_engine(system: Any) -> SpatialEngine:
     acts, (first, end) = m.acts.copy(), counts.ranges[4:6]
     acts[first:end, at.NUMBERS_AT] = places["springs"] + 3 * np.arange(end - first)
     assign_rows(plan, acts)
-    tables = at.Tables(plan, m.bodies, np.zeros((0, 3), int), acts, w)
+    tables = at.Tables(plan, m.bodies, acts, w)
     kernels = tuple(getattr(system.module, name) for name in STRUCTURE_KERNELS)
     p = np.ascontiguousarray(system.parameters, float)
     stiff = system.coupled or (system.integrates and system.has_slopes)

@@ -20,13 +20,18 @@ import numpy as np
 from kaneflex.mechanism.spatial import Side
 
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
-KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER = range(9)
+FREE = BALL
+"""In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
+KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER, AXED = range(10)
 """Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has
 mass begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE
 and SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then of G the number of its
 columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its joint's
 section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that shapes move,
-else -1."""
+else -1. AXED: in the plane 1 if something stands beside its origin or has directions in its axes, else these are not
+computed."""
+JOINT_NODE = 3
+"""Column of ``frames``."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
 """Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis, and the joint's point
 in its own."""
@@ -42,12 +47,13 @@ class Tables(NamedTuple):
 
     Attributes
     ----------
-    nodes, numbers : ndarray (n_nodes, 9), (n_nodes, 18)
+    nodes, numbers : ndarray (n_nodes, 10), (n_nodes, 18)
     bodies : ndarray (n_bodies, 8)
         Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
-    frames : ndarray (n_bodies, 3)
-        Node of every body's axes, the one that it hangs on, or -1, and the one whose twist is the body's for
-        :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where shapes turn the axes back from it.
+    frames : ndarray (n_bodies, 4)
+        Node of every body's axes, the one that it hangs on, or -1, the one whose twist is the body's for
+        :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where shapes turn the axes back from it,
+        and the first of its joint.
     p : ndarray
         Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
         ``kaneflex.generated.spatial_shapes``; numbers of stations.

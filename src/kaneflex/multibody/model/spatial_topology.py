@@ -191,7 +191,7 @@ def _tables(
 ) -> Tables:  # fmt: skip
     bodies, frames = _bodies(builder)
     return Tables(
-        whole(builder.nodes, 9), np.array(builder.numbers).reshape(-1, 18), bodies, frames,
+        whole(builder.nodes, 10), np.array(builder.numbers).reshape(-1, 18), bodies, frames,
         np.concatenate([*builder.p, np.zeros(0)]),
         *_carriers(builder.sections), *_carriers(builder.axes),
         acts, ranges, stiffness, twisting, np.asarray(builder.mechanism.gravity, float),
@@ -221,7 +221,7 @@ def _bodies(builder: TreeBuilder) -> tuple[np.ndarray, np.ndarray]:
                 outboard = builder.nodes[parent][ROW_OF] if builder.nodes[parent][KIND] == STATION else -1
                 up = builder.nodes[parent][OWNER]
             rows.append([0, 0, node[SPEED], node[SPEED], up, outboard, coupling, square])
-            frames.append([n, parent, n])
+            frames.append([n, parent, n, n])
         node[OWNER] = len(rows) - 1
         shapes = node[COUNT] if node[KIND] == SHAPES else 0
         rows[-1][DOF] += SPEEDS[node[KIND]]
@@ -231,4 +231,4 @@ def _bodies(builder: TreeBuilder) -> tuple[np.ndarray, np.ndarray]:
         if node[AT] < 0:
             frames[-1][2] = n
         frames[-1][0], begins = n, n in last
-    return whole(rows, 8), whole(frames, 3)
+    return whole(rows, 8), whole(frames, 4)

@@ -169,10 +169,10 @@ class CoupledSystem:
         engine.set(state)
         found = self.unfold(engine.row(state.t)[None])
         lost = np.where(engine.turns, whole_turns(state.q - engine.motion[0]), 0.0)  # drives now have their courses
-        owners, index = engine.tables.sections[:, at.OWNER], engine.layout.bodies
+        index = engine.layout.bodies
         for body, fields in zip(index, engine.tables.bodies, strict=True):
             own = lost[fields[at.FIRST] : fields[at.FIRST] + fields[at.DOF]].sum()
-            base = owners[fields[at.PARENT]]
+            base = fields[at.PARENT_BODY]
             turned[body] = (turned[index[base]] if base >= 0 else 0.0) + engine.tables.w[fields[at.NUMBERS]] * own
             found.q[0, self.start[body] + 2] += turned[body]
         return found.q[0], found.v[0]
@@ -245,6 +245,9 @@ class CoupledSystem:
     def rate(self, joint: str) -> float:
         """Rate [rad/s or m/s] of a joint's coordinate at the state of the tables."""
         of, layout = self.mechanism.joints[joint], self.engine.layout
+        for k, (name, _) in enumerate(layout.coordinates):
+            if name.rpartition(".")[0] == joint:
+                return float(self.engine.motion[1][k])
         first, second = (self.engine.sections[layout.sections[side.body, side.name], :6] for side in of.sides)
         apart = second - first
         if not of.slides:

@@ -37,7 +37,7 @@ class TreeBuilder:
         row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
         row[PLACE:AXIS] = 0.0 if place is None else place
         row[AXIS:SHIFT] = 0.0 if axis is None else axis
-        self.nodes.append([kind, parent, len(self.positions), len(self.speeds), -1, 0, -1, -1, -1])
+        self.nodes.append([kind, parent, len(self.positions), len(self.speeds), -1, 0, -1, -1, -1, 1])
         self.numbers.append(row)
         found = [(name, "m" if kind == SLIDE else "rad") for name in names]
         self.speeds += found

@@ -40,7 +40,8 @@ from kaneflex.multibody.model.layout import (
     STAGE_P, STAGE_R, WORKS, Y, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
-from kaneflex.multibody.dynamics.dimensions import assemble, demand, resist
+from kaneflex.multibody.dynamics.inverse_dynamics import demand
+from kaneflex.multibody.dynamics.tree import assemble, resist
 
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
 """Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed

@@ -15,10 +15,10 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, copy, inside
-from kaneflex.multibody.dynamics import load_derivatives, spatial_tree
-from kaneflex.multibody.dynamics.dimensions import assemble, resist
+from kaneflex.multibody.dynamics import load_derivatives, rotation_vectors, tree
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.spatial_bushings import MOST, SIZE
+from kaneflex.multibody.dynamics.tree import assemble, resist
 from kaneflex.multibody.model.layout import (
     BUSHING,
     BY_FORCES,
@@ -66,13 +66,13 @@ def _keep_accelerations(m, i, first):
     for act in range(plan[SPRINGS], plan[CONTACTS]):
         if m.acts[act, WHAT] == BUSHING and not w[plan[SPRING] + SIZE * (act - plan[SPRINGS])] <= MOST:
             return False
-    if not spatial_tree.note_turns(m, i):
+    if not rotation_vectors.note_turns(m, i):
         return False
     if m.pivots[BY_FORCES]:
         copy(w, plan[DEMAND], plan[RESISTING] + plan[COORDINATES] * i, plan[COORDINATES])
         return True
     n, kept, pivots = plan[COORDINATES], plan[KEPT], plan[MASS_PIVOTS] + plan[MASS_ROWS] * i
-    spatial_tree.use(m, i + 1)
+    tree.use(m, i + 1)
     if first:
         assemble(m)
         if not factorise_closed(m, 0.0, A, pivots):
@@ -85,7 +85,7 @@ def _keep_accelerations(m, i, first):
         w[plan[RESISTING] + n * i + k] = A[answer + k]
     for r in range(kept):
         w[plan[RESISTING_R] + kept * i + r] = A[plan[REACTION] + r]
-    spatial_tree.use(m, 0)
+    tree.use(m, 0)
     return True
 
 
@@ -166,4 +166,4 @@ def settle(m):
 
 
 keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_in_space)
-answered, settle = by_size(answered, _add_given), by_size(settle, spatial_tree.settle)
+answered, settle = by_size(answered, _add_given), by_size(settle, rotation_vectors.settle)

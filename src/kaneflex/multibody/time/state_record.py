@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, inside
-from kaneflex.multibody.dynamics import spatial_tree
+from kaneflex.multibody.dynamics import rotation_vectors
 from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.model.layout import (
     ACCEL, ACTS, BEGUN_AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, DRIVES, HOLDS, NOW, OPTIONS, RATE, REACTIONS,
@@ -43,7 +43,7 @@ def standing(m):
 @njit(**OPTIONS)
 def _standing_in_space(m):
     inside()
-    return modes(m) + spatial_tree.standing(m)
+    return modes(m) + rotation_vectors.standing(m)
 
 
 @njit(**OPTIONS)
@@ -66,7 +66,7 @@ def stands(m, row):
 @njit(**OPTIONS)
 def _stands_in_space(m, row):
     _take_modes(m, row)
-    spatial_tree.stands(m, shifted(row, modes(m)))
+    rotation_vectors.stands(m, shifted(row, modes(m)))
 
 
 @njit(**OPTIONS)
@@ -89,7 +89,7 @@ def stored(m, row):
 @njit(**OPTIONS)
 def _stored_in_space(m, row):
     _store_modes(m, row)
-    spatial_tree.stored(m, shifted(row, modes(m)))
+    rotation_vectors.stored(m, shifted(row, modes(m)))
 
 
 standing, stored = by_size(standing, _standing_in_space), by_size(stored, _stored_in_space)

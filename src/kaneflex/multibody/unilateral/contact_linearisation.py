@@ -14,7 +14,7 @@ from kaneflex.multibody.unilateral import dry_friction, lugre_step
 from kaneflex.multibody.dynamics.forces import lean, meet
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.dynamics.courses import leave_out
-from kaneflex.multibody.dynamics.dimensions import bent, deform, move
+from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.model.layout import (
@@ -64,10 +64,7 @@ def let_yield(m, h, state):
         return
     for k in range(n):
         w[plan[RATE] + k] = state[1 + n + k] + 0.5 * h * state[1 + 2 * n + k]
-    deform(m)
     move(m, 0)
-    if plan[SPEEDS] > 3 * plan[BODIES]:
-        bent(m)
     for r in range(count):
         c = m.pivots[plan[TOUCHING] + r]
         act = plan[CONTACTS] + c

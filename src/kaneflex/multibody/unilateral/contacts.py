@@ -20,7 +20,7 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.unilateral import stick_slip
-from kaneflex.multibody.dynamics.dimensions import assemble, bent
+from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import (
@@ -31,9 +31,9 @@ from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.unilateral.discontinuous_loads import pass_zero, take_place
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT,
+    ACCEL, ACTS, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGUN_AT, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT,
     GAP, GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES,
-    NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, TOUCH, WORKS,
+    NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RESISTING_MASS, RESTED, SINCE, TOUCH, WORKS,
     YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.contact_linearisation import along
@@ -136,8 +136,6 @@ def change(m, state, A, wanted):
     if closing:
         assemble(m)
         m.pivots[YIELDING] = 0
-        if plan[SPEEDS] > 3 * plan[BODIES]:
-            bent(m)
         if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
             return -1.0
     still, sides = True, 0
@@ -233,8 +231,6 @@ def stand_closed(m, t, A):
         changing += w[k + DUE] != 0.0
     if changing == 0:
         return True
-    if plan[SPEEDS] > 3 * plan[BODIES]:
-        bent(m)
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = at(m, c)
         if w[k + DUE] != 0.0 and w[k + BEGUN_AT] == 0.0:

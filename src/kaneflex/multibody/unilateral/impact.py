@@ -20,7 +20,7 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.unilateral import rigid_friction
-from kaneflex.multibody.dynamics.dimensions import assemble
+from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.dynamics.forces import acceleration, lean, meet
 from kaneflex.multibody.unilateral.complementarity import (
     ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, WANTED, complement, listed, vector,

@@ -12,7 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.dynamics.dimensions import assemble
+from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.unilateral.dry_friction import (
     BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, rows_now,
@@ -20,11 +20,12 @@ from kaneflex.multibody.unilateral.dry_friction import (
 from kaneflex.multibody.dynamics.loop_closure import follow, hold_now, mend
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, BORE, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT,
-    DRIVES, DUE, EXTENT, FIRMEST, FRAME, FRAME_SIZE, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW,
+    ALONG, AT, BEFORE, BEGUN_AT, BODIES, BORE, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT,
+    DRIVES, DUE, EXTENT, FIRMEST, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW,
     NUMBERS_AT, OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH,
     TURN, WANTED, WHAT, Y, YIELDING, apart, larger,
 )  # fmt: skip
+from kaneflex.multibody.model.spatial_layout import BODY
 
 _EPS = 2.3e-16
 _CLOSE = 1e-11
@@ -112,9 +113,10 @@ def no_force(m, n):
     apart()
     plan, w, total = m.plan, m.w, 0.0
     for b in range(plan[BODIES]):
-        f = plan[FRAME] + FRAME_SIZE * b
-        size = abs(w[plan[GRAVITY]]) + abs(w[plan[GRAVITY] + 1]) + abs(w[f + 8]) + abs(w[f + 9])
-        total += w[m.bodies[b, BLOCK]] * size
+        node = m.frames[b, 0]
+        x, z, _ = m.rate[node]
+        size = abs(w[plan[GRAVITY]]) + abs(w[plan[GRAVITY] + 1]) + abs(x) + abs(z)
+        total += w[m.nodes[node, BODY]] * size
     arm = w[plan[TOUCH] + EXTENT] if m.acts[plan[DRIVES] + n, WHAT] == TURN else 1.0
     return 1e-14 * total * arm + 1e-300
 

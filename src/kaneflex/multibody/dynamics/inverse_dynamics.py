@@ -1,35 +1,49 @@
-"""Compiled forces in space: inertia forces of the bodies less those of loads and springs.
+"""Compiled inverse dynamics of a tree: inertia forces of the bodies less those of loads, springs and reactions.
 
-Kane's equations of each free body (``kaneflex.generated.spatial``), summed inwards over the tree along its speeds:
-M u' + h (Kane & Levinson 1985, ch. 4 and 6).
+Kane's equations of each free body (``kaneflex.generated.body`` in the plane, ``kaneflex.generated.spatial`` and
+``spatial_shapes`` in space), summed inwards over the tree along its speeds: M u' + h (Kane & Levinson 1985, ch. 4 and
+6).
 """
 
 from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.generated import body
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import after
+from kaneflex.multibody.compile.values import after, by_size, inside, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     dot,
+    first,
     force_at,
     joined,
+    last,
     minus,
     plus,
     scaled,
     times,
-    turned,
-    turned_back,
     twist_at,
+    zero_like,
 )
+from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
 from kaneflex.multibody.dynamics.forces import meet_switches
 from kaneflex.multibody.dynamics.interactions import act, react
-from kaneflex.multibody.dynamics.spatial_kinematics import freedoms, relative
+from kaneflex.multibody.dynamics.kinematics import relative
 from kaneflex.multibody.dynamics.spatial_work import BODIES, NODES, SPEEDS
-from kaneflex.multibody.model.layout import COUPLING, MODAL, OPTIONS, SQUARE, apart
+from kaneflex.multibody.model.layout import (
+    COUPLING,
+    COUPLINGS,
+    GRAVITY,
+    INERTIAS,
+    MASSES,
+    MODAL,
+    OPTIONS,
+    SQUARE,
+    apart,
+)
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.spatial_layout import (
     BODY,
@@ -44,36 +58,30 @@ from kaneflex.multibody.model.spatial_layout import (
 from kaneflex.support.inner import once
 
 _OWN = len(laws.BODY)
-"""Numbers of a rigid body, which precede those of its shapes."""
+"""Numbers of a rigid body in space, which precede those of its shapes."""
 
 
-@once
 @njit(**OPTIONS)
-def demand(m, t):
-    """Residual of the equations of motion along every coordinate of the tree, h, and the joints' wrenches.
-
-    The bodies' inertia forces less loads, springs and reactions of the cuts, F, are summed inwards.
-    """
+def demand_of_body(m, n):
+    """Wrench of a node's body by its motion less gravity, global, about the node's origin; adds the residuals of its
+    shapes to h."""
     apart()
-    x = m.x
-    for s in range(m.counts[SPEEDS]):
-        m.h[s] = 0.0
-    for n in range(m.counts[NODES]):
-        own = m.nodes[n, BODY]
-        m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if own < 0:
-            continue
-        w, e = turned_back(m.R, 3 * n, m.omega[n]), turned_back(m.R, 3 * n, m.e[n])
-        a = turned_back(m.R, 3 * n, minus(m.a[n], m.gravity[0]))
-        m.x3[0], m.x3[1], m.x3[2] = w, a, e
-        laws.demand(m.block, own, x, 0, x, 9)
-        if m.nodes[n, KIND] == SHAPES:
-            _demand_of_shapes(m, n)
-        m.F[n] = joined(turned(m.R, 3 * n, m.x3[3]), turned(m.R, 3 * n, m.x3[4]))
-    act(m, t)
-    meet_switches(m)
-    react(m)
-    pass_on(m)
+    c, s, _ = m.R[n]
+    x, y, epsilon = m.rate[n]
+    x, y, k = x - m.w[m.plan[GRAVITY]], y - m.w[m.plan[GRAVITY] + 1], m.nodes[n, SPEED]
+    return body.inverse(m.w, m.nodes[n, BODY], m.y, m.u, m.du, k, c, s, m.twist[n][2], x, y, epsilon, m.h, k)
+
+
+@njit(**OPTIONS)
+def _demand_of_body_in_space(m, n):
+    apart()
+    rate = m.rate[n]
+    e, w = to_axes(m, n, last(rate)), to_axes(m, n, last(m.twist[n]))
+    m.x3[0], m.x3[1], m.x3[2] = w, to_axes(m, n, minus(first(rate), m.gravity[0])), e
+    laws.demand(m.block, m.nodes[n, BODY], m.x, 0, m.x, 9)
+    if m.nodes[n, KIND] == SHAPES:
+        _demand_of_shapes(m, n)
+    return to_global(m, n, joined(m.x3[3], m.x3[4]))
 
 
 @of_stiffness(None)
@@ -84,11 +92,35 @@ def _demand_of_shapes(m, n):
 
 
 @njit(**OPTIONS)
-def pass_on(m):
-    """Wrenches of the joints, from the bodies' residuals F."""
+def _switches(m):
+    """Numbers of switching arguments, in space; in the plane they are met with the contacts."""
+    inside()
+
+
+@njit(**OPTIONS)
+def _switches_in_space(m):
+    meet_switches(m)
+
+
+demand_of_body = by_size(demand_of_body, _demand_of_body_in_space)
+_switches = by_size(_switches, _switches_in_space)
+
+
+@once
+@njit(**OPTIONS)
+def demand(m, t):
+    """Residual of the equations of motion along every coordinate of the tree, h, and the joints' wrenches.
+
+    The bodies' inertia forces less loads, springs and reactions of the cuts are summed inwards.
+    """
     apart()
+    for s in range(m.counts[SPEEDS]):
+        m.h[s] = 0.0
     for n in range(m.counts[NODES]):
-        m.wrenches[n] = m.F[n]
+        m.wrenches[n] = demand_of_body(m, n) if m.nodes[n, BODY] >= 0 else zero_like(m.wrenches[n])
+    act(m, t)
+    _switches(m)
+    react(m)
     gather(m, m.wrenches, m.h)
 
 
@@ -98,13 +130,29 @@ def gather(m, felt, h):
     apart()
     for n in range(m.counts[NODES] - 1, -1, -1):
         wrench, s, parent = felt[n], m.nodes[n, SPEED], m.nodes[n, PARENT]
-        for j in range(s, s + freedoms(m, n)):
-            h[j] += dot(wrench, m.S[j])
         if m.nodes[n, ROW_OF] >= 0:
+            own = to_axes(m, base(m, n), wrench)
             for j in range(m.nodes[n, COUNT]):
-                h[s + j] += dot(wrench, m.phi[m.nodes[n, ROW_OF] + j])
+                h[s + j] += dot(own, m.phi[m.nodes[n, ROW_OF] + j])
+        else:
+            for j in range(s, s + freedoms(m, n)):
+                h[j] += dot(wrench, m.S[j])
         if parent >= 0:
             felt[parent] = plus(felt[parent], force_at(wrench, minus(m.r[n], m.r[parent])))
+
+
+@njit(**OPTIONS)
+def inertias(m):
+    """Inertias of all bodies, their coupling to shapes, and the shapes' own, by global twists."""
+    apart()
+    plan, w = m.plan, m.w
+    for b in range(m.counts[BODIES]):
+        n = m.frames[b, 0]
+        c, s, _ = m.R[n]
+        body.inertia(
+            w, m.nodes[n, BODY], m.y, m.bodies[b, MODAL], c, s, w, plan[INERTIAS] + 9 * b,
+            plan[COUPLINGS] + 3 * m.bodies[b, COUPLING], plan[MASSES] + m.bodies[b, SQUARE],
+        )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -128,8 +176,7 @@ def _inertia_of_shapes(m, n):
 
 
 @njit(**OPTIONS)
-def inertias(m):
-    """Inertias of all bodies, their coupling to shapes, and the shapes' own, by global twists."""
+def _inertias_in_space(m):
     apart()
     x = m.x
     for b in range(m.counts[BODIES]):
@@ -137,7 +184,7 @@ def inertias(m):
         _own_inertia(m, n)
         I, R = after(m.I, 6 * b), 3 * n
         for k in range(6):  # rows by global twists, then columns
-            I[k] = joined(turned(m.R, R, m.x3[2 * k]), turned(m.R, R, m.x3[2 * k + 1]))
+            I[k] = to_global(m, n, joined(m.x3[2 * k], m.x3[2 * k + 1]))
         for half in range(0, 6, 3):
             rows = I[half], I[half + 1], I[half + 2]
             for i in range(3):
@@ -147,9 +194,12 @@ def inertias(m):
         for j in range(shapes):
             force = x[at + j], x[at + shapes + j], x[at + 2 * shapes + j]
             moment = x[at + 3 * shapes + j], x[at + 4 * shapes + j], x[at + 5 * shapes + j]
-            E[j] = joined(turned(m.R, R, force), turned(m.R, R, moment))
+            E[j] = to_global(m, n, joined(force, moment))
         for j in range(shapes * shapes):
             m.L[m.bodies[b, SQUARE] + j] = x[36 + 6 * shapes + j]
+
+
+inertias = by_size(inertias, _inertias_in_space)
 
 
 @njit(**OPTIONS)
@@ -166,10 +216,10 @@ def momenta(m, u, out):
     for n in range(m.counts[NODES]):  # from twists to momenta
         twist, b = m.F[n], m.nodes[n, OWNER]
         if m.frames[b, 0] != n:
-            m.F[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            m.F[n] = zero_like(m.F[n])
             continue
-        momentum, E, shapes = times(after(m.I, 6 * b), twist), after(m.E, m.bodies[b, COUPLING]), m.bodies[b, COUNTED]
-        s, L = m.bodies[b, MODAL], after(m.L, m.bodies[b, SQUARE])
+        momentum, E = times(after(m.I, width(m) * b), twist), after(m.E, m.bodies[b, COUPLING])
+        s, L, shapes = m.bodies[b, MODAL], after(m.L, m.bodies[b, SQUARE]), m.bodies[b, COUNTED]
         for j in range(shapes):
             momentum = axpy(u[s + j], E[j], momentum)
             out[s + j] += dot(E[j], twist)
@@ -202,8 +252,8 @@ def deforming(m):
         if m.nodes[n, KIND] != SHAPES:
             continue
         shapes, u = m.nodes[n, COUNT], m.nodes[n, SPEED]
-        weight = turned_back(m.R, 3 * n, m.gravity[0])
-        m.x3[0], m.x3[1], m.x3[2] = turned_back(m.R, 3 * n, m.v[n]), turned_back(m.R, 3 * n, m.omega[n]), weight
+        weight, twist = to_axes(m, n, m.gravity[0]), to_axes(m, n, m.twist[n])
+        m.x3[0], m.x3[1], m.x3[2] = first(twist), last(twist), weight
         m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
         shape_laws.shaped_energy(m.block, m.nodes[n, BODY] + _OWN, shapes, x, 0, m.y, u, m.u, u, x, 9)
         m.deforming[0] += x[9]
