@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 19,
     "integrate": 13,
     "mechanism": 4,
-    "multibody": 36,
+    "multibody": 35,
     "plots": 31,
     "report": 5,
     "response": 25,

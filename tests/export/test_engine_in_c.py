@@ -138,9 +138,11 @@ def memory(run, random):
 
 def called(run, function, kinds, arrays, kernels, given):
     """Arrays after a call, the last with what the function returned."""
-    arrays, t = [each.copy() for each in arrays], run.engine.tables
+    arrays, engine = [each.copy() for each in arrays], run.engine
     plan, w, real, pair, *spare, out = arrays
-    handle = at.Handle(plan, t.bodies, t.sections, t.acts, w, plan, kernels, run.engine.p, real, pair)
+    own = {"plan": plan, "w": w, "pivots": plan, "kernels": kernels, "real": real, "pair": pair}
+    own |= {name: w[first : first + count] for name, (first, count) in engine.views.items()}
+    handle = at.Handle(*(engine.arrays | own).values())
     method, values = at.Handle(*RADAU), iter(given)
     free = {kind: iter([each for each in spare if each.dtype == dtype])
             for kind, dtype in ((float64, float), (complex128, complex), (int64, np.int64))}  # fmt: skip
@@ -174,7 +176,7 @@ def worst(expected, found, before):
 def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
     run = begun(model(SCENE))
     made, random = entries(run, compiler, tmp_path, exhaustive), np.random.default_rng(7)
-    pointers = run.engine._handle.arrays[6]
+    pointers = run.engine.arrays["kernels"]
     numbers = np.zeros(len(at.STRUCTURE_KERNELS), np.int64)
     off, changed = {}, 0
     for name, (kinds, numba, c) in made.items():

@@ -231,7 +231,7 @@ class Engine:
     @cached_property
     def _last_columns(self) -> list[int]:
         """End of every body's own coordinates."""
-        return (self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]).tolist()
+        return self.tables.bodies[:, [at.FIRST, at.DOF, at.SHAPES]].sum(axis=1).tolist()
 
     @cached_property
     def turns(self) -> np.ndarray:

@@ -23,12 +23,13 @@ from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import product
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.kinematics import move
+from kaneflex.multibody.dynamics.spatial_work import PHI
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT,
+    AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT,
     OPTIONS, PUSHED, PUSHES, RATE, REACTION, SIZE, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE,
-    SPEEDS, SPRINGS, SUMS, TOUCH, VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
+    SPRINGS, SUMS, TOUCH, VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
 )  # fmt: skip
 
 STIFF, DAMPED = 1.0, 2.0
@@ -82,7 +83,7 @@ def _derive_sizes(m, t, h):
 def _fill_ways(m):
     """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
     apart()
-    plan, w, bends = m.plan, m.w, m.plan[SPEEDS] > 3 * m.plan[BODIES]
+    plan, w, bends = m.plan, m.w, m.counts[PHI] > 0
     for k in range(plan[COORDINATES] * (plan[CONTACTS] - plan[DRIVES])):
         w[plan[WAYS] + k] = 0.0
     for act in range(plan[DRIVES], plan[LOADS]):

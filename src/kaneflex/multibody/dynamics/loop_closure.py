@@ -89,7 +89,7 @@ def close(m, near):
         if not size < 1e3 or (turn > 8 and size > before):
             return False
         before = size
-        if plan[BENDS]:
+        if plan[BENDS] == 1:
             deform(m)
         place(m, plan[LED])
         if size < near:

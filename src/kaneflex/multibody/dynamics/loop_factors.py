@@ -14,8 +14,8 @@ from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, tree, twist_of
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE, MIDDLE_CUT, ON, OPTIONS,
-    REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
+    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE, MIDDLE_CUT, ON,
+    OPTIONS, REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
 )  # fmt: skip
 
 

@@ -14,10 +14,12 @@ from kaneflex.multibody.dynamics.independent_speeds import PRESCRIBED, choose, d
 from kaneflex.multibody.dynamics.spatial_entries import project
 from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN, SPACE
 from kaneflex.multibody.model.layout import (
+    BENDS,
     BODIES,
     COORDINATES,
     DEPENDENT,
     ENTRY,
+    LED,
     LOOP_PIVOTS,
     MODAL,
     OPTIONS,
@@ -110,6 +112,7 @@ def change(m, row, level, independent, fixed):
     if fixed:
         return FIXED
     kept, free = 0, 0
+    m.pivots[BENDS], m.pivots[LED] = 1, 0
     for r in range(plan[REACTIONS]):
         if taken[r] >= 0:
             m.pivots[plan[ROW_OF] + kept], m.pivots[plan[DEPENDENT] + kept] = r, taken[r]

@@ -43,8 +43,9 @@ _TABLES = {
 _WORK = {
     "kept": N, "q": N, "u": N, "du": N, "R": _V, "r": _V, "twist": _W, "rate": _W,
     "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "deforming": N,
-    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "slow": _W, "moved": _V, "offset": _V, "bent": _V, "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N,
-    "F": _W, "alpha": N, "x": N, "x3": _V, "now": N, "mass_0": N, "mass_1": N, "mass_2": N,
+    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "slow": _W, "moved": _V, "offset": _V, "bent": _V,
+    "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N, "F": _W, "alpha": N, "x": N, "x3": _V, "now": N,
+    "mass_0": N, "mass_1": N, "mass_2": N,
 }  # fmt: skip
 for _each in (SPACE, RIGID_SPACE, SWITCHED_SPACE):
     _each.parts.update({"bodies": Fixed(8)} | _TABLES | _WORK)
@@ -237,9 +238,9 @@ def arrays_of(
     found |= {
         "y": view(plan[at.Y], s), "J": view(plan[at.GRADIENT], rows, s), "h": view(plan[at.DEMAND], s),
         "I": view(plan[at.INERTIAS], 6 * b, 6), "E": view(plan[at.COUPLINGS], counts.coupling, 6),
-        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "slow": np.zeros((n, 6)), "moved": np.zeros((n, 3)), "bent": np.zeros((n, 3, 3)),
-        "offset": tables.numbers[:, SHIFT:].copy(), "S": np.zeros((s, 6)), "phi": np.zeros((counts.twists, 6)),
-        "sections": _on_ground(tables),
+        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "slow": np.zeros((n, 6)),
+        "moved": np.zeros((n, 3)), "bent": np.zeros((n, 3, 3)), "offset": tables.numbers[:, SHIFT:].copy(),
+        "S": np.zeros((s, 6)), "phi": np.zeros((counts.twists, 6)), "sections": _on_ground(tables),
         "axes": np.zeros((len(tables.axis_on), 3)), "M": np.zeros((s, s)), "F": np.zeros((n, 6)),
         "alpha": np.zeros(3 * s), "x": x, "x3": x, "now": np.zeros(3),
     }  # fmt: skip

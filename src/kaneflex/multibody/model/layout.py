@@ -34,8 +34,8 @@ IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
 SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 44
-"""Sizes of entries in the plane. A section: x, y, theta and two rates. A cut's row: residual, two rates, Jacobian by the two twists. A contact: see
-:mod:`kaneflex.multibody.unilateral.contacts`."""
+"""Sizes of entries in the plane. A section: x, y, theta and two rates. A cut's row: residual, two rates, Jacobian by
+the two twists. A contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 """First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
@@ -112,6 +112,8 @@ IMPACT_SIZE, MOST_IMPACTS = 10, 256
 energy lost, x and y of its begin; number of impacts after which Python must collect them. Their count precedes
 them."""
 
+ALL_GRADIENTS = 2
+"""BENDS where no shape is dependent, but factors need the derivatives of the cuts' rows by shapes."""
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
@@ -127,32 +129,30 @@ them."""
 ) = range(106)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
-works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no
-dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the
-end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by compiled code; 1 if
-the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations), sections, cut rows, courses, drives' coordinates and rates, loads'
-sizes, springs, sums, reactions of the cuts, residuals of coordinates, powers. Gravity,
-stiffness, damping and unit of every coordinate, the errors allowed in it, its rate and its acceleration; additions
-to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows, its dependent square, their
-right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
+works, kept rows; 1 if shapes are among the dependent coordinates, in space else ALL_GRADIENTS; number of nodes, the
+first ones, that no dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and
+contacts, and the end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by
+compiled code; 1 if the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations),
+sections, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts,
+residuals of coordinates, powers. Gravity, stiffness, damping and unit of every coordinate, the errors allowed in it,
+its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
+kept rows, its dependent square, their right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
 row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
-preceded by the holds' numbers,
-shared numbers of contacts, numbers of change points, completed impacts, arrays for rigid contacts at one instant.
-In ``plan``: contacts and holds in the factors (holds by numbers below zero), or touching contacts. In ``w``, at the
-middle of a step: matrices I, E and L of the bodies at their inboard sections, axes of joints, twists of sections by
-shapes, places and arms (:mod:`kaneflex.multibody.dynamics.tree`), arms of sections and cut rows; stages'
-accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
-step, and residuals of its stages;
-gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of
-loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists
-of its bodies; working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the
-reactions' effect on the cuts; reactions; required accelerations of holds; responses to a unit of each load and
-spring with slopes, their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the
-pivots of either factors, those loads and springs, the pivots of their matrices, the coordinate that each course
-prescribes, or -1 if it is that of a cut. In space: in ``w`` residuals of the stages as reactions, in factors
-accelerations and reactions given for the right-hand side, in ``plan`` pivots of the stages' mass matrices, and the
-number of their rows. In ``w`` damping matrices of the bodies' shapes. First forces
-and moments of loads in ``acts``, and their end."""
+preceded by the holds' numbers, shared numbers of contacts, numbers of change points, completed impacts, arrays for
+rigid contacts at one instant. In ``plan``: contacts and holds in the factors (holds by numbers below zero), or
+touching contacts. In ``w``, at the middle of a step: matrices I, E and L of the bodies at their inboard sections, axes
+of joints, twists of sections by shapes, places and arms (:mod:`kaneflex.multibody.dynamics.tree`), arms of sections
+and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and
+reactions of the last step, and residuals of its stages; gradients of joints' coordinates and springs, partial
+velocities of loads, slopes of loads and springs, sizes of loads elsewhere
+(:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists of its bodies;
+working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the reactions' effect
+on the cuts; reactions; required accelerations of holds; responses to a unit of each load and spring with slopes, their
+matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the pivots of either factors,
+those loads and springs, the pivots of their matrices, the coordinate that each course prescribes, or -1 if it is that
+of a cut. In space: in ``w`` residuals of the stages as reactions, in factors accelerations and reactions given for the
+right-hand side, in ``plan`` pivots of the stages' mass matrices, and the number of their rows. In ``w`` damping
+matrices of the bodies' shapes. First forces and moments of loads in ``acts``, and their end."""
 
 
 class Tables(NamedTuple):

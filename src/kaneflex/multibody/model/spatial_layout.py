@@ -23,13 +23,13 @@ FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
 KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER, AXED = range(10)
-"""Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has
-mass begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE
-and SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then of G the number of its
-columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its joint's
-section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that shapes move,
-else -1. AXED: in the plane 1 if something stands beside its origin or has directions in its axes, else these are not
-computed."""
+"""Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has mass
+begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE and
+SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then of G the number of its
+columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its
+joint's section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that
+shapes move, else -1. AXED: in the plane 1 if a point away from its origin or a direction has its axes, else these
+are not computed."""
 JOINT_NODE = 3
 """Column of ``frames``."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15

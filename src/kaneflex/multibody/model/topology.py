@@ -285,11 +285,13 @@ def _named(
 
 def _views(plan: np.ndarray, counted: Counts, nodes: _Nodes, numbers: Numbers) -> dict[str, tuple[int, int]]:
     """Places in w, and lengths, of the arrays of nodes that compiled functions fill."""
-    count, n, shapes = len(nodes.rows), counted.coordinates, counted.coupling
-    found = {name: (int(plan[of]), size) for name, of, size in (
-        ("y", at.Y, n), ("u", at.RATE, n), ("du", at.ACCEL, n), ("h", at.DEMAND, n), ("I", at.INERTIAS, 9 * counted.bodies),
-        ("sections", at.SECTION, at.SEC * counted.sections), ("E", at.COUPLINGS, 3 * shapes), ("L", at.MASSES, counted.square),
-    )}  # fmt: skip
+    count, n = len(nodes.rows), counted.coordinates
+    lengths = {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.DEMAND: n, at.SECTION: at.SEC * counted.sections,
+        at.INERTIAS: 9 * counted.bodies, at.COUPLINGS: 3 * counted.coupling, at.MASSES: counted.square,
+    }  # fmt: skip
+    names = "y", "u", "du", "h", "sections", "I", "E", "L"
+    found = {name: (int(plan[place]), length) for name, (place, length) in zip(names, lengths.items(), strict=True)}
     parts = {name: np.zeros(3 * count) for name in ("r", "P", "slow", "moved", "twist", "rate", "wrenches")}
     parts |= {"R": np.tile((1.0, 0.0, 0.0), count), "offset": np.array([each[2] for each in nodes.numbers]).ravel()}
     parts |= {"S": np.zeros(3 * n), "phi": np.zeros(3 * nodes.twists)}

@@ -15,11 +15,12 @@ from kaneflex.multibody.dynamics.forces import lean, meet
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.kinematics import move
+from kaneflex.multibody.dynamics.spatial_work import PHI
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, DRIVES, GAP, GAP_RATE, HOLDS, JAMS,
-    KEPT, LAW, NUMBERS_AT, OPTIONS, PIVOTS, RATE, REACTION, ROW_AT, SCHUR, SPEEDS, SPEED_SIZE, STIFF, TOUCHING, VISCOUS,
+    ACCEL, ACTS, ALLOWED, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, GAP, GAP_RATE, HOLDS, JAMS,
+    KEPT, LAW, NUMBERS_AT, OPTIONS, PIVOTS, RATE, REACTION, ROW_AT, SCHUR, SPEED_SIZE, STIFF, TOUCHING, VISCOUS,
     YIELDING, apart, larger, shifted,
 )  # fmt: skip
 
@@ -43,7 +44,7 @@ def along(m, c):
         lean(m, act)
     for i in range(n):
         w[out + i] = 0.0
-    gradient(m, row, plan[SPEEDS] > 3 * plan[BODIES], out)
+    gradient(m, row, m.counts[PHI] > 0, out)
     leave_out(m, out)
     return out
 
