@@ -17,7 +17,7 @@ from kaneflex.multibody.compile import addresses, library
 from kaneflex.multibody.compile.addresses import C_TYPES, by_address
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import reduction, spatial_entries, unfolding
-from kaneflex.multibody.dynamics.spatial_work import SPACE
+from kaneflex.multibody.dynamics.arrays import SPACE
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import spatial_layout as of
 from kaneflex.multibody.model.spatial_initial_state import start_of

@@ -300,7 +300,7 @@ def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
         assert parts <= stamps(tree_of(trees[name])), name
 
 
-LIBRARIES = [f"kaneflex.multibody.compile.{name}" for name in ("library", "spatial_library")]
+LIBRARIES = ["kaneflex.multibody.compile.library"]
 """Libraries of the engine's functions."""
 
 

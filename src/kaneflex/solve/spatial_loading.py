@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.dynamics.spatial_bushings import overturned
+from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
 from kaneflex.multibody.model.determinacy import check_sensors

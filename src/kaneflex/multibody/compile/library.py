@@ -17,6 +17,8 @@ from numba import njit
 from kaneflex.generated import body, contact, friction, joints, spatial, spatial_shapes
 from kaneflex.multibody.compile.addresses import called, entered
 from kaneflex.multibody.dynamics import independent_speeds, reduction, unfolding
+from kaneflex.multibody.dynamics.spatial_entries import ENTRIES as SPATIAL_ENTRIES
+from kaneflex.multibody.dynamics.spatial_entries import PRESCRIBED_ENTRIES
 from kaneflex.multibody.model import layout
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
@@ -24,6 +26,9 @@ from kaneflex.multibody.model.layout import (
     IMPACT_MECHANISM,
     MECHANISM,
     OUTER,
+    RIGID_SPACE,
+    SPACE,
+    SWITCHED_SPACE,
     Handed,
 )
 from kaneflex.multibody.time import collocation
@@ -41,6 +46,8 @@ def sources() -> list[str]:
 
 
 _made_of_parts = made_of(*sources())
+PLANE = 3
+"""D of a mechanism in the plane."""
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES | independent_speeds.ENTRIES
 _plain, _with_contacts, _with_impacts, _with_holds = (
     entered(each, ENTRIES) for each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM)
@@ -76,11 +83,58 @@ _ENTERED = {
     HOLD_MECHANISM: _addresses_with_holds,
 }  # fmt: skip
 
+_prescribed, _integrated, _switched_prescribed, _switched = (
+    entered(space, entries)
+    for space in (RIGID_SPACE, SWITCHED_SPACE)
+    for entries in (PRESCRIBED_ENTRIES, SPATIAL_ENTRIES)
+)
+_elastic = entered(SPACE, SPATIAL_ENTRIES)
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_prescribed():
+    return _prescribed()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_in_space():
+    return _integrated()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_elastic():
+    return _elastic()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_switched_prescribed():
+    return _switched_prescribed()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_switched():
+    return _switched()
+
+
+_ENTERED_IN_SPACE = {
+    (RIGID_SPACE, False): _addresses_of_prescribed, (RIGID_SPACE, True): _addresses_in_space,
+    (SPACE, True): _addresses_of_elastic,
+    (SWITCHED_SPACE, False): _addresses_of_switched_prescribed, (SWITCHED_SPACE, True): _addresses_of_switched,
+}  # fmt: skip
+
 
 @cache
-def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
+def library(mechanism: Handed, integrates: bool = True) -> dict[Any, Callable[..., Any]]:
     """C functions of all entries, by their numba functions; all compiled on the first call.
 
-    ``mechanism``: the argument type; those with contacts, impacts or holds have more functions.
+    ``mechanism``: the argument type; those with contacts, impacts, holds, elastic bodies in space or discontinuous
+    loads have more functions. In space without ``integrates`` they are fewer, and compile faster.
     """
-    return called(_ENTERED[mechanism], ENTRIES)
+    if mechanism.d == PLANE:
+        return called(_ENTERED[mechanism], ENTRIES)
+    return called(_ENTERED_IN_SPACE[mechanism, integrates], SPATIAL_ENTRIES if integrates else PRESCRIBED_ENTRIES)

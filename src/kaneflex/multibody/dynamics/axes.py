@@ -22,8 +22,8 @@ from kaneflex.multibody.dynamics.algebra import (
     turned_back,
     twist_at,
 )
+from kaneflex.multibody.dynamics.arrays import AXES
 from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
-from kaneflex.multibody.dynamics.spatial_work import AXES
 from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, apart
 from kaneflex.multibody.model.spatial_layout import (
     AXED,

@@ -7,8 +7,8 @@ from numba import njit
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
 from kaneflex.multibody.compile.values import by_size, numbers_of
+from kaneflex.multibody.dynamics.arrays import SECTION as ROW
 from kaneflex.multibody.dynamics.forces import rest_rows
-from kaneflex.multibody.dynamics.spatial_work import SECTION as ROW
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
 from kaneflex.multibody.model.spatial_layout import COINCIDE, PERPENDICULAR

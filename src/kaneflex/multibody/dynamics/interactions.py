@@ -14,7 +14,7 @@ from kaneflex.generated import spatial as spatial_laws
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
 from kaneflex.multibody.dynamics.forces import load_sizes, press
-from kaneflex.multibody.dynamics.spatial_bushings import cushion
+from kaneflex.multibody.dynamics.bushings import cushion
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.dynamics.wrenches import along, push
 from kaneflex.multibody.model.layout import (

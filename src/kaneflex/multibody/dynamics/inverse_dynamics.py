@@ -28,11 +28,11 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
     zero_like,
 )
+from kaneflex.multibody.dynamics.arrays import BODIES, NODES, SPEEDS
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
 from kaneflex.multibody.dynamics.forces import meet_switches
 from kaneflex.multibody.dynamics.interactions import act, react
 from kaneflex.multibody.dynamics.kinematics import relative
-from kaneflex.multibody.dynamics.spatial_work import BODIES, NODES, SPEEDS
 from kaneflex.multibody.model.layout import (
     COUPLING,
     COUPLINGS,

@@ -35,7 +35,7 @@ from kaneflex.multibody.dynamics.axes import (
     turn_axes,
 )
 from kaneflex.multibody.dynamics.deformation import growth
-from kaneflex.multibody.dynamics.spatial_work import NODES, SECTIONS
+from kaneflex.multibody.dynamics.arrays import NODES, SECTIONS
 from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.spatial_layout import (
     COUNT,

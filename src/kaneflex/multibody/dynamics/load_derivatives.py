@@ -23,7 +23,7 @@ from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.unilateral.contact_numbers import product
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.kinematics import move
-from kaneflex.multibody.dynamics.spatial_work import PHI
+from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
 from kaneflex.multibody.model.layout import (

@@ -14,8 +14,8 @@ from kaneflex.multibody.dynamics.inverse_dynamics import demand
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics import dense_lu, rotation_vectors
 from kaneflex.multibody.dynamics.loop_closure import follow, gradients
-from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN
-from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
+from kaneflex.multibody.dynamics.arrays import BALLS, OWN
+from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (
     ACCEL, COORDINATES, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
     OPTIONS, PASSING, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,

@@ -8,7 +8,7 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import inside
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, plus, scaled
-from kaneflex.multibody.dynamics.spatial_work import BALLS
+from kaneflex.multibody.dynamics.arrays import BALLS
 from kaneflex.multibody.model.layout import COORDINATES, LAST_A, OPTIONS, apart
 
 _TERMS = 16

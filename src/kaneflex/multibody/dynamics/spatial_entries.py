@@ -1,6 +1,6 @@
 """Compiled entries for a mechanism in space: states at one instant, and rows of them at many.
 
-Results of an instant are in :class:`kaneflex.multibody.dynamics.spatial_work.Work`; its first numbers are a row.
+Results of an instant are in :class:`kaneflex.multibody.dynamics.arrays.Work`; its first numbers are a row.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from numba.types import boolean, float64, int64, void
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import after
 from kaneflex.multibody.dynamics import independent_speeds, loop_closure, reduction, unfolding
+from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN, SPACE
+from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.interactions import react
 from kaneflex.multibody.dynamics.inverse_dynamics import deforming, demand, gather, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
-from kaneflex.multibody.dynamics.spatial_work import BALLS, KEPT, NODES, OWN, SPACE
-from kaneflex.multibody.dynamics.spatial_work import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.dynamics.tree import use
 from kaneflex.multibody.model.layout import (
     ACCEL,

@@ -10,9 +10,9 @@ from numba.types import CPointer, boolean, int64, void
 
 from kaneflex.multibody.compile.values import after, vectors
 from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
+from kaneflex.multibody.dynamics.arrays import BALLS, OWN, SPACE
 from kaneflex.multibody.dynamics.independent_speeds import PRESCRIBED, choose, differs, is_dependent, open_rows
 from kaneflex.multibody.dynamics.spatial_entries import project
-from kaneflex.multibody.dynamics.spatial_work import BALLS, OWN, SPACE
 from kaneflex.multibody.model.layout import (
     BENDS,
     BODIES,

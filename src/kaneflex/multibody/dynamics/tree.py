@@ -34,12 +34,12 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
     zero_like,
 )  # fmt: skip
+from kaneflex.multibody.dynamics.arrays import GEOMETRY, NODES, SECTIONS
+from kaneflex.multibody.dynamics.arrays import PHI as ROWS
 from kaneflex.multibody.dynamics.articulated import transport
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_global
 from kaneflex.multibody.dynamics.inverse_dynamics import inertias
 from kaneflex.multibody.dynamics.kinematics import section_place
-from kaneflex.multibody.dynamics.spatial_work import GEOMETRY, NODES, SECTIONS
-from kaneflex.multibody.dynamics.spatial_work import PHI as ROWS
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import (
     ARMS,

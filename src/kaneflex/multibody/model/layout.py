@@ -320,7 +320,7 @@ MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (
 SPACE, RIGID_SPACE, SWITCHED_SPACE = (
     Handed(f"Mechanism in space{kind}", 6, **PARTS) for kind in ("", " without stiffness", " with discontinuous loads")
 )
-"""All numbers of a mechanism for compiled code, with those of :mod:`.spatial_work`. ``pivots``: the plan once
+"""All numbers of a mechanism for compiled code, with those of :mod:`.arrays`. ``pivots``: the plan once
 more, writable; ``kernels``: addresses of those of the structure, see :func:`kernel`; ``p``: the parameters of the
 structure's module; ``real``, ``pair``: arrays for factors. RIGID_SPACE: without shapes, and without derivatives of
 springs and loads in the matrix of a step."""

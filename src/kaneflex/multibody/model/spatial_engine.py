@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.compile import spatial_library
+from kaneflex.multibody.compile.library import library
 from kaneflex.multibody.dynamics import spatial_entries
+from kaneflex.multibody.dynamics.arrays import Work, arrays_of
 from kaneflex.multibody.dynamics.spatial_entries import DONE
-from kaneflex.multibody.dynamics.spatial_work import Work, arrays_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import virtual_inertia
@@ -132,7 +132,7 @@ class SpatialEngine(Engine):
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:  # type: ignore[override]
-        return spatial_library.library(self.handed, self.integrates)
+        return library(self.handed, self.integrates)
 
     @property
     def workspaces(self) -> Collection[str]:

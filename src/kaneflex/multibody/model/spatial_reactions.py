@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from kaneflex.mechanism.spatial_frame import cross
-from kaneflex.multibody.dynamics.spatial_work import Instants
+from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State

@@ -13,8 +13,8 @@ import numpy as np
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
+from kaneflex.multibody.dynamics.arrays import Instants, Work
 from kaneflex.multibody.dynamics.spatial_entries import DONE, check
-from kaneflex.multibody.dynamics.spatial_work import Instants, Work
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.spatial_engine import SpatialEngine, spatial_engine

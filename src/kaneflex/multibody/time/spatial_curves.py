@@ -35,7 +35,7 @@ class Curve(ABC):
 
     @abstractmethod
     def rows(self, times: np.ndarray) -> np.ndarray:
-        """Rows of :class:`kaneflex.multibody.dynamics.spatial_work.Instants` at ``times`` [s], which are in their
+        """Rows of :class:`kaneflex.multibody.dynamics.arrays.Instants` at ``times`` [s], which are in their
         order.
         """
 

@@ -15,8 +15,8 @@ import numpy as np
 from kaneflex.integrate.by_scipy import Pace
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy, of_bodies
+from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.dynamics.load_derivatives import DAMPED
-from kaneflex.multibody.dynamics.spatial_bushings import overturned
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State

@@ -14,7 +14,7 @@ from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.dynamics.spatial_work import Instants
+from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values

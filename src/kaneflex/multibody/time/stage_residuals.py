@@ -16,8 +16,8 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, copy, inside
 from kaneflex.multibody.dynamics import load_derivatives, rotation_vectors, tree
+from kaneflex.multibody.dynamics.bushings import MOST, SIZE
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.dynamics.spatial_bushings import MOST, SIZE
 from kaneflex.multibody.dynamics.tree import assemble, resist
 from kaneflex.multibody.model.layout import (
     BUSHING,

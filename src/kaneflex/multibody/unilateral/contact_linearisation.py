@@ -15,7 +15,7 @@ from kaneflex.multibody.dynamics.forces import lean, meet
 from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.kinematics import move
-from kaneflex.multibody.dynamics.spatial_work import PHI
+from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.model.layout import (

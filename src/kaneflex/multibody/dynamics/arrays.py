@@ -89,7 +89,7 @@ class Instants:
         Of the cuts, see ``kaneflex.generated.spatial``.
     springs : ndarray (n_springs, 7)
         Length or angle, tension or torque, force, energy, dissipated power; then of bushings, see
-        :mod:`kaneflex.multibody.dynamics.spatial_bushings`.
+        :mod:`kaneflex.multibody.dynamics.bushings`.
     deforming : ndarray (4,)
         Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
     sizes : ndarray (n_loads,)
