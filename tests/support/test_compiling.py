@@ -96,6 +96,7 @@ def test_so_are_the_places_of_arrays(name, args):
 
 def test_an_operator_is_looked_for_once(monkeypatch):
     """Of all that numba knows of it nothing is asked again where it is used a second time."""
+    numba.njit(lambda x: x)(1.0)  # the first function that a process compiles registers what numba knows
     context = cpu_target.typing_context
     context.refresh()
     function = context.resolve_value_type(operator.add)
