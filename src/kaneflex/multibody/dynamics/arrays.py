@@ -227,7 +227,8 @@ def arrays_of(
     plan[at.DAMPED] = numbers.room(counts.square)
     plan[[at.PUSHES, at.PUSHED]] = counts.ranges[6], len(tables.acts)
     stiffness = numbers.room(3 * springs)
-    geometry = numbers.room(4 * (s * (6 + rows) + 6 * counts.twists + 6 * b))
+    of_sections = 3 * len(tables.on) + SECTION * rows
+    geometry = numbers.room(4 * (6 * (s + counts.twists + b) + of_sections))
     w = np.concatenate(numbers.parts)
 
     def view(where: int, *shape: int) -> np.ndarray:

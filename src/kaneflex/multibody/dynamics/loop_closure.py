@@ -45,8 +45,9 @@ correct rates that are nearly known."""
 
 
 @njit(**OPTIONS)
-def gradients(m):
-    """Derivatives of the kept rows at the current state, and factors of those by dependent coordinates."""
+def gradients(m, bends):
+    """Derivatives of the kept rows at the current state, those by shapes only if requested, and factors of those by
+    dependent coordinates."""
     apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
@@ -54,7 +55,7 @@ def gradients(m):
         at = plan[GRADIENT] + n * r
         for i in range(n):
             w[at + i] = 0.0
-        gradient(m, plan[plan[ROW_OF] + r], plan[BENDS] != 0, at)
+        gradient(m, plan[plan[ROW_OF] + r], bends, at)
         for k in range(count):
             w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
     return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])
@@ -74,7 +75,7 @@ def close(m, near):
     place(m, 0)
     for turn in range(20 if count else 0):
         cut_rows(m)
-        if not gradients(m):
+        if not gradients(m, plan[BENDS] != 0):
             return False
         for r in range(count):
             w[plan[SIDE] + r] = -w[plan[CUT] + row_length(m) * plan[plan[ROW_OF] + r]]
@@ -89,7 +90,7 @@ def close(m, near):
         if not size < 1e3 or (turn > 8 and size > before):
             return False
         before = size
-        if plan[BENDS] == 1:
+        if plan[BENDS]:
             deform(m)
         place(m, plan[LED])
         if size < near:

@@ -9,34 +9,56 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import dry_friction, lugre_step
-from kaneflex.multibody.compile.values import by_size, row_length, vectors
+from kaneflex.multibody.compile.values import by_size, inside, row_length, twists
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
-from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, tree, twist_of
+from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE, MIDDLE_CUT, ON,
+    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON,
     OPTIONS, REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
 )  # fmt: skip
 
 
 @njit(**OPTIONS)
+def virtual(m, r):
+    """Coordinate whose virtual inertia a row removes, in space; -1 for the rows of cuts, contacts and holds."""
+    inside()
+    return -1
+
+
+@njit(**OPTIONS)
+def _virtual_in_space(m, r):
+    inside()
+    return m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]] if r >= m.plan[KEPT] else -1
+
+
+virtual = by_size(virtual, _virtual_in_space)
+
+
+@njit(**OPTIONS)
 def pull(m, t, r):
     """Add the generalised forces of a row's unit reaction, with the friction that it brings."""
+    apart()
+    if virtual(m, r) >= 0:
+        t.y[virtual(m, r)] += 1.0
+        return
     cut, k = row_at(m, r)
     n = dry_friction.slips_by(m, r)
     for side in range(2):
-        add_force(m, t, m.acts[cut, AT + side], vectors(shifted(m.w, k + 3 * side))[0])
+        add_force(m, t, m.acts[cut, AT + side], twists(m, shifted(m.w, k))[side])
         if n:
-            friction = vectors(shifted(m.w, hold_row(m, n) + 3 * side))[0]
-            friction = scaled(dry_friction.force_by_reaction(m, n, r), friction)
+            friction = scaled(dry_friction.force_by_reaction(m, n, r), twists(m, shifted(m.w, hold_row(m, n)))[side])
             add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], friction)
 
 
 @njit(**OPTIONS)
 def opening(m, t, r):
     """Rate of a row for the rates of the tree's bodies and coordinates."""
+    apart()
+    if virtual(m, r) >= 0:
+        return t.y[virtual(m, r)]
     cut, k = row_at(m, r)
-    sides = vectors(shifted(m.w, k))
+    sides = twists(m, shifted(m.w, k))
     return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
 
 
@@ -92,38 +114,12 @@ def soften(m, r, count, h, A, most):
 
 
 @njit(**OPTIONS)
-def _pull_in_space(m, t, r):
-    """Add the generalised forces of a kept row's unit reaction, or a unit along a coordinate with virtual inertia."""
-    plan = m.plan
-    if r >= plan[KEPT]:
-        t.y[m.pivots[plan[TOUCHING] + r - plan[KEPT]]] += 1.0
-        return
-    row = m.pivots[MIDDLE] + plan[COORDINATES] * r
-    for k in range(plan[COORDINATES]):
-        t.y[k] += m.w[row + k]
-
-
-@njit(**OPTIONS)
-def _opening_in_space(m, t, r):
-    """Rate of that row, or of that coordinate, by the rates of the coordinates."""
-    plan = m.plan
-    if r >= plan[KEPT]:
-        return t.y[m.pivots[plan[TOUCHING] + r - plan[KEPT]]]
-    row, total = m.pivots[MIDDLE] + plan[COORDINATES] * r, 0.0 * t.y[0]
-    for k in range(plan[COORDINATES]):
-        if t.free[k] != 0:
-            total += m.w[row + k] * t.y[k]
-    return total
-
-
-@njit(**OPTIONS)
 def _soften_in_space(m, r, count, h, A, most):
     """Negative compliance of a row that removes virtual inertia."""
     plan = m.plan
     A[plan[SCHUR] + (count + 1) * r] -= 1.0 / m.virtual_inertia[m.pivots[plan[TOUCHING] + r - plan[KEPT]]]
 
 
-pull, opening = by_size(pull, _pull_in_space), by_size(opening, _opening_in_space)
 soften = by_size(soften, _soften_in_space)
 
 
@@ -133,7 +129,7 @@ def row_at(m, r):
     plan = m.plan
     if r < plan[KEPT]:
         row = plan[plan[ROW_OF] + r]
-        return plan[plan[CUT_OF] + row], plan[MIDDLE_CUT] + row_length(m) * row + 3
+        return plan[plan[CUT_OF] + row], place_of(m, MIDDLE_CUT) + row_length(m) * row + 3
     n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
     return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
 
@@ -141,7 +137,7 @@ def row_at(m, r):
 @njit(**OPTIONS)
 def hold_row(m, n):
     """Place of the Jacobian of a contact or hold."""
-    return m.plan[MIDDLE_CUT] + row_length(m) * (m.plan[CUT_ROWS] + n) + 3
+    return place_of(m, MIDDLE_CUT) + row_length(m) * (m.plan[CUT_ROWS] + n) + 3
 
 
 @njit(**OPTIONS)

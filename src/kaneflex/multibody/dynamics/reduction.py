@@ -135,7 +135,7 @@ def basis(m, independent, count, out):
     """Speeds for a unit of each independent one, (count, n), where the loops are closed."""
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     kept = plan[KEPT]
-    gradients(m)
+    gradients(m, True)
     for j in range(count):
         B = shifted(out, n * j)
         for s in range(n):

@@ -19,6 +19,7 @@ from kaneflex.multibody.compile.values import (
     copy,
     copy_vectors,
     inside,
+    row_length,
     twists,
     vectors,
     width,
@@ -73,6 +74,8 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.model.spatial_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 
+PLANE = 3
+"""D of a mechanism in the plane, whose contacts have rows, too."""
 Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room")
 
 
@@ -96,12 +99,13 @@ place_of = by_size(place_of, _place_in_use)
 @njit(**OPTIONS)
 def use(m, i):
     """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors."""
-    n, bodies, rows, phi = m.plan[COORDINATES], m.plan[BODIES], m.plan[of.REACTIONS], m.counts[ROWS]
-    first = m.counts[GEOMETRY] + i * (n * (6 + rows) + 6 * (phi + bodies))
+    n, bodies, phi, sections = m.plan[COORDINATES], m.plan[BODIES], m.counts[ROWS], 3 * m.counts[SECTIONS]
+    first = m.counts[GEOMETRY] + i * (6 * (n + phi + bodies) + sections + row_length(m) * m.plan[of.CUT_ROWS])
     m.pivots[AXES], m.pivots[PHI] = first, first + 6 * n
     m.pivots[PLACES] = first + 6 * (n + phi)
     m.pivots[ARMS] = first + 6 * (n + phi) + 3 * bodies
     m.pivots[MIDDLE] = first + 6 * (n + phi + bodies)
+    m.pivots[of.MIDDLE_CUT] = first + 6 * (n + phi + bodies) + sections
 
 
 @njit(**OPTIONS)
@@ -171,23 +175,13 @@ def _move_inertia(m, b, back):
 def keep_rows(m):
     """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes."""
     apart()
-    plan, arms = m.plan, vectors(shifted(m.w, m.plan[MIDDLE]))
+    plan, arms = m.plan, vectors(shifted(m.w, place_of(m, MIDDLE)))
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= 0:
             arms[n] = minus(section_place(m, n), m.r[m.frames[m.nodes[on, OWNER], 2]])
-    count = plan[of.CUT_ROWS] + plan[of.ACTS] - plan[of.CONTACTS]
-    copy(m.w, plan[of.CUT], plan[of.MIDDLE_CUT], of.ROW_SIZE * count)
-
-
-@njit(**OPTIONS)
-def _keep_gradients(m):
-    """In space: gradients of the kept rows."""
-    for k in range(m.plan[COORDINATES] * m.plan[of.KEPT]):
-        m.w[m.pivots[MIDDLE] + k] = m.w[m.plan[of.GRADIENT] + k]
-
-
-keep_rows = by_size(keep_rows, _keep_gradients)
+    count = plan[of.CUT_ROWS] + (plan[of.ACTS] - plan[of.CONTACTS] if width(m) == PLANE else 0)
+    copy(m.w, plan[of.CUT], place_of(m, of.MIDDLE_CUT), row_length(m) * count)
 
 
 @njit(**OPTIONS)
@@ -285,13 +279,13 @@ def clear_bodies(m, t):
 
 @njit(**OPTIONS)
 def twist_of(m, t, n):
-    """Twist of a section from the rates of bodies and coordinates, in the plane."""
+    """Twist of a section from the rates of bodies and coordinates."""
     apart()
     on = m.on[n]
     if on < 0:
         return scaled(0.0, t.x[0])
     b, phi = m.nodes[on, OWNER], m.nodes[on, ROW_OF]
-    twist = twist_at(t.x[b], vectors(shifted(m.w, m.plan[MIDDLE]))[n])
+    twist = twist_at(t.x[b], vectors(shifted(m.w, place_of(m, MIDDLE)))[n])
     if phi >= 0:
         for j in range(m.bodies[b, SHAPES]):
             twist = axpy(t.y[m.bodies[b, MODAL] + j], t.phi[phi + j], twist)
@@ -300,7 +294,7 @@ def twist_of(m, t, n):
 
 @njit(**OPTIONS)
 def add_force(m, t, n, force):
-    """Add a section's force and moment to the forces of its body and shapes, in the plane."""
+    """Add a section's force and moment to the forces of its body and shapes."""
     apart()
     on = m.on[n]
     if on < 0:
@@ -309,4 +303,4 @@ def add_force(m, t, n, force):
     if phi >= 0:
         for j in range(m.bodies[b, SHAPES]):
             t.y[m.bodies[b, MODAL] + j] += dot(t.phi[phi + j], force)
-    t.x[b] = plus(t.x[b], force_at(force, vectors(shifted(m.w, m.plan[MIDDLE]))[n]))
+    t.x[b] = plus(t.x[b], force_at(force, vectors(shifted(m.w, place_of(m, MIDDLE)))[n]))

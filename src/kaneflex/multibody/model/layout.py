@@ -112,8 +112,6 @@ IMPACT_SIZE, MOST_IMPACTS = 10, 256
 energy lost, x and y of its begin; number of impacts after which Python must collect them. Their count precedes
 them."""
 
-ALL_GRADIENTS = 2
-"""BENDS where no shape is dependent, but factors need the derivatives of the cuts' rows by shapes."""
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
@@ -129,7 +127,7 @@ ALL_GRADIENTS = 2
 ) = range(106)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
-works, kept rows; 1 if shapes are among the dependent coordinates, in space else ALL_GRADIENTS; number of nodes, the
+works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the
 first ones, that no dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and
 contacts, and the end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by
 compiled code; 1 if the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations),

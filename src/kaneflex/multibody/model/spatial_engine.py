@@ -80,7 +80,7 @@ class SpatialEngine(Engine):
             return
         super().choose_speeds(choice)
         plan, speeds = self.tables.plan, np.flatnonzero(choice.virtual_inertia)
-        plan[[at.BENDS, at.YIELDING]] = plan[at.BENDS] or at.ALL_GRADIENTS, len(speeds)
+        plan[at.YIELDING] = len(speeds)
         plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
         self.parts["virtual_inertia"][:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
 
