@@ -22,8 +22,6 @@ from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.topology import Layout, build_tables
 from kaneflex.multibody.time import collocation
 
-_EVERY = "plan", "bodies", "acts", "w", "pivots", "kernels", "p", "real", "pair"
-"""Arrays of every mechanism."""
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
 
@@ -444,7 +442,7 @@ class Engine:
         t = self.tables
         found = t.plan, t.bodies, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
         views = {name: t.w[first : first + count] for name, (first, count) in self.views.items()}
-        every = {**dict(zip(_EVERY, found, strict=True)), **self.parts, **views}
+        every = {**dict(zip(at.PARTS, found, strict=True)), **self.parts, **views}
         return {name: every[name] for name in self.handed.parts}
 
     @cached_property

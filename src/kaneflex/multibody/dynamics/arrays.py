@@ -1,4 +1,4 @@
-"""Arrays of compiled functions of a mechanism in space, and the stored part of every instant."""
+"""Arrays of compiled functions of a mechanism, and in space the stored part of every instant."""
 
 from __future__ import annotations
 
@@ -49,6 +49,11 @@ _WORK = {
 }  # fmt: skip
 for _each in (SPACE, RIGID_SPACE, SWITCHED_SPACE):
     _each.parts.update({"bodies": Fixed(8)} | _TABLES | _WORK)
+"""All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
+
+``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector
+in y; ``own``: of all other coordinates.
+"""
 PLANAR_TABLES = {
     "counts": Fixed(1), "nodes": Fixed(10), "numbers": _V, "frames": Fixed(4), "on": Fixed(1), "at": _V,
 }  # fmt: skip
@@ -59,11 +64,7 @@ PLANAR_WORK = {
 }  # fmt: skip
 for _each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM):
     _each.parts.update(PLANAR_TABLES | PLANAR_WORK)
-"""All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
-
-``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector
-in y; ``own``: of all other coordinates.
-"""
+"""The same in the plane, where an axis is an angle, and a twist has three numbers."""
 
 
 @dataclass(eq=False)
@@ -160,16 +161,22 @@ class Work(Instants):
         :mod:`kaneflex.multibody.dynamics.articulated`.
     P : ndarray (n, 3)
         Position of the joint's point.
+    slow : ndarray (n, 6)
+        Twist relative to the parent.
+    moved, bent : ndarray (n, 3), (n, 3, 3)
+        Displacement and rotation of a section by shapes, in the body's axes.
+    offset : ndarray (n, 3)
+        Place of the joint in the node's axes.
     S : ndarray (s, 6)
         Twist of its node's origin for a unit of every speed of a joint.
     phi : ndarray (n_phi, 6)
-        Twist of a station for a unit of every shape of its body.
+        Twist of a section for a unit of every shape of its body, in the body's axes.
     sections : ndarray (n_sections, 15)
     axes : ndarray (n_axes, 3)
     M : ndarray (s, s)
         Mass matrix, filled on request.
     F : ndarray (n, 6)
-        Inertia force and moment about its origin of a node's body, less applied ones.
+        Twists of the nodes, then momenta of their bodies, for the mass matrix.
     alpha : ndarray (3 s,)
         Angular accelerations of balls in their axes at the stages of a step.
     x, x3 : ndarray

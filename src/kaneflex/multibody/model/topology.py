@@ -228,7 +228,7 @@ def _build_bodies(
 
 
 def _add_body(
-    nodes: _Nodes, joint: int, up: int, block: int, shapes: tuple[int, int], 
+    nodes: _Nodes, joint: int, up: int, block: int, shapes: tuple[int, int],
     points: Mapping[tuple[str, str], _Point], inboard: tuple[str, str], numbers: Numbers,
 ) -> None:  # fmt: skip
     """Add a body to the node of its joint: that one of a rigid body; else a node of its axes, and of every section.
