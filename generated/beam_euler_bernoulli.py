@@ -12,7 +12,7 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
-from kaneflex.generated.rows import LINK_SCALARS  # digest f53b7cb16b9d35dc
+from kaneflex.generated.rows import LINK_SCALARS  # digest ddb24300c8057189
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}

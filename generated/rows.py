@@ -64,6 +64,7 @@ SPATIAL_ELEMENT = (
     ('E_I_z_rise', 'N m^2', 'growth of E_I_z over the element'),
     ('m_0', 'kg', 'mass of the link before the element'),
     ('S_0', 'kg m', "first moment of that mass about the link's origin"),
+    ('rotary', '1', '1 if sections have rotary inertia against bending, too, else 0'),
     ('phi_y', '1', 'flexibility in shear along y, 12 E I_z / (k_y G A length^2)'),
     ('phi_z', '1', 'flexibility in shear along z, 12 E I_y / (k_z G A length^2)'),
 )

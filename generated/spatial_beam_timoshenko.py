@@ -6,7 +6,7 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
     M q'' + (C_s + C) q' + (K_s + K_d + K_g) q = F
     q = (u, v, w, theta_x, theta_y, theta_z) of both nodes
     K_g by P = P_0 + int_0^X rho A (a_x - (omega_y^2 + omega_z^2) X) dX
-Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against bending, too.
+Sections have the rotary inertia rho I_y, rho I_z and their sum about x: with rotary = 1 theirs against bending, too.
 
 Kernels read beyond an array that is too short; those of kaneflex.checked(module) name it instead.
 """
@@ -24,12 +24,12 @@ from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNEL
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:19]  # p: name, unit, meaning
+ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:20]  # p: name, unit, meaning
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (3438, 3415), 'K_s': (1512, 1497), 'K_d': (4731, 4546), 'K_g': (2172, 2081), 'C': (1793, 1767),
-    'F': (587, 538),
+    'M': (3442, 3415), 'K_s': (1512, 1497), 'K_d': (4745, 4554), 'K_g': (2172, 2081), 'C': (1799, 1769),
+    'F': (591, 542),
 }
 
 
@@ -42,15 +42,15 @@ def M(p, out):
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
     (
         rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, phi_y, phi_z,
-    ) = unpacked(p, 19)
+        E_I_z_rise, _, _, rotary, phi_y, phi_z,
+    ) = unpacked(p, 20)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
     w3 = growth_w = E_I_y_rise/E_I_y
     w4 = rho_I_y - 0.5*rho_I_y_rise
     w5 = rho_I_z - 0.5*rho_I_z_rise
-    w6 = 1.0/length
+    w6 = rotary/length
     w7 = length*rho_A
     w8 = 0.003472222222222222*w7
     w9 = 0.006944444444444444*w7
@@ -94,7 +94,9 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, _, _, _, E_I_y_rise, E_I_z_rise, _, _, phi_y, phi_z = unpacked(p, 19)
+    (
+        _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, _, _, _, E_I_y_rise, E_I_z_rise, _, _, _, phi_y, phi_z,
+    ) = unpacked(p, 20)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
@@ -131,8 +133,8 @@ def K_d(p, s, out):
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
         rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, phi_y, phi_z,
-    ) = unpacked(p, 19)
+        E_I_z_rise, _, _, rotary, phi_y, phi_z,
+    ) = unpacked(p, 20)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
@@ -175,8 +177,8 @@ def K_d(p, s, out):
     w38 = rho_I_y_rise*w11
     w39 = epsilon_y*rho_I_y + rho_I_y*w11 - rho_I_z*w11 - 0.5*w36 + 0.5*w37 - 0.5*w38
     w40 = w36 - w37 + w38
-    w41 = 1.0/length
-    w42 = 0.5*w14
+    w41 = 0.5*w14
+    w42 = rotary/length
     w43 = 2.0*epsilon_x
     w44 = 2.0*w16
     w45 = -epsilon_x*rho_I_y_rise + epsilon_x*rho_I_z_rise + rho_I_y_rise*w16 + rho_I_z_rise*w16
@@ -202,20 +204,20 @@ def K_d(p, s, out):
     f_17 = -w6*(w14 + w4)
     f_18 = length*(rho_I_y*w4 + rho_I_z*w2 - 0.5*w19 - 0.5*w20 + w22 + w24)
     f_19 = length*(w19 + w20 - w21 - w23)
-    f_20 = epsilon_z*rho_I_z + rho_I_y*w7 - w26 + 0.5*w27 - w28 - w30 + w32
-    f_21 = w25 - w27 + w29 + w31
-    f_22 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32
-    f_23 = epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w27 - w31
-    f_24 = w33 - w35 + w39
-    f_25 = w34 + w40
-    f_26 = -w33 + w35 + w39
-    f_27 = -w34 + w40
-    f_28 = w41*(rho_I_y*w14 - rho_I_y_rise*w42 + w22)
-    f_29 = rho_I_y_rise*w41*(w14 - w2)
-    f_30 = 0.25*w41*(rho_I_y*w43 - rho_I_y*w44 - rho_I_z*w43 - rho_I_z*w44 + w45)
-    f_31 = -0.5*w41*w45
-    f_32 = w41*(rho_I_z*w14 - rho_I_z_rise*w42 + w24)
-    f_33 = rho_I_z_rise*w41*(w14 - w4)
+    f_20 = rotary*(epsilon_z*rho_I_z + rho_I_y*w7 - w26 + 0.5*w27 - w28 - w30 + w32)
+    f_21 = rotary*(w25 - w27 + w29 + w31)
+    f_22 = rotary*(epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32)
+    f_23 = rotary*(epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w27 - w31)
+    f_24 = rotary*(w33 - w35 + w39)
+    f_25 = rotary*(w34 + w40)
+    f_26 = rotary*(-w33 + w35 + w39)
+    f_27 = rotary*(-w34 + w40)
+    f_28 = w42*(rho_I_y*w14 - rho_I_y_rise*w41 + w22)
+    f_29 = rho_I_y_rise*w42*(w14 - w2)
+    f_30 = 0.25*w42*(rho_I_y*w43 - rho_I_y*w44 - rho_I_z*w43 - rho_I_z*w44 + w45)
+    f_31 = -0.5*w42*w45
+    f_32 = w42*(rho_I_z*w14 - rho_I_z_rise*w41 + w24)
+    f_33 = rho_I_z_rise*w42*(w14 - w4)
     bend_v = (beta_v - 1.0, alpha_v, length)
     bend_w = (beta_w - 1.0, alpha_w, -length)
     fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
@@ -238,9 +240,9 @@ def K_g(p, s, out):
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
-        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise, m_0, S_0, phi_y,
-        phi_z,
-    ) = unpacked(p, 19)
+        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise, m_0, S_0, _,
+        phi_y, phi_z,
+    ) = unpacked(p, 20)
     _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
@@ -277,8 +279,8 @@ def C(p, s, out):
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
         rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, phi_y, phi_z,
-    ) = unpacked(p, 19)
+        E_I_z_rise, _, _, rotary, phi_y, phi_z,
+    ) = unpacked(p, 20)
     omega_x, omega_y, omega_z = unpacked(s, 3)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
@@ -288,7 +290,9 @@ def C(p, s, out):
     w5 = length*omega_y
     w6 = length*omega_x
     w7 = 2.0*rho_I_y - rho_I_y_rise
-    w8 = 2.0*rho_I_z - rho_I_z_rise
+    w8 = omega_z*rotary
+    w9 = 2.0*rho_I_z - rho_I_z_rise
+    w10 = omega_y*rotary
     alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
     alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
     f_0 = -w2*w3
@@ -300,12 +304,12 @@ def C(p, s, out):
     f_6 = -w2*w6
     f_7 = -w4*w6
     f_8 = w2*w6
-    f_9 = omega_z*w7
-    f_10 = 2.0*omega_z*rho_I_y_rise
-    f_11 = -omega_z*w7
-    f_12 = omega_y*w8
-    f_13 = 2.0*omega_y*rho_I_z_rise
-    f_14 = -omega_y*w8
+    f_9 = w7*w8
+    f_10 = 2.0*rho_I_y_rise*w8
+    f_11 = -w7*w8
+    f_12 = w10*w9
+    f_13 = 2.0*rho_I_z_rise*w10
+    f_14 = -w10*w9
     bend_v = (beta_v - 1.0, alpha_v, length)
     bend_w = (beta_w - 1.0, alpha_w, -length)
     fill_both(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
@@ -322,8 +326,8 @@ def F(p, s, out):
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
     (
         rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, phi_y, phi_z,
-    ) = unpacked(p, 19)
+        E_I_z_rise, _, _, rotary, phi_y, phi_z,
+    ) = unpacked(p, 20)
     omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
@@ -354,10 +358,10 @@ def F(p, s, out):
     f_8 = w10*(epsilon_y - w13)
     f_9 = length*(-epsilon_x*rho_I_y + 0.5*epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z + 0.5*epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y + 0.5*omega_y*omega_z*rho_I_z_rise - 0.5*rho_I_y_rise*w15 - rho_I_z*w15)
     f_10 = length*(-epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y_rise - rho_I_z_rise*w15)
-    f_11 = epsilon_y*rho_I_y + rho_I_y*w13 - 0.5*rho_I_y_rise*w13 - rho_I_y_rise*w14
-    f_12 = rho_I_y_rise*(epsilon_y + w13)
-    f_13 = -epsilon_z*rho_I_z + 0.5*epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_z - 0.5*rho_I_z_rise*w12
-    f_14 = rho_I_z_rise*(-epsilon_z + omega_x*omega_y)
+    f_11 = rotary*(epsilon_y*rho_I_y + rho_I_y*w13 - 0.5*rho_I_y_rise*w13 - rho_I_y_rise*w14)
+    f_12 = rho_I_y_rise*rotary*(epsilon_y + w13)
+    f_13 = rotary*(-epsilon_z*rho_I_z + 0.5*epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_z - 0.5*rho_I_z_rise*w12)
+    f_14 = rho_I_z_rise*rotary*(-epsilon_z + omega_x*omega_y)
     bend_v = (beta_v - 1.0, alpha_v, length)
     bend_w = (beta_w - 1.0, alpha_w, -length)
     fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1, f_2))

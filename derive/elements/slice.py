@@ -20,12 +20,12 @@ from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
 
 from kaneflex.derive.bodies import kane
 from kaneflex.derive.elements.shapes import antiderivative, parameter_symbols, rho_A, x, x_0
-from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE, spatial_element_parameters
+from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE, spatial_element_parameters
 
 SCALARS = symbols([name for name, *_ in SPATIAL_LINK_SCALARS], real=True)
 MOTION, P_0 = tuple(SCALARS[:9]), SCALARS[9]
 
-PARAMETERS = parameter_symbols(spatial_element_parameters(shear=True, varying=True))
+PARAMETERS = parameter_symbols(spatial_element_parameters(general=True))
 """Symbol of every element parameter in space."""
 
 rho_I_y, rho_I_z = PARAMETERS["rho_I_y"], PARAMETERS["rho_I_z"]

@@ -26,8 +26,8 @@ from kaneflex.derive.ir.program import Program, share
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.rows import element_table
-from kaneflex.support.contract import ELEMENT_KERNELS
-from kaneflex.support.spatial_contract import (
+from kaneflex.support.contract import (
+    ELEMENT_KERNELS,
     SPATIAL_BEAMS,
     SPATIAL_ELEMENT_TERMS,
     SPATIAL_LINK_SCALARS,
@@ -52,6 +52,8 @@ _FUNCTIONS = {
 """Coordinate of a slice -> its shape functions, the nodes' coordinates that they belong to, its sign there."""
 _PLANES = {"V": ("E_I_z", "phi_y"), "W": ("E_I_y", "phi_z")}
 """Nodes' coordinates of a plane of bending -> its stiffness, its flexibility in shear."""
+_BENT = ("theta_y", "theta_z")
+"""Turns of a section by bending."""
 _SIZE = {"U": 2, "T": 2, "V": 4, "W": 4}
 _PER_INTEGRAL, _PER_LOAD, _PER_SUM, _PER_TURN = 12, 5, 2, 2
 """Operations of the loops in ``shape_integrals``."""
@@ -59,22 +61,24 @@ _PER_INTEGRAL, _PER_LOAD, _PER_SUM, _PER_TURN = 12, 5, 2, 2
 
 @dataclass(frozen=True)
 class _Section:
-    """An element's numbers along s = x/length: what varies grows linearly about its mean in the middle."""
+    """An element's numbers along s = x/length.
 
-    shear: bool
-    varying: bool
+    general: properties of the section grow linearly about their means in the middle; it shears and has rotary inertia.
+    """
+
+    general: bool
 
     @property
     def parameters(self) -> tuple[tuple[str, str, str], ...]:
-        return spatial_element_parameters(self.shear, self.varying)
+        return spatial_element_parameters(self.general)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Coordinates of a slice with inertia: without shear a section does not turn against its frame by bending."""
-        return SPATIAL_NODE if self.shear else SPATIAL_NODE[:4]
+        """Coordinates of a slice with inertia: without rotary inertia these are not the section's turns by bending."""
+        return SPATIAL_NODE if self.general else SPATIAL_NODE[:4]
 
     def along(self, name: str) -> Expr:
-        return PARAMETERS[name] + (PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2)) if self.varying else 0)
+        return PARAMETERS[name] + (PARAMETERS[f"{name}_rise"] * (s - Rational(1, 2)) if self.general else 0)
 
     def here(self, expression: Expr) -> Expr:
         """A slice's number by s."""
@@ -83,7 +87,7 @@ class _Section:
 
     def tension(self) -> Expr:
         """Axial force by s."""
-        before = (PARAMETERS["m_0"], PARAMETERS["S_0"]) if self.varying else (rho_A * x_0, rho_A * x_0**2 / 2)
+        before = (PARAMETERS["m_0"], PARAMETERS["S_0"]) if self.general else (rho_A * x_0, rho_A * x_0**2 / 2)
         density = self.along("rho_A").subs(s, along / length)
         return P_0 + link_tension(before, density).subs(along, length * s)
 
@@ -97,7 +101,7 @@ class _Section:
         """The numbers of a plane's bubbles, and the statements that make triples of them."""
         stiffness, flexibility = _PLANES[rows]
         plane, turn = rows.lower(), "length" if rows == "V" else "-length"
-        if not self.shear:
+        if not self.general:
             return [], (f"bend_{plane} = (0.0, 0.0, {turn})",)
         beta = 1 / (1 + PARAMETERS[flexibility])
         growth = PARAMETERS[f"{stiffness}_rise"] / PARAMETERS[stiffness]
@@ -176,7 +180,7 @@ def _fill(total: _Sum, kernel: str) -> None:
     if kernel == "K_s":
         for functions, rows, rigidity in _strains(section):
             total.square(functions, rows, rigidity)
-    if kernel == "M" and section.shear:
+    if kernel == "M" and section.general:
         for functions, rows, rigidity in list(_strains(section))[2:]:
             stiffness, flexibility = (PARAMETERS[name] for name in _PLANES[rows])
             total.square(functions, rows, rho_A * flexibility * length**4 / (144 * stiffness) * rigidity)
@@ -208,7 +212,7 @@ def _entry(section: _Section, target: str, i: str, j: str = "") -> Expr:
     """An entry of a slice's matrix, or of its F, by s and the motion."""
     at = SPATIAL_NODE.index(i), SPATIAL_NODE.index(j) if j else 0
     found = (scalar * matrix[at] for (of, scalar), matrix in slice_equations().items() if of == target)
-    return section.here(sum(found, S.Zero))
+    return section.here(sum(found, S.Zero)) * (PARAMETERS["rotary"] if {i, j} & set(_BENT) else 1)
 
 
 def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
@@ -221,7 +225,7 @@ def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
     yield "GRADIENT", "T", PARAMETERS["G_J"] / length
     for rows, (stiffness, flexibility) in _PLANES.items():
         yield "CURVATURE", rows, section.along(stiffness) / length**3
-        if section.shear:
+        if section.general:
             beta = 1 / (1 + PARAMETERS[flexibility])
             yield "SHEAR", rows, 3 * PARAMETERS[stiffness] * PARAMETERS[flexibility] * beta**2 / length**3
 
@@ -229,8 +233,8 @@ def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
 def spatial_element_texts() -> dict[str, str]:
     """Module -> its text, of all SPATIAL_BEAMS and of the integrals that they add up."""
     texts = {"shape_integrals": shape_integrals_text()}
-    for module, options in SPATIAL_BEAMS.items():
-        texts[module] = _text(_Section(**options), texts)
+    for module, general in SPATIAL_BEAMS.items():
+        texts[module] = _text(_Section(general), texts)
     return texts
 
 
@@ -270,7 +274,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     inputs = emit.places((PARAMETERS[key] for key, *_ in section.parameters), "p") + emit.places(SCALARS, "s")
     raw = Program(name, tuple(symbol for symbol, _ in inputs), (), (*outputs, *numbers))
     motion = set(SCALARS) & set().union(*(number.free_symbols for _, number in numbers))
-    doc = _DOCS[name] + _CORRECTED * (name == "M" and section.shear)
+    doc = _DOCS[name] + _CORRECTED * (name == "M" and section.general)
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
         share(raw), ("p", "s", "out") if motion else ("p", "out"), inputs, doc,
@@ -291,7 +295,7 @@ def _demand_terms(name: str, numbers: list[tuple[str, Expr]]) -> None:
 
 
 def _about(section: _Section) -> list[str]:
-    turning = "theirs against bending, too" if section.shear else "theirs against torsion alone"
+    turning = "with rotary = 1 theirs against bending, too" if section.general else "theirs against torsion alone"
     return [
         "In link axes, with scalars of the motion before constant matrices (TERMS):",
         "    M q'' + (C_s + C) q' + (K_s + K_d + K_g) q = F",

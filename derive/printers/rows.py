@@ -13,8 +13,13 @@ from itertools import groupby
 
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers.bracketed import LINE, bracketed
-from kaneflex.support.contract import BODY_SCALARS, FORMAT, LINK_SCALARS, element_parameters
-from kaneflex.support.spatial_contract import spatial_element_parameters
+from kaneflex.support.contract import (
+    BODY_SCALARS,
+    FORMAT,
+    LINK_SCALARS,
+    element_parameters,
+    spatial_element_parameters,
+)
 
 Row = tuple[str, ...]
 
@@ -54,7 +59,7 @@ def less(rows, *names):
     return tuple(row for row in rows if row[0] not in names)
 
 
-_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True, True)}
+_ELEMENTS = {"PLANAR": element_parameters(True, True, True), "SPATIAL": spatial_element_parameters(True)}
 _FUNCTIONS = (link, body, force, numbers, element, constants, less)
 
 

@@ -35,9 +35,9 @@ from kaneflex.support.contract import (
     LAWS_ATTRIBUTES,
     LINK_SCALARS,
     REQUIRED_ATTRIBUTES,
+    SPATIAL_BEAMS,
 )
 from kaneflex.support.module_cache import cache_folder
-from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 LAWS = sorted(name for name in kaneflex.generated.STRUCTURES.values() if name.endswith("_laws"))

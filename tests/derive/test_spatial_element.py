@@ -10,8 +10,7 @@ from quadrature import Y_PLANE
 
 import kaneflex
 from kaneflex.derive.elements import slice as beam_slice
-from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
-from kaneflex.support.spatial_contract import SPATIAL_BEAMS
+from kaneflex.support.contract import ELEMENT_KERNELS, SPATIAL_BEAMS, beam_module
 
 SIZES = {
     "rho_A": 1.1, "rho_I_y": 4e-5, "rho_I_z": 9e-5, "E_I_y": 1.5e3, "E_I_z": 3e3, "E_A": 3e7, "G_J": 800.0,
@@ -27,7 +26,7 @@ def module(name):
 def numbers(seed: int) -> tuple[dict[str, float], dict[str, float]]:
     """Parameters by name, and scalars of a motion about all axes."""
     rng = np.random.default_rng(seed)
-    parameters = {name: size * rng.uniform(0.5, 1.5) for name, size in SIZES.items()}
+    parameters = {name: size * rng.uniform(0.5, 1.5) for name, size in SIZES.items()} | {"rotary": 1.0}
     sizes = 3 * [60.0] + 3 * [2e3] + 3 * [300.0] + [4e3]
     scalars = [name for name, *_ in module("spatial_beam_timoshenko").LINK_SCALARS]
     return parameters, {name: size * rng.uniform(-1, 1) for name, size in zip(scalars, sizes, strict=True)}
@@ -94,11 +93,9 @@ def test_the_planar_element_is_contained(name):
     """In a motion about z the rows u, v, theta_z are the planar module's, and nothing couples to the others."""
     p, s = numbers(1)
     s |= dict.fromkeys(("omega_x", "omega_y", "epsilon_x", "epsilon_y", "a_z"), 0.0)
-    options = SPATIAL_BEAMS[name]
-    shear = options["shear"]
     planar = computed(
-        beam_module(rotary=shear, **options),
-        {of_plane: p[name] for of_plane, name in PLANAR.items() if shear or of_plane not in TURNING},
+        name.removeprefix("spatial_"),
+        {of_plane: p[of] for of_plane, of in PLANAR.items() if SPATIAL_BEAMS[name] or of_plane not in TURNING},
         {"omega": s["omega_z"], "epsilon": s["epsilon_z"], "a_x": s["a_x"], "a_y": s["a_y"], "P_0": s["P_0"]},
     )
     found = computed(name, p, s)
@@ -182,17 +179,17 @@ def assert_same(found, expected):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize(
-    ("name", "varying"),
-    [(name, of) for name, options in SPATIAL_BEAMS.items() for of in {False, options["varying"]}],
-)
-def test_spatial_elements_by_quadrature(name, varying, seed):
+@pytest.mark.parametrize("varying", [False, True])
+@pytest.mark.parametrize(("rotary", "shear"), [(False, False), (True, False), (False, True), (True, True)])
+def test_spatial_elements_by_quadrature(rotary, shear, varying, seed):
     """Every entry of M, K_s, K_d, K_g, C and F under a motion about all axes."""
-    shear = SPATIAL_BEAMS[name]["shear"]
     p, s = parameters_of(seed, shear, varying)
+    p["rotary"] = float(rotary)
     motion = (*(components(s, letter) for letter in ("omega", "epsilon", "a")), s["P_0"])
-    expected = quadrature.element(p, *motion, turning=(True, shear, shear))
-    assert_same(computed(name, p, s), expected)
+    expected = quadrature.element(p, *motion, turning=(True, rotary, rotary))
+    assert_same(computed(f"spatial_{beam_module(rotary, shear, varying)}", p, s), expected)
+    if not (rotary or shear or varying):  # the general element has the uniform one as its limit
+        assert_same(computed("spatial_beam_timoshenko", p, s), expected)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

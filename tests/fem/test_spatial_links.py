@@ -17,7 +17,7 @@ from kaneflex.fem.links import build_link, craig_bampton, with_rayleigh
 from kaneflex.fem.spatial_links import SpatialLink
 from kaneflex.mechanism.affine import Affine, as_array
 from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
-from kaneflex.support.spatial_contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
+from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())["uniform_beam"]["clamped_free"]["modes"]
 ROTATING = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
@@ -32,7 +32,7 @@ def module(name: str):
 
 
 def built(name, nodes, at, module, mu=None) -> SpatialLink:
-    parameters = element_parameters(at, nodes)
+    parameters = element_parameters(at, nodes) | {"rotary": np.ones(len(nodes) - 1)}
     terms = terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)
     return build_link(SpatialLink, name, nodes, parameters, terms)
 
@@ -119,16 +119,6 @@ def test_damping_by_length_and_velocity():
     assert not matrix(of, "C_s", rows(of, "theta_x")).any()
 
 
-def test_a_uniform_section_in_elements_that_may_vary():
-    plain, varying = link(3), link(3, theory="euler_bernoulli_varying")
-    scalars = dict(
-        omega_x=3.0, omega_y=5.0, omega_z=-2.0, epsilon_x=7.0, epsilon_y=1.0, epsilon_z=4.0, a_x=9.0, a_z=2.0
-    )
-    for name in ("M", "K_s", "K_d", "K_g", "C_d", "F"):
-        expected = matrix(plain, name, **scalars)
-        assert matrix(varying, name, **scalars) == pytest.approx(expected, rel=1e-12, abs=1e-12 * abs(expected).max())
-
-
 def test_mass_and_pull_of_a_taper():
     """Of a cone: its mass by the load of a_x = 1, and the tension at its root that the free tip asks for."""
     radius = np.array([0.02, 0.008])
@@ -138,7 +128,7 @@ def test_mass_and_pull_of_a_taper():
         shape = Shape.model_validate({"circle": 2 * here})
         return properties_of(shape.numbers_of(shape.dimensions, 0.3), 2e11, 8e10, 7800.0)
 
-    of = built("blade", np.linspace(0.0, 1.5, 7), at, module("euler_bernoulli_varying"))
+    of = built("blade", np.linspace(0.0, 1.5, 7), at, module("timoshenko"))
     mass = 7800 * np.pi / 3 * 1.5 * (radius[0] ** 2 + radius.prod() + radius[1] ** 2)
     pushed = matrix(of, "F", a_x=1.0)[:, 0]
     assert -pushed[::6].sum() == pytest.approx(mass, rel=1e-12)

@@ -23,7 +23,7 @@ from kaneflex.fem.links import Part
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.spatial import SpatialBody
 from kaneflex.mechanism.spatial_frame import at_point, skew
-from kaneflex.support.spatial_contract import AXES, SPATIAL_NODE
+from kaneflex.support.contract import AXES, SPATIAL_NODE
 
 PAIRS = tuple(f"{i}{j}" for i, j in combinations_with_replacement(AXES, 2))
 ARMS = tuple(f"arms_{pair}" for pair in PAIRS)

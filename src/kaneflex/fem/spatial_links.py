@@ -16,7 +16,7 @@ from kaneflex.fem.links import SAME, Link, build_link, terms_of_link
 from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.scene import Scene
-from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
+from kaneflex.support.contract import SPATIAL_NODE, beam_module
 
 
 class SpatialLink(Link):
@@ -46,8 +46,8 @@ def link_of_scene(scene: Scene, name: str, elements: int) -> Link:
     Beyond a node where joints or loads act the axial force is higher by ``name.link.jump_NODE``.
     """
     profile, nodes = scene.bodies[name].profile, mesh(scene, name, elements)
-    beam = spatial_beam_module(profile.rotary, profile.shear, profile.varying)
-    parameters, module = profile.elements(nodes), import_module(f"kaneflex.generated.{beam}")
+    beam = beam_module(profile.rotary, profile.shear, profile.varying)
+    parameters, module = profile.elements(nodes), import_module(f"kaneflex.generated.spatial_{beam}")
     beyond = {str(node): nodes[node] for node in jumps(scene, name, nodes)}
     terms = terms_of_link(scene, name, parameters, module, SpatialLink)
     return build_link(SpatialLink, name, nodes, parameters, terms, beyond)

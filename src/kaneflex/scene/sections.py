@@ -210,7 +210,7 @@ def properties_of(section: SectionNumbers, E: float, G: float | None, rho: float
 def element_parameters(
     at: Callable[[float], Properties], nodes: np.ndarray, borders: tuple[float, ...] = ()
 ) -> dict[str, np.ndarray]:
-    """Parameters of a link's elements by their names in ``kaneflex.support.spatial_contract``, (elements,) each.
+    """Parameters of a link's elements by their names in ``kaneflex.support.contract``, (elements,) each.
 
     A varying property is replaced by its least-squares linear fit: the mean keeps the element's mass and average
     stiffness, and the error is of the fourth order in the element's length. Those that the element holds constant take
@@ -323,7 +323,8 @@ class Profile:
         """Parameters of elements in space, see :func:`element_parameters`."""
         uniform, before = self.at(0.0), self.inertia(nodes[0])
         found = element_parameters(self.at if self.varying else lambda x: uniform, nodes, self.borders)
-        return found | {"m_0": before.mass + found["m_0"], "S_0": before.first + found["S_0"]}
+        return found | {"m_0": before.mass + found["m_0"], "S_0": before.first + found["S_0"],
+                        "rotary": np.full(len(nodes) - 1, float(self.rotary))}  # fmt: skip
 
     def planar_elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of planar elements, by their names in ``kaneflex.support.contract``."""

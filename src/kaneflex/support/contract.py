@@ -1,7 +1,11 @@
 """Contract between the generator and the runtime: content, order and names of a generated module.
 
-The two sides share this file only, so that a name can't change on one side alone.
+The two sides share this file only, so that a name can't change on one side alone. In space a node has the coordinates
+u, v, w, theta_x, theta_y, theta_z in link axes: x along the link, y and z the principal axes of its sections. theta_z
+= v' and theta_y = -w' if sections stay normal to the axis.
 """
+
+from itertools import combinations_with_replacement
 
 FORMAT = 3
 """Version of the generated modules' layout, part of the structure hash: old modules are not used with a new layout."""
@@ -87,16 +91,89 @@ ELEMENT_TERMS = (
 constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel of its
 own: it is the M of translation in K_d, with mu for rho A."""
 
+AXES = "xyz"
+
+SPATIAL_LINK_SCALARS = (
+    *((f"omega_{axis}", "rad/s", f"angular velocity of the link frame about its {axis}") for axis in AXES),
+    *((f"epsilon_{axis}", "rad/s^2", f"angular acceleration of the link frame about its {axis}") for axis in AXES),
+    *((f"a_{axis}", "m/s^2", f"acceleration of the link's origin minus gravity, along its {axis}") for axis in AXES),
+    ("P_0", "N", "axial force at the link's origin, tension positive"),
+)
+"""Motion scalars of one elastic link in space."""
+
+SPATIAL_NODE = ("u", "v", "w", "theta_x", "theta_y", "theta_z")
+"""Coordinates of a node in link axes [m, rad]."""
+
+_DENSITIES = (
+    ("rho_A", "kg/m", "mass per length"),
+    ("rho_I_y", "kg m", "rotary inertia per length about the section's y, rho int z^2 dA"),
+    ("rho_I_z", "kg m", "rotary inertia per length about the section's z, rho int y^2 dA; about x it is the sum"),
+)
+_RIGIDITIES = (
+    ("E_I_y", "N m^2", "bending stiffness about y, of w"),
+    ("E_I_z", "N m^2", "bending stiffness about z, of v"),
+)
+_UNIFORM = (
+    ("E_A", "N", "axial stiffness"),
+    ("G_J", "N m^2", "torsional stiffness, J after Saint-Venant"),
+    ("I_p_A", "m^2", "polar second moment of area over area, by which an axial force stiffens torsion"),
+    ("length", "m", "length of the element"),
+    ("x_0", "m", "distance of the element's first node from the link's origin"),
+)
+_GENERAL = (
+    *((f"{name}_rise", unit, f"growth of {name} over the element") for name, unit, _ in _DENSITIES + _RIGIDITIES),
+    ("m_0", "kg", "mass of the link before the element"),
+    ("S_0", "kg m", "first moment of that mass about the link's origin"),
+    ("rotary", "1", "1 if sections have rotary inertia against bending, too, else 0"),
+    ("phi_y", "1", "flexibility in shear along y, 12 E I_z / (k_y G A length^2)"),
+    ("phi_z", "1", "flexibility in shear along z, 12 E I_y / (k_z G A length^2)"),
+)
+
+
+def spatial_element_parameters(general: bool) -> tuple[tuple[str, str, str], ...]:
+    """Name, unit and meaning of an element's parameters, in the order in which its kernels read them.
+
+    In the general element, parameters with a growth are means over the element.
+    """
+    return _DENSITIES + _RIGIDITIES + _UNIFORM + _GENERAL * general
+
+
+_PAIRS = tuple(combinations_with_replacement(AXES, 2))
+
+
+def _omega(i: str, j: str) -> tuple[str, str]:
+    return f"omega_{i}", f"omega_{j}"
+
+
+SPATIAL_ELEMENT_TERMS = (
+    ("mass", "inertia", "M", ()),
+    *((f"gyroscopic_{i}", "gyroscopic", "C", (f"omega_{i}",)) for i in AXES),
+    *((f"spin_{i}{j}", "spin", "K_d", _omega(i, j)) for i, j in _PAIRS),
+    *((f"euler_{i}", "euler", "K_d", (f"epsilon_{i}",)) for i in AXES),
+    *((f"centrifugal_load_{i}{j}", "load", "F", _omega(i, j)) for i, j in _PAIRS if (i, j) != ("x", "x")),
+    *((f"euler_load_{i}", "load", "F", (f"epsilon_{i}",)) for i in AXES),
+    *((f"load_{i}", "load", "F", (f"a_{i}",)) for i in AXES),
+    ("stiffness", "elastic", "K_s", ()),
+    ("tension_origin", "geometric", "K_g", ("P_0",)),
+    ("tension_acceleration", "geometric", "K_g", ("a_x",)),
+    *((f"tension_spin_{i}{i}", "geometric", "K_g", _omega(i, i)) for i in "yz"),
+    ("viscous", "damping", "", ()),
+)
+"""Affine form of every spatial element: name, group, kernel, factors of the scalar, as ``ELEMENT_TERMS``."""
+
 BEAMS = {
     "beam_euler_bernoulli": {"rotary": False, "shear": False, "varying": False},
     "beam_timoshenko": {"rotary": True, "shear": True, "varying": True},
 }
-"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from. The general one also serves
-Rayleigh beams, with phi_s = 0, and tapered Euler-Bernoulli beams, with rho_I = 0 besides."""
+"""Module of a planar element in ``kaneflex.generated`` -> the element that it is printed from. The general one also
+serves Rayleigh beams, with phi_s = 0, and tapered Euler-Bernoulli beams, with rho_I = 0 besides."""
+
+SPATIAL_BEAMS = {f"spatial_{module}": options["varying"] for module, options in BEAMS.items()}
+"""Module of an element in space -> whether it is the general one, which has all that some beam requires."""
 
 
 def beam_module(rotary: bool, shear: bool, varying: bool) -> str:
-    """Smallest of BEAMS that has all of this."""
+    """Smallest of BEAMS that has all of this; its counterpart in space is ``spatial_`` and its name."""
     return "beam_timoshenko" if rotary or shear or varying else "beam_euler_bernoulli"
 
 

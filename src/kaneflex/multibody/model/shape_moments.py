@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from kaneflex.generated.spatial_shapes import CUBIC, KINDS, MOMENTS, PAIR, SINGLE
-from kaneflex.support.spatial_contract import AXES
+from kaneflex.support.contract import AXES
 
 
 @dataclass(frozen=True, eq=False)

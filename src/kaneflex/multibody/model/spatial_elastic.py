@@ -28,8 +28,8 @@ from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenche
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
+from kaneflex.support.contract import AXES, SPATIAL_LINK_SCALARS
 from kaneflex.support.errors import SceneError
-from kaneflex.support.spatial_contract import AXES, SPATIAL_LINK_SCALARS
 
 _SAMPLES = 33
 """Instants of a run that determine the varying entries of L and check the dependent coordinates."""
