@@ -53,7 +53,7 @@ class Equations:
 
     def element(self, theory: Mapping[str, bool]) -> Element:
         """An element in symbols with the terms of this motion."""
-        element = beam_element(**theory, with_frame=False)
+        element = beam_element(**theory)
         required = {(group, factors) for _, group, _, factors in self.terms}
         terms = (term for term in element.terms if (term.group, monomial(term.scalar)) in required)
         return replace(element, terms=tuple(terms))

@@ -37,7 +37,7 @@ _ELEMENT = """def element(rho_A, E_A, E_I, h, x_0):
 
 def element_text() -> str:
     """The function ``element``."""
-    shape = beam_element(**BEAMS[BEAM], with_frame=False).shape
+    shape = beam_element(**BEAMS[BEAM]).shape
     u, v = shape.row(0), shape.row(1)
     rows = {"u": u, "v": v, "slope": v.diff(x), "strain": u.diff(x), "bending": v.diff(x, 2)}
     return re.sub("<<(\\w+)>>", lambda name: _row(rows[name[1]]), _ELEMENT)

@@ -131,18 +131,6 @@ def geometric_2(L):
     )
 
 
-def geometric_3(L):
-    """int s^3 H'^T H' ds: K_g of a tension growing as s^3, as in an element whose mass per length is linear."""
-    return (L**2 / 840) * on_bending(
-        np.array(
-            [[180, 42 * L, -180, -30 * L],
-             [42 * L, 11 * L**2, -42 * L, -11 * L**2],
-             [-180, -42 * L, 180, 30 * L],
-             [-30 * L, -11 * L**2, 30 * L, 65 * L**2]]
-        )
-    )
-
-
 def geometric(c0, c1, c2, L):
     """K_g of the tension N(s) = c0 + c1 s + c2 s^2, s from the element's first node."""
     return c0 * geometric_0(L) + c1 * geometric_1(L) + c2 * geometric_2(L)
@@ -163,21 +151,6 @@ def lumped_gyration(m):
     full = np.zeros((6, 6), dtype=int)
     full[3, 4], full[4, 3] = -1, 1
     return m * full
-
-
-def lumped_load(m, x, w, e, ax, ay):
-    """F of a point mass at the second node, which sits at X = x in the link."""
-    return np.array([0, 0, 0, -m * (ax - w**2 * x), -m * (ay + e * x), 0])
-
-
-def rotary_mass(rhoI, L):
-    """M of a section's rotary inertia with theta = v' (Rayleigh): rhoI int H'^T H' dx."""
-    return rhoI * geometric_0(L)
-
-
-def rotary_load(rhoI, e):
-    """F of a section's rotary inertia: -e rhoI int H'^T dx, and int v' dx = v2 - v1."""
-    return -e * rhoI * np.array([0, -1, 0, 0, 1, 0])
 
 
 def rotation_to_local(c, s):

@@ -49,9 +49,6 @@ KANE_TERMS = {
     ("C", omega): ("gyroscopic", "gyroscopic"),
     ("K", omega**2): ("spin", "spin"),
     ("K", epsilon): ("euler", "euler"),
-    # Only the frame's row of moments has these two: the load acts at the displaced point.
-    ("K", a_x): ("displaced_load_x", "load"),
-    ("K", a_y): ("displaced_load_y", "load"),
     ("F", omega**2): ("centrifugal_load", "load"),
     ("F", epsilon): ("euler_load", "load"),
     ("F", a_x): ("load_x", "load"),
@@ -67,8 +64,8 @@ Affine = dict[tuple[str, Expr], ImmutableMatrix]
 class Term:
     """One scalar x constant matrix of the affine form.
 
-    target: the matrix that it belongs to, "M", "C", "K" (n x n), "F" (n x 1, right-hand side); in the frame's
-    rows "M_f", "C_f", "K_f" (3 x n), "F_f" (3 x 1). scalar: monomial of the motion's scalars, 1 if constant.
+    target: the matrix that it belongs to, "M", "C", "K" (n x n), "F" (n x 1, right-hand side). scalar: monomial of the
+    motion's scalars, 1 if constant.
     """
 
     name: str
@@ -83,8 +80,6 @@ class Element:
     """A beam element in the axes of its link; parameters and scalars are (name, symbol, unit, meaning).
 
     terms: ``M q'' + C q' + K q = F`` in the element's coordinates q = (u1, v1, theta1, u2, v2, theta2).
-    frame_terms: ``M_f q'' + C_f q' + K_f q - F_f`` is the force (x, y; link axes) and the moment about the
-    link's origin that the rest of the mechanism applies to the element, to first order in q.
     shape: N(x), 2 x 6, with x from the element's first node.
     tension: of the tension P = sum_k c_k (x/l)^k along the element each c_k, what it is, and its matrix in K_g.
     """
@@ -92,7 +87,6 @@ class Element:
     parameters: tuple[Quantity, ...]
     scalars: tuple[Quantity, ...]
     terms: tuple[Term, ...]
-    frame_terms: tuple[Term, ...]
     shape: ImmutableMatrix
     tension: tuple[tuple[Symbol, Expr, ImmutableMatrix], ...]
 
@@ -100,31 +94,23 @@ class Element:
         """True if the element has a parameter of this name."""
         return any(name == parameter for name, *_ in self.parameters)
 
-    def matrix(self, target: str) -> ImmutableMatrix:
-        """Sum of scalar x matrix over the terms of `target`, without "viscous" that mu multiplies at run time."""
-        chosen = [t for t in self.terms + self.frame_terms if t.target == target and t.group != "damping"]
-        return sum((t.scalar * t.matrix for t in chosen), ImmutableMatrix.zeros(*chosen[0].matrix.shape))
 
-
-def inertia_terms(shape: ShapeFunctions, section: Section, frame: bool = False) -> tuple[Term, ...]:
-    """The inertia's terms in the elastic rows, or in the frame's own three, in the order of KANE_TERMS.
+def inertia_terms(shape: ShapeFunctions, section: Section) -> tuple[Term, ...]:
+    """The inertia's terms in the order of KANE_TERMS.
 
     Matrices S before a slice's coordinates R q, u, v and theta, are R^T S R before those of the element, integrated.
     """
     R = ImmutableMatrix.vstack(shape.displacement, shape.rotation).expand()
     here = {X: x_0 + x, rho_A: section.density, rho_I_z: section.rotary}
     found = {}
-    for (target, monomial), matrix in slice_equations(_NODE, frame).items():
+    for (target, monomial), matrix in slice_equations(_NODE).items():
         right = matrix.xreplace(here) * (R if matrix.cols > 1 else ImmutableMatrix([[1]]))
-        whole = (right if frame else R.T * right).applyfunc(integral).expand()
+        whole = (R.T * right).applyfunc(integral).expand()
         if not whole.is_zero_matrix:
             found[target, monomial.xreplace(_IN_PLANE)] = whole
     unknown = found.keys() - KANE_TERMS.keys()
     assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
-    return tuple(
-        Term("frame_" * frame + name, group, key[0] + "_f" * frame, key[1], found[key])
-        for key, (name, group) in KANE_TERMS.items() if key in found
-    )  # fmt: skip
+    return tuple(Term(*named, *key, found[key]) for key, named in KANE_TERMS.items() if key in found)
 
 
 def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
@@ -182,7 +168,7 @@ def geometric_terms(powers: Sequence[Expr], moments: Sequence[ImmutableMatrix]) 
 
 
 @cache
-def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
+def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False) -> Element:
     """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
 
     Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M_t + epsilon G + K_g) q = F; M_t is the mass
@@ -193,11 +179,10 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     (Timoshenko). varying: the section grows linearly over the element, and need not be that of the link before
     it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0. With
     nothing it is the uniform element of paper (49)-(55), without rotary inertia. Each takes about one second, once.
-    with_frame: with the terms of the frame's own rows, which a module has no use for.
     """
     section = beam_section(rotary, varying)
     shape = beam_shape(section, shear)
-    of_element, of_frame = inertia_terms(shape, section), inertia_terms(shape, section, True) if with_frame else ()
+    of_element = inertia_terms(shape, section)
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
     tension = P_0 + link_tension(section.before, section.density, _NODE).xreplace(_IN_PLANE)
@@ -210,7 +195,6 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
         parameters=tuple((row[0], PARAMETERS[row[0]], *row[1:]) for row in element_parameters(rotary, shear, varying)),
         scalars=tuple((row[0], symbol, *row[1:]) for symbol, row in zip(_LINK, LINK_SCALARS, strict=True)),
         terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
-        frame_terms=tuple(_in_parameters(term) for term in of_frame),
         shape=without_beta(N),
         tension=tuple((Symbol(f"P_{k + 1}"), powers[k], without_beta(of)) for k, of in enumerate(moments)),
     )

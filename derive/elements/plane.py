@@ -47,7 +47,7 @@ def element_texts() -> dict[str, str]:
     """Module -> its text, of all BEAMS and of the rows of their tables."""
     texts = {"rows": rows_text()}
     for module, options in BEAMS.items():
-        texts[module] = _text(module, beam_element(**options, with_frame=False), texts)
+        texts[module] = _text(module, beam_element(**options), texts)
     return texts
 
 

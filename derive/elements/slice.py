@@ -38,12 +38,11 @@ Affine = Mapping[tuple[str, Expr], ImmutableMatrix]
 
 
 @cache
-def slice_equations(kept: tuple[str, ...] = SPATIAL_NODE, frame: bool = False) -> Affine:
+def slice_equations(kept: tuple[str, ...] = SPATIAL_NODE) -> Affine:
     """M q'' + C q' + K q = F of a slice with these coordinates, per unit of length: M, C, K, F by the monomials of
     MOTION.
 
-    Entries are polynomials in rho_A, rho_I_y, rho_I_z and X. ``frame``: of the force and the moment about the link's
-    origin that move the frame, in place of the slice's own rows. A few seconds in space, a tenth of that in the plane.
+    Entries are polynomials in rho_A, rho_I_y, rho_I_z and X. A few seconds in space, a tenth of that in the plane.
     """
     coordinates = list(zip(*map(kane.coordinates, range(len(kept))), strict=True))
     fibre, q = Matrix([0, *kane.PLACE[1:]]), dict(zip(kept, coordinates[0], strict=True))
@@ -52,8 +51,7 @@ def slice_equations(kept: tuple[str, ...] = SPATIAL_NODE, frame: bool = False) -
     known = dict(zip(kane.MOTION, (*SCALARS[:3], *SCALARS[6:9], *SCALARS[3:6]), strict=True)) | {kane.MASS: S.One}
     for name, *motion in zip(SPATIAL_NODE, (*kane.ACCEL, *kane.OMEGA), (*kane.ACCEL, *kane.EPSILON), strict=True):
         known |= dict.fromkeys(motion, S.Zero) if name not in kept else {}
-    rows = kane.particle_equations(list(place), len(kept)).xreplace(known)
-    rows = rows[[SPATIAL_NODE.index(name) for name in kept], :] if frame else rows[6:, :]
+    rows = kane.particle_equations(list(place), len(kept)).xreplace(known)[6:, :]
     at_rest = dict.fromkeys((symbol for of in coordinates for symbol in of), S.Zero)
     found = {"F": -rows.xreplace(at_rest)}
     for target, variables in zip("KCM", coordinates, strict=True):

@@ -3,10 +3,6 @@
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from sympy import Matrix, symbols
-from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
-
-from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length
 
 
 def test_closed_slider_crank_keeps_the_power_balance_and_its_own_derivatives():
@@ -32,25 +28,3 @@ def test_closed_slider_crank_keeps_the_power_balance_and_its_own_derivatives():
     assert now["epsilon2"] == pytest.approx(rate["omega2"], rel=1e-12)
     assert now["piston_velocity"] == pytest.approx(rate["piston_position"], rel=1e-12)
     assert now["piston_acceleration"] == pytest.approx(rate["piston_velocity"], rel=1e-12)
-
-
-def test_rotary_inertia_adds_to_mass_and_load_and_to_nothing_else():
-    """Kane's equations of a massless slice with inertia rho I that turns by theta = v' (Rayleigh)."""
-    time = dynamicsymbols._t
-    q, u = Matrix(dynamicsymbols("q_1:7")), Matrix(dynamicsymbols("u_1:7"))
-    w = dynamicsymbols("w")
-    rho_I, epsilon = symbols("rho_I epsilon")
-    slopes = Matrix(symbols("H_1:7")).T
-    inertial, link, section = (ReferenceFrame(name) for name in ("inertial", "link", "section"))
-    link.set_ang_vel(inertial, w * link.z)
-    section.orient_axis(link, link.z, (slopes * q)[0])
-    section.set_ang_vel(link, (slopes * u)[0] * link.z)
-    centre = Point("centre")
-    centre.set_vel(inertial, 0)
-    slice_of_beam = RigidBody("slice", centre, section, 0, (inertia(section, 0, 0, rho_I), centre))
-    kane = KanesMethod(inertial, q_ind=list(q), u_ind=list(u), kd_eqs=list(q.diff(time) - u))
-    row = kane.kanes_equations([slice_of_beam])[1].xreplace({w.diff(time): epsilon})
-    derived = row.xreplace(dict(zip(slopes, beam_shape(beam_section()).slope, strict=True))).applyfunc(integral)
-    M = Matrix(by_hand.rotary_mass(rho_I, length))
-    expected = Matrix(by_hand.rotary_load(rho_I, epsilon)) - M * u.diff(time)
-    assert (derived - expected).expand().is_zero_matrix

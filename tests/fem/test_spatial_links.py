@@ -11,6 +11,7 @@ from places import DATA
 from runs import model
 from scipy.linalg import eig, eigh
 
+from kaneflex import read_scene, with_settings
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.element_terms import terms_of_elements
 from kaneflex.fem.links import build_link, craig_bampton, with_rayleigh
@@ -117,6 +118,14 @@ def test_damping_by_length_and_velocity():
     expected = 2.0 / FLAT.rho_A * matrix(of, "M", translation)
     assert matrix(of, "C_s", translation) == pytest.approx(expected, rel=1e-12, abs=1e-12 * expected.max())
     assert not matrix(of, "C_s", rows(of, "theta_x")).any()
+
+
+@pytest.mark.parametrize(
+    ("theory", "rotary"), [("euler-bernoulli", 0.0), ("rayleigh", 1.0), ("shear", 0.0), ("timoshenko", 1.0)]
+)
+def test_a_theory_says_whether_bending_has_rotary_inertia(theory, rotary):
+    body = with_settings(read_scene("rotating-blade"), [f"blade.theory={theory}"]).bodies["blade"]
+    assert body.profile.elements(np.array([0.0, 0.5, 1.5]))["rotary"] == pytest.approx(rotary)
 
 
 def test_mass_and_pull_of_a_taper():

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from closed_forms import geometric_0, geometric_1, geometric_2, geometric_3
 from machines import cantilever, pendulum
 from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
@@ -12,107 +11,9 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from kaneflex import SceneError, scene_of
-from kaneflex.derive.elements.beam import beam_element
-from kaneflex.derive.elements.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
-from kaneflex.generated import beam_timoshenko as general
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.simulation import solve
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("shear", [True, False])
-def test_without_growth_it_is_the_uniform_element(shear):
-    """No growth over the element, and before it the mass rho_A x_0 of a uniform link."""
-    limit = {symbol: 0 for name, symbol in PARAMETERS.items() if name.endswith("_rise")}
-    limit |= {m_0: rho_A * x_0, S_0: rho_A * x_0**2 / 2}
-    varying, uniform = (beam_element(rotary=shear, shear=shear, varying=varying) for varying in (True, False))
-    for found, expected in zip(varying.terms + varying.frame_terms, uniform.terms + uniform.frame_terms, strict=True):
-        assert (found.name, found.target, found.scalar) == (expected.name, expected.target, expected.scalar)
-        assert (found.matrix.xreplace(limit) - expected.matrix).expand().is_zero_matrix, found.name
-
-
-def tapered_by_hand(a, b, L):
-    """Mass matrix and bending stiffness of an element whose mass per length, or E I, goes from a to b linearly.
-
-    By hand: integrals of Hermite's cubics and of linear functions; u, v, theta of either node.
-    """
-    mass, bending = np.zeros((6, 6)), np.zeros((6, 6))
-    for (i, j), share in {
-        (0, 0): L * (3 * a + b) / 12, (0, 3): L * (a + b) / 12, (3, 3): L * (a + 3 * b) / 12,
-        (1, 1): L * (10 * a + 3 * b) / 35, (1, 2): L**2 * (15 * a + 7 * b) / 420, (1, 4): 9 * L * (a + b) / 140,
-        (1, 5): -(L**2) * (7 * a + 6 * b) / 420, (2, 2): L**3 * (5 * a + 3 * b) / 840,
-        (2, 4): L**2 * (6 * a + 7 * b) / 420, (2, 5): -(L**3) * (a + b) / 280, (4, 4): L * (3 * a + 10 * b) / 35,
-        (4, 5): -(L**2) * (7 * a + 15 * b) / 420, (5, 5): L**3 * (3 * a + 5 * b) / 840,
-    }.items():  # fmt: skip
-        mass[i, j] = mass[j, i] = share
-    for (i, j), share in {
-        (1, 1): 6 * (a + b) / L**3, (1, 2): 2 * (2 * a + b) / L**2, (1, 4): -6 * (a + b) / L**3,
-        (1, 5): 2 * (a + 2 * b) / L**2, (2, 2): (3 * a + b) / L, (2, 4): -2 * (2 * a + b) / L**2, (2, 5): (a + b) / L,
-        (4, 4): 6 * (a + b) / L**3, (4, 5): -2 * (a + 2 * b) / L**2, (5, 5): (a + 3 * b) / L,
-    }.items():  # fmt: skip
-        bending[i, j] = bending[j, i] = share
-    return mass, bending
-
-
-def test_mass_and_bending_stiffness_of_a_tapered_element_by_hand():
-    """Every entry of the derived matrices; one that is off by a thousandth is seen."""
-    a, b, L = 1.3, 0.4, 0.7
-    given = {"rho_A": (a + b) / 2, "rho_A_rise": b - a, "E_I": (a + b) / 2, "E_I_rise": b - a, "length": L}
-    numbers = {PARAMETERS[name]: value for name, value in given.items()}
-    terms = {term.name: term.matrix for term in beam_element(rotary=False, shear=False, varying=True).terms}
-    for name, expected in zip(("mass", "bending_stiffness"), tapered_by_hand(a, b, L), strict=True):
-        found = np.array(terms[name].xreplace(numbers), float)
-        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14, err_msg=name)
-        for entry in zip(*np.nonzero(found), strict=True):
-            wrong = found.copy()
-            wrong[entry] *= 1.001
-            assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
-
-
-def gyration_by_hand(a, b, L):
-    """G = int rho A (N_v^T N_u - N_u^T N_v) dx of the same element; by hand, of (1 - s) and s with Hermite's cubics."""
-    upper = np.zeros((6, 6))
-    upper[0, [1, 2, 4, 5]] = 16 * a + 5 * b, L * (2 * a + b), 4 * a + 5 * b, -L * (a + b)
-    upper[3, [1, 2, 4, 5]] = 5 * a + 4 * b, L * (a + b), 5 * a + 16 * b, -L * (a + 2 * b)
-    return L / 60 * (upper.T - upper)
-
-
-def geometric_by_hand(a, b, L, x_0, m_0, S_0):
-    """K_g of a unit P_0, a_x and omega^2: mass up to x is m_0 + a x + (b - a) x^2/(2 L), its first moment
-    S_0 + x_0 (a x + (b - a) x^2/(2 L)) + a x^2/2 + (b - a) x^3/(3 L)."""
-    g_0, g_1, g_2, g_3 = (form(L) for form in (geometric_0, geometric_1, geometric_2, geometric_3))
-    within = a * g_1 + (b - a) / (2 * L) * g_2
-    moment = S_0 * g_0 + x_0 * within + a / 2 * g_2 + (b - a) / (3 * L) * g_3
-    return g_0, m_0 * g_0 + within, -moment
-
-
-@pytest.mark.parametrize("b", [0.4, 1.3, 2.9])
-def test_gyroscopic_and_geometric_matrices_of_a_tapered_element_by_hand(b):
-    """What the generated kernels give, of tension by each of its sources; an entry off by a thousandth is seen."""
-    a, L, x_0, m_0, S_0 = 1.3, 0.7, 0.9, 2.1, 0.8
-    given = {
-        "rho_A": (a + b) / 2, "rho_A_rise": b - a, "E_A": 3.0, "E_A_rise": 0.7, "E_I": 2.0, "E_I_rise": -0.6,
-        "length": L, "x_0": x_0, "m_0": m_0, "S_0": S_0,
-    }  # fmt: skip
-    p = np.array([given.get(name, 0.0) for name, *_ in general.ELEMENT_PARAMETERS])
-    omega, a_x, P_0 = 1.7, -2.3, 5.1
-    of_P_0, of_a_x, of_spin = geometric_by_hand(a, b, L, x_0, m_0, S_0)
-    for kernel, s, expected in (
-        (general.C, (omega, 0.0, 0.0, 0.0, 0.0), 2 * omega * gyration_by_hand(a, b, L)),
-        (general.K_g, (0.0, 0.0, 0.0, 0.0, P_0), P_0 * of_P_0),
-        (general.K_g, (0.0, 0.0, a_x, 0.0, 0.0), a_x * of_a_x),
-        (general.K_g, (omega, 0.0, 0.0, 0.0, 0.0), omega**2 * of_spin),
-        (general.K_g, (omega, 0.6, a_x, 1.9, P_0), P_0 * of_P_0 + a_x * of_a_x + omega**2 * of_spin),
-    ):
-        found = np.zeros((6, 6))
-        kernel(p, np.array(s), found)
-        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
-        for entry in zip(*np.nonzero(expected), strict=True):
-            wrong = found.copy()
-            wrong[entry] *= 1.001
-            assert not np.allclose(wrong, expected, rtol=1e-12, atol=1e-14)
-
 
 CANTILEVER = cantilever(
     'length = "1 m", beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, '

@@ -1,15 +1,23 @@
 """Kernels of every beam element against quadrature by hand, and of those in space against the plane."""
 
 import importlib
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import quadrature
 import sympy as sm
+from closed_forms import BENDING
 from quadrature import Y_PLANE
+from sympy import Matrix, Symbol, integrate, srepr, symbols
+from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
 import kaneflex
 from kaneflex.derive.elements import slice as beam_slice
+from kaneflex.derive.elements.beam import a_x, a_y, beam_element, epsilon, omega
+from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length, rho_A, x, x_0
 from kaneflex.support.contract import ELEMENT_KERNELS, SPATIAL_BEAMS, beam_module
 
 SIZES = {
@@ -216,3 +224,80 @@ def test_a_number_off_by_a_millionth_is_seen(wrong):
     expected = quadrature.element(p | {wrong: p[wrong] * (1 + 1e-6)}, *motion, turning=(True, True, True))
     with pytest.raises(AssertionError):
         assert_same(computed(name, p, s), expected)
+
+
+def test_damping_by_length_is_the_mass_of_translation():
+    terms = {term.name: term.matrix for term in beam_element().terms}
+    assert (terms["viscous"] * rho_A + terms["spin"]).expand().is_zero_matrix
+
+
+# ---- the tension's stiffness by Kane's method alone -------------------------------------------------------------
+
+
+def kane_rows(position, speeds, coordinates, mass, motion):
+    """fr* of a point mass at `position` (link axes) in a frame whose motion is prescribed."""
+    inertial, link = ReferenceFrame("inertial"), ReferenceFrame("link")
+    origin, point = Point("origin"), Point("point")
+    link.set_ang_vel(inertial, motion["w"] * link.z)
+    origin.set_vel(inertial, motion["v_x"] * link.x + motion["v_y"] * link.y)
+    time = dynamicsymbols._t
+    kinematics = [q.diff(time) - u for q, u in zip(coordinates, speeds, strict=True)]
+    rates = dict(zip([q.diff(time) for q in coordinates], speeds, strict=True))
+    point.set_pos(origin, position[0] * link.x + position[1] * link.y)
+    velocity = [part.diff(time).xreplace(rates) for part in position]
+    point.set_vel(link, velocity[0] * link.x + velocity[1] * link.y)
+    point.v1pt_theory(origin, inertial, link)
+    kane = KanesMethod(inertial, q_ind=coordinates, u_ind=speeds, kd_eqs=kinematics)
+    return kane.kanes_equations([Particle("particle", point, mass)])[1]
+
+
+def foreshortened_free_tip() -> Matrix:
+    """K_g on (v1, th1, v2, th2) of a one-element link with a free tip, from Kane alone.
+
+    The foreshortening -1/2 int_0^x v'^2 = -1/2 q^T H q stays in the position of the particle at x, and the
+    equations are linearised only after the partial velocities are formed (Kane, Ryan and Banerjee 1987, J.
+    Guidance 10, 139-151). What they then hold beside those of the straight position is K_g q.
+    """
+    time = dynamicsymbols._t
+    q, u = Matrix(dynamicsymbols("q_1:5")), Matrix(dynamicsymbols("u_1:5"))
+    v_x, v_y, w = dynamicsymbols("v_x v_y w")
+    motion = {"v_x": v_x, "v_y": v_y, "w": w}
+    N = Matrix(symbols("N_1:5")).T
+    H = Matrix(4, 4, lambda i, j: Symbol(f"H_{min(i, j)}{max(i, j)}"))
+    straight = kane_rows((x, (N * q)[0]), list(u), list(q), rho_A, motion)
+    bent = kane_rows((x - (q.T * H * q)[0] / 2, (N * q)[0]), list(u), list(q), rho_A, motion)
+
+    difference = (straight - bent).xreplace({v_x.diff(time): a_x + w * v_y, v_y.diff(time): a_y - w * v_x})
+    difference = difference.xreplace({w.diff(time): epsilon, w: omega})
+    at_rest = dict.fromkeys([*q, *u, *u.diff(time)], 0)
+    assert difference.jacobian(u.col_join(u.diff(time))).xreplace(at_rest).is_zero_matrix
+    slope = beam_shape(beam_section()).slope[:, BENDING]
+    shortening = (slope.T * slope).applyfunc(lambda entry: integrate(entry.expand(), (x, 0, x)))
+    per_length = difference.jacobian(q).xreplace(at_rest).xreplace(dict(zip(H, shortening, strict=True)))
+    return per_length.applyfunc(integral)
+
+
+def test_foreshortening_in_kane_gives_the_geometric_stiffness():
+    """The free tip: P_0 = -rho_A a_x l + rho_A omega^2 l^2/2, x_0 = 0."""
+    matrices = {term.name: term.matrix for term in beam_element().terms}
+    P_0_free_tip = -rho_A * a_x * length + rho_A * omega**2 * length**2 / 2
+    K_g = (
+        P_0_free_tip * matrices["tension_origin"]
+        + a_x * matrices["tension_acceleration"]
+        + omega**2 * matrices["tension_spin"]
+    )
+    expected = K_g.extract(BENDING, BENDING).subs(x_0, 0)
+    assert (foreshortened_free_tip() - expected).expand().is_zero_matrix
+
+
+def test_derivation_is_the_same_for_every_hash_seed():
+    """For this process' seed, which is drawn, and for 0, by which none is."""
+    code = (
+        "from sympy import srepr; from kaneflex.derive.elements.beam import beam_element; e = beam_element();"
+        "print([(t.name, srepr(t.scalar), srepr(t.matrix)) for t in e.terms])"
+    )
+    environment = os.environ | {"PYTHONHASHSEED": "0"}
+    command = [sys.executable, "-c", code]
+    other = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+    here = str([(t.name, srepr(t.scalar), srepr(t.matrix)) for t in beam_element().terms])
+    assert len(here) > 1000 and other == here + "\n"
