@@ -11,7 +11,7 @@ from places import DATA
 from runs import model
 from scipy.linalg import eig, eigh
 
-from kaneflex import read_scene, with_settings
+from kaneflex import read_scene
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.element_terms import terms_of_elements
 from kaneflex.fem.links import build_link, craig_bampton, with_rayleigh
@@ -120,12 +120,11 @@ def test_damping_by_length_and_velocity():
     assert not matrix(of, "C_s", rows(of, "theta_x")).any()
 
 
-@pytest.mark.parametrize(
-    ("theory", "rotary"), [("euler-bernoulli", 0.0), ("rayleigh", 1.0), ("shear", 0.0), ("timoshenko", 1.0)]
-)
-def test_a_theory_says_whether_bending_has_rotary_inertia(theory, rotary):
-    body = with_settings(read_scene("rotating-blade"), [f"blade.theory={theory}"]).bodies["blade"]
-    assert body.profile.elements(np.array([0.0, 0.5, 1.5]))["rotary"] == pytest.approx(rotary)
+@pytest.mark.parametrize("shear", [True, False])
+@pytest.mark.parametrize("rotary", [True, False])
+def test_bending_has_rotary_inertia_only_where_it_is_asked_for(rotary, shear):
+    body = read_scene("rotating-blade").bodies["blade"].without(rotary=not rotary, shear=not shear)
+    assert body.profile.elements(np.array([0.0, 0.5, 1.5]))["rotary"] == pytest.approx(float(rotary))
 
 
 def test_mass_and_pull_of_a_taper():
