@@ -19,7 +19,6 @@ from runs import model, short, solved
 
 import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
-from kaneflex.derive.elements.beam import beam_element
 from kaneflex.derive.generate import generate
 from kaneflex.derive.printers.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
@@ -267,11 +266,6 @@ def test_what_the_engine_does_not_have_is_not_there():
 # ---- compiled kernels against the equations ---------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def element():
-    return beam_element()
-
-
 def random_point(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """p and s of the element kernels, of the orders of magnitude of a real rod."""
     rng = np.random.default_rng(seed)
@@ -290,30 +284,6 @@ def assert_equal(found: np.ndarray, expected: np.ndarray) -> None:
     """To 1e-12 of each entry's largest possible neighbour: the largest entry with the same units."""
     scale = np.abs(expected).max()
     assert np.abs(found - expected).max() <= 1e-12 * scale
-
-
-GROUPS = {
-    "M": ("M", ("inertia",)),
-    "K_s": ("K", ("elastic",)),
-    "K_d": ("K", ("spin", "euler")),
-    "K_g": ("K", ("geometric",)),
-    "C": ("C", ("gyroscopic",)),
-    "F": ("F", ("load",)),
-}
-
-
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("name", KERNELS)
-def test_kernel_is_its_equation(element, name, seed):
-    """The compiled, shared, printed program against the derived matrix in exact rational arithmetic."""
-    p, s = random_point(seed)
-    symbols = [symbol for _, symbol, *_ in (*element.parameters, *element.scalars)]
-    values = dict(zip(symbols, (sm.Rational(number) for number in (*p, *s)), strict=True))
-    target, groups = GROUPS[name]
-    chosen = [term for term in element.terms if term.target == target and term.group in groups]
-    exact = sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape)).xreplace(values)
-    expected = np.array(exact.evalf(20).tolist(), dtype=float)
-    assert_equal(computed(name, p, s), expected[:, 0] if name == "F" else expected)
 
 
 def test_kernels_are_sums_of_their_terms():

@@ -5,12 +5,22 @@ order in the coordinates (Shabana 2013, Dynamics of Multibody Systems, chapter 5
 are their rates in turning axes, the last less the derivative of the kinetic energy.
 """
 
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from kaneflex import read_scene, scene_of
+from kaneflex.derive.bodies import proof, space_proof
+from kaneflex.derive.bodies.proof import NotKane
 from kaneflex.generated import body, spatial, spatial_shapes
-from kaneflex.multibody.model.body_parameters import body_block
+from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.shape_moments import ShapeMoments
+from kaneflex.multibody.model.system import build_system
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
@@ -27,6 +37,53 @@ def elasticity(count):
     """Stiffness of each shape and a full damping matrix."""
     root = MOTIONS.uniform(-1, 1, (count, count))
     return MOTIONS.uniform(20.0, 60.0, count), root @ root.T
+
+
+def behind(count, numbers):
+    """The same numbers behind so many that nothing reads."""
+    return np.concatenate([np.full(count, np.nan), numbers])
+
+
+# ---- the printed text ------------------------------------------------------------------------------------------
+
+
+def printed(module):
+    return "@njit" + Path(module.__file__).read_text(encoding="utf-8").partition("@njit")[2]
+
+
+PLANE, SPACE = printed(body), printed(spatial_shapes).rpartition("\n\n@njit")[0]
+PROOFS = {"plane": (PLANE, proof, (1, 1)), "space": (SPACE, space_proof, ("u", "v"))}
+
+
+@pytest.mark.parametrize("dimension", PROOFS)
+def test_every_kernel_is_compared(dimension):
+    text, proof_of, shapes = PROOFS[dimension]
+    names = {name for name, *_ in proof_of.comparisons(text, *(shapes if dimension == "plane" else (shapes,)))}
+    assert names - {"centre"} == set(re.findall(r"def (\w+)", text))
+
+
+@pytest.mark.exhaustive(share=2)
+@pytest.mark.parametrize(("dimension", "right", "wrong"), [
+    ("plane", "2.0 * H_z_uv * omega_z", "H_z_uv * omega_z"),
+    ("plane", "xi += v_j * x_vv", "xi -= v_j * x_vv"),
+    ("plane", "H_z_uq += H_z_l * q[i + l]", "H_z_uq -= H_z_l * q[i + l]"),
+    ("plane", "xi += 0.5 * q_j * x_vq", "xi += q_j * x_vq"),
+    ("plane", "range(to_u, to_v)", "range(to_u)"),
+    ("plane", "m_z += H_z_vq * b_j + H_z_vv * v_j", "pass"),
+    ("space", "2.0 * H_z_vv * omega_z", "H_z_vv * omega_z"),
+    ("space", "room[z + 2 * j] * of_w", "room[z + 2 * j] * of_v"),
+    ("space", "scale_2 += b_j * scale_tq", "scale_2 += v_j * scale_tq"),
+    ("space", "X_x_wv += p[o + 1]", "X_x_wv += p[o + 2]"),
+    ("space", "J_yy_vq += p[o + 2]", "J_yy_vq += p[o + 1]"),
+    ("space", "s_yz = -2.0 * omega_y", "s_yz = 2.0 * omega_y"),
+    ("space", "lost += C_tv * v_j", "lost += C_tv * q_j"),
+    ("space", "int(p[o + 3]), p[o + 4]", "int(p[o + 2]), p[o + 4]"),
+])  # fmt: skip
+def test_a_wrong_kernel_is_not_proved(dimension, right, wrong):
+    text, proof_of, _ = PROOFS[dimension]
+    assert right in text
+    with pytest.raises((NotKane, IndexError)):
+        proof_of.prove(text.replace(right, wrong))
 
 
 # ---- the plane ----------------------------------------------------------------------------------------------------
@@ -87,7 +144,8 @@ def bar_by_hand(axial, transverse, q, v, a, elastic, motion):
 
 @pytest.mark.parametrize(("axial", "transverse"), [(1, 0), (0, 1), (1, 1), (0, 2), (2, 1), (1, 3)])
 def test_a_bar_of_shapes(axial, transverse):
-    """Forces of any motion and mass matrix: axial with transverse shapes, and two or three of a kind."""
+    """Forces of any motion, mass matrix, energies and centre: axial with transverse shapes, and two or three of a kind;
+    numbers begin behind those of others."""
     count = axial + transverse
     elastic, (c, s) = elasticity(count), (np.cos(0.7), np.sin(0.7))
     turn = np.eye(3 + count)
@@ -96,15 +154,45 @@ def test_a_bar_of_shapes(axial, transverse):
         q, v, a = MOTIONS.uniform(-1, 1, (3, count))
         motion = MOTIONS.uniform(-1, 1, 4)
         arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
-        p, out = body_block(arrays, axial, transverse), np.zeros(count)
-        x, y = turn[:2, :2] @ motion[:2]
-        frame = body.inverse(p, 0, q, v, a, 0, c, s, motion[2], x, y, motion[3], out, 0)
-        parts = np.full(9 + 3 * count + count**2, np.nan)
-        body.inertia(p, 0, q, 0, c, s, parts, 0, 9, 9 + 3 * count)
-        I, E, L = np.split(parts, [9, 9 + 3 * count])
+        p, out = behind(7, body_block(arrays, axial, transverse)), np.zeros(2 + count)
+        parts = np.full(11 + count * (3 + count), np.nan)
+        q_4, v_4, a_4 = (behind(4, each) for each in (q, v, a))
+        frame = body.inverse(p, 7, q_4, v_4, a_4, 4, c, s, motion[2], *turn[:2, :2] @ motion[:2], motion[3], out, 2)
+        body.inertia(p, 7, q_4, 4, c, s, parts, 2, 11, 11 + 3 * count)
+        I, E, L = np.split(parts[2:], [9, 9 + 3 * count])
         matrix = np.block([[I.reshape(3, 3), E.reshape(count, 3).T], [E.reshape(count, 3), L.reshape(count, count)]])
-        assert_equal(np.array([*frame, *out]), turn @ forces)
+        assert_equal(np.array([*frame, *out[2:]]), turn @ forces)
         assert_equal(matrix, turn @ mass @ turn.T)
+        u, energies = np.array([*motion[:3], *v]), np.zeros(3)
+        centre = body.energy(p, 7, q_4, v_4, 4, c, s, *turn[:2, :2] @ u[:2], u[2], energies)
+        stiffness, damping = elastic
+        assert_equal(energies, [u @ mass @ u / 2, stiffness @ q**2 / 2, v @ damping @ v])
+        assert_equal(centre, turn[:2, :2] @ [mass[1, 2], -mass[0, 2]])
+
+
+def test_a_section_of_a_bar():
+    """Displacement of the section and its derivatives; its acceleration at constant rates."""
+    s, w, psi, H = (each[3] for each in bar(2, 3))
+    q, v = MOTIONS.uniform(-1, 1, (2, 5))
+    p = behind(7, point_block({"X": LENGTH * S[3], "s": s, "w": w, "psi": psi, "H": H}, 2, 3))
+    twists, (b, a) = np.full(2 + 15, np.nan), (q[:2], q[2:])
+    moved = body.displace(p, 7, behind(4, q), 4, twists, 2)
+    assert_equal(moved, [s @ b - a @ H @ a / 2, w @ a, psi @ a])
+    none = np.zeros(2)
+    assert_equal(twists[2:].reshape(5, 3).T, [[*s, *-H @ a], [*none, *w], [*none, *psi]])
+    assert_equal(body.growth(p, 7, behind(4, v), 4), -v[2:] @ H @ v[2:])
+
+
+def test_a_rigid_body_beside_its_axis_is_newtons_and_eulers():
+    """Centre at (0.3, -0.2) of a body of 2 kg and 0.5 kg m^2; forces and moment about its start (Shabana 2013, 3.4)."""
+    m, J, centre = 2.0, 0.5, np.array([0.3, -0.2])
+    p, none = np.array([m, *m * centre, J + m * centre @ centre, 0.0, 0.0]), np.zeros(0)
+    phi, omega, epsilon, a_O = 0.7, 3.0, -4.0, np.array([1.5, -9.0])
+    c, s = np.cos(phi), np.sin(phi)
+    arm = np.array([c * centre[0] - s * centre[1], s * centre[0] + c * centre[1]])
+    force = m * (a_O + epsilon * np.array([-arm[1], arm[0]]) - omega**2 * arm)
+    found = body.inverse(p, 0, none, none, none, 0, c, s, omega, *a_O, epsilon, none, 0)
+    assert_equal(np.array(found), np.array([*force, J * epsilon + arm[0] * force[1] - arm[1] * force[0]]))
 
 
 # ---- space --------------------------------------------------------------------------------------------------------
@@ -203,3 +291,86 @@ def test_a_cube_of_shapes(count):
         strain = stiffness @ q**2 / 2 + np.einsum("jkl,j,k,l", cubic, q, q, q) / 3
         assert_equal(energy[:3], [kinetic, strain, v @ damping @ v])
         assert_equal(energy[3:], [mass[1, 5] - m / 2, mass[2, 3] - m / 2, mass[0, 4] - m / 2])
+
+
+# ---- blocks of a scene --------------------------------------------------------------------------------------------
+
+
+LOADED = """
+schema = 1
+like = "slider-crank-150-coupled"
+description = "Loads spread over its rod and its crank"
+loads.on_rod = {spread_on = "rod", direction = [0, -1], value = "1 N/m"}
+loads.on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
+"""
+
+
+@pytest.fixture(scope="module")
+def blocks() -> Blocks:
+    """Those of a slider-crank with an elastic rod, with loads spread over rod and crank."""
+    system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
+    return Blocks(scene_of(LOADED), system.counts, system.shapes)
+
+
+def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
+    """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
+    counts = blocks.counts["rod"]
+    q = np.random.default_rng(4).standard_normal(sum(counts)) * 1e-2
+    gravity, none = np.array([3.0, -9.81]), np.zeros(len(q))
+    c, s = np.cos(0.7), np.sin(0.7)
+    p, weight = blocks.body("rod"), np.zeros(3 + len(q))
+    force = blocks.scene.bodies["rod"].rho_A * blocks.scene.bodies["rod"].length / 2 * gravity
+    for half in range(2):
+        (x, _), numbers = blocks.point("rod", f"loads.on_rod.{half}")
+        twists = np.zeros(3 * len(q))
+        moved = body.displace(numbers, 0, q, 0, twists, 0)
+        along, across = c * force[0] + s * force[1], c * force[1] - s * force[0]
+        moment = across * (x + moved[0]) - along * moved[1]
+        weight += [*force, moment, *(twists.reshape(-1, 3)[:, :2] @ [along, across])]
+    shapes = np.zeros((2, len(q)))
+    held = [*body.inverse(p, 0, q, none, none, 0, c, s, 0.0, *-gravity, 0.0, shapes[0], 0), *shapes[0]]
+    stiffness = [*body.inverse(p, 0, q, none, none, 0, c, s, 0.0, 0.0, 0.0, 0.0, shapes[1], 0), *shapes[1]]
+    terms = abs(np.array(held)) + abs(np.array(stiffness))
+    assert (abs(weight + held - stiffness) <= 1e-12 * terms.max()).all()
+    assert weight[:2] == pytest.approx(blocks.scene.bodies["rod"].mass * gravity, rel=1e-12)
+
+
+def test_points_of_rigid_and_elastic_bodies(blocks):
+    bodies = blocks.scene.bodies
+    length = bodies["crank"].length
+    for name, place in (("end", length), ("loads.on_crank.0", length / 3), ("loads.on_crank.1", 2 * length / 3)):
+        at, numbers = blocks.point("crank", name)
+        assert at == pytest.approx((place, 0.0), rel=1e-15) and numbers.tolist() == [0.0, 0.0]
+    at, middle = blocks.point("rod", "mid")
+    assert at == pytest.approx((bodies["rod"].length / 2, 0.0), rel=1e-15)
+    axial, transverse = blocks.counts["rod"]
+    assert middle[:2].tolist() == [axial, axial + transverse]
+    assert len(middle) == 2 + axial + transverse * (2 + transverse)
+
+
+# ---- compiling ----------------------------------------------------------------------------------------------------
+
+
+def test_bodies_of_all_numbers_of_shapes_share_the_compiled_kernels(tmp_path):
+    """One compilation serves them all, and a second process reads it."""
+    code = """
+import numpy as np
+from kaneflex.generated import body
+from kaneflex.multibody.model.body_parameters import point_block
+ones = {"X": 0.0, "s": 1.0, "w": 1.0, "psi": 1.0, "H": 1.0}
+for counts in ((1, 2), (2, 1)):
+    out = np.zeros(9)
+    body.displace(point_block(ones, *counts), 0, np.ones(3), 0, out, 0)
+    print(sum(body.displace.stats.cache_misses.values()), *out)
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    said = [
+        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    first, second = ([line.split(maxsplit=1) for line in text.splitlines()] for text in said)
+    assert [compiled for compiled, _ in first] == ["1", "1"]
+    assert [compiled for compiled, _ in second] == ["0", "0"]
+    bent, straight = "-2.0 1.0 1.0", "1.0 0.0 0.0"
+    expected = [f"{straight} {bent} {bent}", f"{straight} {straight} -1.0 1.0 1.0"]
+    assert [out for _, out in first] == [out for _, out in second] == expected
