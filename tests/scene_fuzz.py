@@ -25,8 +25,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from kaneflex import Scene, Solution, UserError, load, read_scene, shipped_scenes, simulate, with_settings
+from kaneflex.fem.links import link_of_scene
 from kaneflex.fem.spatial_joined import held_nodes
-from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.mechanism.floating_frames import most_modes
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic

@@ -317,7 +317,7 @@ def test_interrupted_commands_say_so_and_leave_nothing(command, monkeypatch):
     def interrupt(*arguments, **named):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("kaneflex.solve.loading._load", interrupt)
+    monkeypatch.setattr("kaneflex.solve.loading.resolve_options", interrupt)
     monkeypatch.setattr("kaneflex.multibody.model.module_loading.generate_text", interrupt)
     done = cli(*command)
     assert (done.exit_code, done.stderr.splitlines()[-1]) == (130, "Interrupted; nothing was left behind.")

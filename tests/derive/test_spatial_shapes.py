@@ -9,7 +9,7 @@ import sympy as sm
 from scipy.spatial.transform import Rotation
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
-from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.fem.links import link_of_scene
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
 from kaneflex.scene import scene_of

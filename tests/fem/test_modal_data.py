@@ -13,7 +13,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
-from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.shape_bases import spatial_shapes

@@ -14,8 +14,7 @@ from scipy.linalg import eig, eigh
 from kaneflex import read_scene
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.element_terms import terms_of_elements
-from kaneflex.fem.links import build_link, craig_bampton, with_rayleigh
-from kaneflex.fem.spatial_links import SpatialLink
+from kaneflex.fem.links import SpatialLink, build_link, craig_bampton, with_rayleigh
 from kaneflex.mechanism.affine import Affine, as_array
 from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
 from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE

@@ -28,7 +28,7 @@ def still(system: CoupledSystem, q: np.ndarray) -> CoupledTrajectory:
 
 
 def test_rates_are_the_derivatives_of_places():
-    """Of every coordinate, and of points of the axis between nodes; all swings, each at its own frequency and phase."""
+    """Of every shape, and of points of the axis between nodes; all swings, each at its own frequency and phase."""
     given, h = model("slider-crank-150-coupled"), 2e-4
     times = 7e-3 + h * np.arange(-4, 5)
     n = given.coupled.size
@@ -38,8 +38,9 @@ def test_rates_are_the_derivatives_of_places():
     moved = still(given.coupled, q)
     moved.rows[:, 0] = times
     solution = as_result(given, replace(moved, v=v, a=a), 0.0)
-    motion = solution.motion.moving
-    found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
+    motion, xs = solution.motion, (0.0, 0.11, 0.3)
+    found = {"shapes": solution.coordinates} | {x: motion.moving.moving_place("rod", (x, 0.0)) for x in xs}
+    found |= {f"{x} in its body": motion.displacement("rod", (x, 0.0)) for x in xs}
     for name, (place, rate, accel) in found.items():
         for lower, higher in ((place, rate), (rate, accel)):
             assert lower @ STENCIL / h == pytest.approx(higher[:, 4], rel=1e-7, abs=1e-9 * abs(higher).max()), name

@@ -7,7 +7,7 @@ import pytest
 from runs import alike, solved
 
 import kaneflex
-from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.materials import MATERIALS

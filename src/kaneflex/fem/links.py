@@ -1,20 +1,23 @@
-"""Elastic links as chains of finite elements, in the axes of their own floating frame."""
+"""Elastic links as chains of finite elements, in the axes of their own floating frame: x along the link, in space y and
+z along the principal axes of its sections."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.fem.element_terms import chain, shape_functions, terms_of_elements
+from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.floating_frames import forced_points, mesh
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
+from kaneflex.support.contract import SPATIAL_NODE, beam_module
 from kaneflex.support.errors import SceneError
 
 SAME = 1e-9
@@ -155,15 +158,53 @@ class Link:
         return coordinates[[row for rows in self.part.place.values() for row in rows]]
 
 
-def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType) -> Link:
-    """Link of an elastic body in the plane, with the element kernels of the scene's module."""
+class SpatialLink(Link):
+    """An elastic link in space, with y and z along the principal axes of its sections; element matrices are 12 x 12."""
+
+    dofs = 6
+    names = SPATIAL_NODE
+    slopes = slice(6, 8)
+    shortening = slice(6, 9)
+    motions = (0, 1, 2, 3, 4, 5)
+    densities = ("rho_A", "rho_I_z", "rho_I_y")
+
+    def rigid_motion(self, x: float) -> np.ndarray:
+        found = np.eye(6)
+        found[1, 5], found[2, 4] = x, -x
+        return found
+
+    @staticmethod
+    def functions(x: Any, of: Mapping[str, Any]) -> np.ndarray:
+        """Rows u, v, w, theta_x, theta_y, theta_z, v', w', and the twist by which an axial force stiffens torsion (that
+        times the radius of gyration, after Wagner), (..., 9, 12)."""
+        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
+        return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
+
+
+def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType | None = None) -> Link:
+    """Link of an elastic body: in the plane with the element kernels of the scene's ``module``, in space without.
+
+    In space the axial force is higher by ``name.link.jump_NODE`` beyond a node where joints or loads act.
+    """
     body, nodes = scene.bodies[name], mesh(scene, name, elements)
     assert body.beam is not None  # as of any elastic body
-    parameters, known = body.profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
-    # no jump where there is no axial load
-    jumps = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
-    terms = terms_of_link(scene, name, parameters, module, Link)
-    return build_link(Link, name, nodes, parameters, terms, jumps, body.beam.axially_rigid)
+    profile, kind = body.profile, Link
+    if module is None:
+        kind, parameters = SpatialLink, profile.elements(nodes)
+        beam = beam_module(profile.rotary, profile.shear, profile.varying)
+        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), jumps(scene, name, nodes)
+    else:
+        parameters, known = profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
+        # no jump where there is no axial load
+        beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
+    terms = terms_of_link(scene, name, parameters, module, kind)
+    return build_link(kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid)
+
+
+def jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
+    """Nodes between a link's ends at which joints or loads act, by their numbers, and their places [m]."""
+    places = set(forced_points(scene, name).values())
+    return {str(k): x for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= SAME * nodes[-1] for at in places)}
 
 
 def build_link(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,10 +25,6 @@ from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.response.dalembert import Balance, Balanced, balanced
 from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.motion import Motion, Section
-
-if TYPE_CHECKING:
-    pass
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,39 +144,9 @@ class CoupledMotion(Motion):
 
     @cached_property
     def coordinates(self) -> Rates:
-        """Coordinates of the linear equations; without these the amplitudes of all shapes."""
-        names, rows = self.model.equations.coordinates, dict[str, list[np.ndarray]]()
-        if not names:
-            parts = [(np.zeros((0, len(self.times))),) * 3, *map(self.moving.modal, self.moving.shapes)]
-            return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
-        for name, link in self.model.links.items():
-            for node, x in enumerate(link.nodes):
-                for dof, *row in zip(("u", "v", "theta"), *self.displacement(name, (x, 0.0)), strict=True):
-                    rows[f"{name}.{node}.{dof}"] = row
-        joints = self.model.interfaces.joint if self.model.interfaces is not None else {}
-        for (body, k), group in self.model.interfaces.displaced.items() if self.model.interfaces and joints else ():
-            moved = self._moved(body, (float(self.model.links[body].nodes[cast(int, k)]), 0.0))
-            for axis, *row in zip("xy", *moved, strict=True):
-                rows[f"{joints[group]}.{axis}"] = row
-        for name in self.model.frame.bodies if self.model.frame is not None else ():
-            rows |= self._carried_rows(name)
-        found = (np.array([rows[name][order] for name in names]) for order in range(3))
-        return cast(Rates, tuple(part.reshape(len(names), len(self.times)) for part in found))
-
-    def _moved(self, body: str, at: tuple[float, ...]) -> Rates:
-        """Global displacement of a planar point and its rates, (2, n_times) each."""
-        moved = self.rigid.frame(body).gap(at, *self._section(body, at))
-        return cast(Rates, tuple(0.0 * part for part in moved)) if 0 in self._held(body, at) else moved
-
-    def _carried_rows(self, name: str) -> dict[str, list[np.ndarray]]:
-        """Displacement of a carried rigid body's start, its rotation, and its slide along its guide."""
-        moved, turns = self._moved(name, (0.0, 0.0)), [part[2] for part in self.displacement(name)]
-        rows = {f"{name}.{axis}": row for axis, *row in zip("xy", *moved, strict=True)} | {f"{name}.turn": turns}
-        for joint in self.model.scene.joints.values():
-            if joint.kind == "prismatic" and name in (address.body for address in joint.addresses):
-                local = self.rigid.frame(joint.addresses[0].body).components(*moved)
-                rows[f"{name}.slide"] = [np.array(joint.direction) @ part for part in local]
-        return rows
+        """Amplitudes of all shapes, and their two rates."""
+        parts = [(np.zeros((0, len(self.times))),) * 3, *map(self.moving.modal, self.moving.shapes)]
+        return cast(Rates, tuple(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def coupled_motion(model: Model, moved: RigidMotion, trajectory: Any, whole: Motion | None = None) -> CoupledMotion:

@@ -291,7 +291,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
     """Raise Fault unless a load's law is valid, and finite wherever its joints' motion is known before the run.
 
     A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
-    are sampled with the derived motion (`kaneflex.solve.law_checks.check_finite`).
+    are sampled with the derived motion (`kaneflex.solve.law_checks.check_laws`).
     """
     law = parse_law(load.law, scene.law_names())
     for name in scene.joints:

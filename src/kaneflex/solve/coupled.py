@@ -37,7 +37,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import given_start
-from kaneflex.solve.law_checks import check_finite, check_repeats, check_springs
+from kaneflex.solve.law_checks import check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
@@ -121,8 +121,7 @@ def with_run(model: Model, run: SpatialRun, verdict: Verdict = COMPLETED) -> Mod
         motion = replace(coupled.along(run), verdict=verdict)
     if model.motion.is_start:
         motion = with_open_reactions(motion, options)
-        check_springs(scene, motion, options)
-        check_finite(scene, motion, options)
+        check_laws(scene, motion, options)
     if coupled is not None:
         reference = model.reference_time
         if run.turned is not None:

@@ -13,7 +13,7 @@ from kaneflex.mechanism.closure import check_closure
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
-from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.law_checks import check_laws
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
@@ -55,6 +55,5 @@ def _in_plane(model: Model, share: Share) -> Model:
     assert isinstance(start, StartKinematics)
     motion, energy = integrate_free_joints(scene, model.module, start.given, options, share)
     check_closure(mechanism_of(scene), motion, options.duration)
-    check_springs(scene, motion, options)
-    check_finite(scene, motion, options)
+    check_laws(scene, motion, options)
     return moving(model, motion, energy)

@@ -30,9 +30,15 @@ _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
 
 
-def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
-    """Raise SceneError, which names the law and the time, unless loads and prescribed motions are finite at every
-    step."""
+def check_laws(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+    """Raise SceneError, which names the entry and the time, unless springs have directions and laws are finite over a
+    run."""
+    _check_springs(scene, motion, options)
+    _check_finite(scene, motion, options)
+
+
+def _check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+    """Raise SceneError unless loads and prescribed motions are finite at every step."""
     times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
     free_bodies = options.dynamics == "coupled" and free
@@ -135,7 +141,7 @@ def check_repeats(system: Any, driven: Sequence[str], start: State, period: floa
             refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
-def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+def _check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there."""
     directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:

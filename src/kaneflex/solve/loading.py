@@ -25,7 +25,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.law_checks import check_laws
 from kaneflex.solve.memory import MAX_STORED, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
@@ -33,7 +33,6 @@ from kaneflex.support.terminal import compiled_by, silent
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.position_analysis import Placement
-    from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
 
 Progress = Callable[[str], None]
@@ -77,8 +76,21 @@ def load(
     SceneError
         If the linkage can't close over the drives' range, or the scene uses a feature that its preset lacks.
     """
-    scene = scene_from(scene)
-    return replace(_load(scene, progress or silent, like, pruned), given=scene)
+    given, progress = scene_from(scene), progress or silent
+    started, options = time.perf_counter(), resolve_options(given)
+    if given.is_spatial:
+        from kaneflex.solve.spatial_loading import bind_in_space
+
+        model, notes, seconds = bind_in_space(acting(given, options), options, progress)
+        notes = (*ignored_of(given, options), *notes)
+    elif options.dynamics == "coupled":
+        model, notes, seconds = _bind_coupled(given, options, progress)
+    else:
+        model, notes, seconds = _bind_one_way(given, options, progress, like, pruned)
+    seconds["set_up"] = time.perf_counter() - started - sum(seconds.values())
+    model = replace(model, warnings=(*_warnings(model), *notes, *_one_way_joints(model)), seconds=seconds, given=given)
+    _check_start(model)
+    return model
 
 
 def model_from(given: SceneLike) -> Model:
@@ -87,22 +99,14 @@ def model_from(given: SceneLike) -> Model:
     return found if isinstance(found, Model) else load(found)
 
 
-def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) -> Model:
-    started, options = time.perf_counter(), resolve_options(scene)
-    if scene.is_spatial:
-        from kaneflex.solve.spatial_loading import load_spatial
-
-        ignored = ignored_of(scene, options)
-        model, more, derived, compiled = load_spatial(acting(scene, options), options, progress)
-        return timed(_with_warnings(model, (*ignored, *more)), started, derived, compiled)
-    if options.dynamics == "coupled":
-        return _load_coupled(scene, options, progress, started)
+def _bind_one_way(
+    scene: Scene, options: Options, progress: Progress, like: Model | None, pruned: bool
+) -> tuple[Model, tuple[str, ...], dict[str, float]]:
+    """Model of a planar scene of a one-way preset, notes on entries without effect, and the seconds of derivation and
+    compilation."""
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
-        if any(drive.free for drive in scene.drives.values()):
-            from kaneflex.mechanism.closure_continuation import check_free
-
-            check_free(scene)
+        _check_free(scene)
     scene = as_it_starts(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
@@ -123,27 +127,27 @@ def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) ->
         motion = at_start(scene, module, motion.parameters)
     else:
         check_closure(mechanism_of(scene), motion, options.duration)
-        check_springs(scene, motion, options)
-        check_finite(scene, motion, options)
-    model = build_model(scene, options, motion, like=like)
-    return timed(_with_warnings(model, ignored), started, derived, compiled)
+        check_laws(scene, motion, options)
+    return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
 
 
-def _with_warnings(model: Model, ignored: tuple[str, ...]) -> Model:
-    """The model with warnings of its scene and ignored entries; those of its equations follow from the motion, which
-    may not be known yet."""
-    free, own = model.module.FREE, () if model.motion.is_start else model.warnings
-    one_way = free and model.options.dynamics not in ("rigid", "coupled")
-    joints = (ONE_WAY.format(joints=", ".join(free)),) if one_way else ()
-    return replace(model, warnings=(*own, *implausible(model.scene), *ignored, *joints))
+def _check_free(scene: Scene) -> None:
+    """As :func:`kaneflex.mechanism.closure_continuation.check_free`, which few scenes need."""
+    if any(drive.free for drive in scene.drives.values()):
+        from kaneflex.mechanism.closure_continuation import check_free
+
+        check_free(scene)
 
 
-def timed(model: Model, started: float, derived: float, compiled: float) -> Model:
-    """The model with the times of its stages [s], its start checked."""
-    set_up = time.perf_counter() - started - derived - compiled
-    model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
-    _check_start(model)
-    return model
+def _warnings(model: Model) -> tuple[str, ...]:
+    """Warnings of a model and its scene; those of its equations follow from the motion, which may not be known yet."""
+    return (*(() if model.motion.is_start else model.warnings), *implausible(model.scene))
+
+
+def _one_way_joints(model: Model) -> tuple[str, ...]:
+    """Note on free joints that don't follow the deformation."""
+    free = () if model.options.dynamics in ("rigid", "coupled") else model.module.FREE
+    return (ONE_WAY.format(joints=", ".join(free)),) if free else ()
 
 
 def _check_start(model: Model) -> None:
@@ -174,18 +178,17 @@ def has_elastic_stage(scene: Scene) -> bool:
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
         return False
     try:
-        if any(drive.free for drive in scene.drives.values()):
-            from kaneflex.mechanism.closure_continuation import check_free
-
-            check_free(scene)
+        _check_free(scene)
         check_elastic(scene)
     except SceneError:
         return False
     return True
 
 
-def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """Variant of :func:`load` for preset coupled, which needs the coupled module only."""
+def _bind_coupled(
+    scene: Scene, options: Options, progress: Progress
+) -> tuple[Model, tuple[str, ...], dict[str, float]]:
+    """Variant of :func:`_bind_one_way` for preset coupled, which needs the laws of drives and loads only."""
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
     from kaneflex.multibody.model.system import build_system, with_stretch
@@ -209,17 +212,15 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     compiled = compiled_by(progress, coupled.compile, motion.module.engine.compile)
     check_weighty(coupled, placement)
     check_reference(scene, motion, options)
-    check_springs(scene, motion, options)
-    check_finite(scene, motion, options)
+    check_laws(scene, motion, options)
     check_lines(scene, motion.at(np.zeros(1)))
     model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
-    warnings = (*model.warnings, *implausible(scene), *ignored, *_all_modes(scene))
-    model = replace(model, coupled=coupled, warnings=warnings)
-    return timed(model, started, derived, compiled)
+    seconds = {"derive": derived, "compile": compiled}
+    return replace(model, coupled=coupled), (*ignored, *_all_modes(scene)), seconds
 
 
 def _check_poses(scene: Scene, placement: Placement) -> None:
@@ -269,33 +270,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     frozen : bool
         Whether to keep the modal bases and the modes of the damping.
     """
-    if scene.is_spatial:
-        from kaneflex.solve.spatial_loading import beside_in_space
-
-        return beside_in_space(model, scene, neighbour_options(model, scene), model.module.system, frozen)
-    scene = as_it_starts(scene if model.coupled is None else without_poses(scene))
-    options = neighbour_options(model, scene)
-    scene = acting(scene, options)
-    if model.coupled is not None:
-        return _beside(model, scene, options, model.coupled, frozen)
-    return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
-
-
-def _beside(
-    model: Model, scene: Scene, options: Options, like: CoupledSystem | None = None, frozen: bool = False
-) -> Model:
-    """Coupled model of another scene of the same mechanism, see
-    :func:`kaneflex.multibody.model.system.bound_system`."""
-    from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.system import bound_system, with_stretch
-    from kaneflex.multibody.time.rigid_reference import rigid_reference
-
-    assert model.coupled is not None
-    system = replace(bound_system(scene, model.coupled.module, like, frozen), undetermined=model.coupled.undetermined)
-    scene = with_stretch(scene)
-    motion = rigid_reference(scene, system, place(scene))
-    found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
-    return replace(found, coupled=system)
+    return _beside(model, scene, neighbour_options(model, scene), True, frozen)
 
 
 def refined(model: Model, scene: Scene, options: Options) -> Model:
@@ -303,11 +278,30 @@ def refined(model: Model, scene: Scene, options: Options) -> Model:
 
     The module is reused.
     """
+    return _beside(model, scene, options)
+
+
+def _beside(model: Model, scene: Scene, options: Options, alike: bool = False, frozen: bool = False) -> Model:
+    """Model of another scene of the same mechanism; ``alike``: with shapes like those of the model, see
+    :func:`kaneflex.multibody.model.system.bound_system`."""
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import beside_in_space
 
-        return beside_in_space(model, scene, options)
-    return _beside(model, acting(as_it_starts(without_poses(scene)), options), options)
+        return beside_in_space(model, scene, options, model.module.system if alike else None, frozen)
+    scene, like = as_it_starts(scene if model.coupled is None else without_poses(scene)), model if frozen else None
+    scene = acting(scene, options)
+    if model.coupled is None:
+        return build_model(scene, options, _moved(model, scene, options.duration), like)
+    from kaneflex.mechanism.position_analysis import place
+    from kaneflex.multibody.model.system import bound_system, with_stretch
+    from kaneflex.multibody.time.rigid_reference import rigid_reference
+
+    own = model.coupled
+    system = bound_system(scene, own.module, own if alike else None, frozen)
+    scene = with_stretch(scene)
+    motion = rigid_reference(scene, system, place(scene))
+    found = build_model(scene, options, motion, like, bare=model.bare)
+    return replace(found, coupled=replace(system, undetermined=own.undetermined))
 
 
 def neighbour_options(model: Model, scene: Scene) -> Options:

@@ -33,7 +33,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled_state import closed_state, laid_state
 from kaneflex.solve.initial import given_start
-from kaneflex.solve.law_checks import check_finite, check_springs
+from kaneflex.solve.law_checks import check_laws
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
@@ -44,7 +44,9 @@ _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 """Shares of a run at which reactions are checked: its start, and others away from aligned positions."""
 
 
-def load_spatial(scene: Scene, options: Options, progress: Progress) -> tuple[Model, tuple[str, ...], float, float]:
+def bind_in_space(
+    scene: Scene, options: Options, progress: Progress
+) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     """Model of a mechanism in space, notes on its scene, and the seconds of derivation and compilation."""
     generated, derived = find_laws_module(scene, progress)
     coupled = options.dynamics == "coupled"
@@ -57,12 +59,10 @@ def load_spatial(scene: Scene, options: Options, progress: Progress) -> tuple[Mo
     compiled = compiled_by(progress, system.compile)
     motion = _bound(system, options)
     if not motion.is_start:
-        moved = motion.rigid if isinstance(motion, CoupledKinematics) else motion
-        check_springs(scene, moved, options)
-        check_finite(scene, moved, options)
+        check_laws(scene, motion.rigid if isinstance(motion, CoupledKinematics) else motion, options)
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    return model, tuple(_beyond(system, scene) if coupled else ()), derived, compiled
+    return model, tuple(_beyond(system, scene) if coupled else ()), {"derive": derived, "compile": compiled}
 
 
 def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.shape_bases import alike, spanned, spatial_shapes

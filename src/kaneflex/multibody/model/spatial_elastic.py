@@ -12,10 +12,9 @@ import numpy as np
 from kaneflex.fem.assembly import Placed, load_on_link, pushed_nodes, sparse_part, with_pushes
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
-from kaneflex.fem.links import Link, Part, craig_bampton, spread_scalar
+from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
-from kaneflex.fem.spatial_links import jumps, link_of_scene
 from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
@@ -79,7 +78,7 @@ class Deforming:
             found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
             if name in self.links:
                 found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
-                          for node in self._jumps(name)]  # fmt: skip
+                          for node in jumps(self.scene, name, self.links[name].nodes)]  # fmt: skip
                 for node in pushed_nodes(self.scene, self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
                 for load in spread_on(self.mechanism, name):
@@ -97,9 +96,6 @@ class Deforming:
     def _directed(self, spring: str) -> bool:
         return self.mechanism.springs[spring].is_directed
 
-    def _jumps(self, link: str) -> tuple[int, ...]:
-        return jumps(self.scene, link, self.links[link].nodes)
-
     def table(self, motion: RigidMotion) -> np.ndarray:
         """The scalars at the instants of a motion, (n_times, n)."""
         found: list[np.ndarray] = []
@@ -114,7 +110,7 @@ class Deforming:
                 link, spread = self.links[name], spread_on(self.mechanism, name)
                 acting = [each for each in acting if each.by not in spread]
                 at = [link.node_at(each.on[0]) for each in acting]
-                for node in (0, *self._jumps(name)):
+                for node in (0, *map(int, jumps(self.scene, name, link.nodes))):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
                     found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
                 for node in pushed_nodes(self.scene, link):
