@@ -20,7 +20,7 @@ import csv_tables
 from kaneflex import Scene, SceneError, read_scene, with_settings
 from kaneflex.solve.summary_tables import Choice
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import differences, worst
+from kaneflex.study.differences import worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
@@ -111,7 +111,7 @@ def _beside_brute_force(
             curves = runs.run(candidate).curves
         except SceneError:
             continue
-        errors[candidate] = differences(basis, sensors, candidate.name, curves, reference.curves, reference.period)
+        errors[candidate] = reference.errors(sensors, candidate.name, curves)
         undersampled[candidate] = curves.undersampled
     repeats = runs.repeats(list(errors), time.perf_counter() + SECONDS / 2)
     total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}

@@ -340,7 +340,7 @@ def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensor
 
     scene = asked.read()
     with Waiting() as waiting:
-        choice = remembered_choice(scene, tolerance, sensors or None, waiting)
+        choice, _ = remembered_choice(scene, tolerance, sensors or None, waiting, "code")
         whole = derive_code(scene, "module", waiting)
         text = derive_code(with_settings(scene, choice.settings), "pruned", waiting)
     write_text(output, text)

@@ -91,7 +91,7 @@ def run(
         from kaneflex.scene.write_back import file_to_write, write_settings
 
         file = file_to_write(asked.name, asked.changes)
-    demand = None if tolerance is None else Demand(tolerance_of(tolerance), sensors or None)
+    demand = None if tolerance is None else Demand(tolerance_of(tolerance), sensors or None, choosing.write_back)
     with uncollected():
         scene = asked.read()
     target = target.named(scene, "results")

@@ -206,18 +206,21 @@ def tolerance_of(text: str) -> float:
 
 
 def chosen_lines(choice: Choice) -> str:
-    """Report of the chosen model, its worst sensor and the reference."""
+    """Report of the chosen model, its worst sensor, its time and the reference."""
     sensor = max(choice.errors, key=choice.errors.__getitem__)
     again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
     settings = " ".join(f"--set {setting}" for setting in choice.settings)
     note = f"\n  {UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
     judged = [each.priced for each in choice.attempts if each.error is not None]
-    by = " (priced)" if any(each.priced and each.model == choice.model for each in choice.attempts) else ""
+    own, richest = choice.run_s, choice.richest_s
+    time = f"A run takes {own:.2g} s, the richest model {richest:.2g} s"
+    if own >= richest:
+        time = f"Nothing to trade: the richest model takes {richest:.2g} s"
     return (
         f"Chosen within {percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
-        f"  {sensor} differs by {percent(choice.errors[sensor])} from {choice.reference}{by}; "
+        f"  {sensor} differs by {percent(choice.errors[sensor])} from {choice.reference}; "
         f"error estimate of the reference: {percent(max(choice.doubt.values()))}{note}\n"
-        f"  Models tried: {len(judged)} ({sum(judged)} priced, {len(judged) - sum(judged)} run)"
+        f"  {time}. Models tried: {len(judged)} ({sum(judged)} priced, {len(judged) - sum(judged)} run)"
     )
 
 

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.ranking import Ranked, Trade
     from kaneflex.study.trade.terms import Effect, Terms
 
+_ALIKE = 1.1
+"""Ratio of times up to which a setting is as fast as another."""
 Weighed = TypeVar("Weighed", "Trade", "Prices", "Terms")
 
 
@@ -196,12 +198,23 @@ def reference_lines(found: Trade) -> str:
 
 
 def choice_line(found: Trade) -> str:
-    """Recommendation: the cheapest model within the tolerance."""
+    """Cheapest model within the tolerance, comparison of the scene's own with it, and the cost of more accuracy."""
     chosen, share = found.chosen, percent(found.tolerance)
     if chosen is None:
         return f"None of the models that were run is within {share}"
     settings = " ".join(f"--set {setting}" for setting in found.settings_of(chosen))
-    return f"Cheapest within {share}: {chosen.name}\n  {settings}"
+    lines = [f"Cheapest within {share}: {chosen.name}", f"  {settings}"]
+    own = found.of_scene
+    if own is not None:
+        times = own.cost.total / chosen.cost.total
+        slower = f"is {times:.2g} times slower than needed for {share}" if times > _ALIKE else f"is fast for {share}"
+        kept = found.good_enough(own)
+        lines.append(f"Your setting {slower if kept else f'misses {share}: its error is {percent(own.error)}'}")
+    better = next((entry for entry in found.front if entry.error < 0.5 * chosen.error), None)
+    if better is not None:
+        more = 1e3 * (better.cost.total - chosen.cost.total)
+        lines.append(f"{percent(chosen.error - better.error)} more accuracy costs {more:.2g} ms: {better.name}")
+    return "\n".join(lines)
 
 
 def terms_table(found: Terms) -> str:
@@ -247,6 +260,7 @@ def trade_data(found: Trade) -> Data:
         },
         "chosen": None if found.chosen is None else found.chosen.name,
         "front": [entry.name for entry in found.front],
+        "own": None if found.of_scene is None else found.of_scene.name,
         "models": models,
     }, rows
 

@@ -30,10 +30,12 @@ _SAME = 1e-6
 
 
 class Demand(NamedTuple):
-    """Permitted error of the named sensors (default: all), as a share of their peaks."""
+    """Permitted error of the named sensors (default: all), as a share of their peaks; ``kept``: whether the model is
+    for more than this run."""
 
     tolerance: float
     sensors: Sequence[str] | None = None
+    kept: bool = False
 
 
 def run_into(
@@ -77,11 +79,12 @@ def run_into(
     """
     folder = target.folder
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
-        choice = None if demand is None else _chosen(scene, demand, waiting)
+        choice, solved = (None, None) if demand is None else _chosen(scene, demand, waiting)
         if choice is not None:
             scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
         with uncollected():
-            solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
+            solution = solved or _solve(scene, waiting, after, parameters)
+            summary = _summary(solution, settings, choice, waiting)
             found = _differentiated(solution, parameters, frozen, waiting)
             if found is not None:
                 summary = summary.model_copy(update={"sensitivities": found.summary()})
@@ -97,17 +100,13 @@ def run_into(
     return summary
 
 
-def _chosen(scene: Scene, demand: Demand, waiting: Waiting) -> Choice:
+def _chosen(scene: Scene, demand: Demand, waiting: Waiting) -> tuple[Choice, Solution | None]:
     from kaneflex.study.trade.choice import remembered_choice
 
-    return remembered_choice(scene, *demand, waiting)
+    return remembered_choice(scene, demand.tolerance, demand.sensors, waiting, "model" if demand.kept else "run")
 
 
-def _solve(
-    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None, parameters: Sequence[str],
-    choice: Choice | None,
-) -> tuple[Solution, Summary]:
-    from kaneflex.report.summary import summarise
+def _solve(scene: Scene, waiting: Waiting, after: Path | None, parameters: Sequence[str]) -> Solution:
     from kaneflex.solve.loading import load
     from kaneflex.solve.simulation import solve
 
@@ -122,12 +121,17 @@ def _solve(
 
         check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
-    model = load(scene, waiting, pruned=choice is not None)
+    model = load(scene, waiting)
     waiting("compiling the integrator, first time only")
-    solution = solve(model, waiting.share_of("solving"), state)
+    return solve(model, waiting.share_of("solving"), state)
+
+
+def _summary(solution: Solution, settings: Sequence[str], choice: Choice | None, waiting: Waiting) -> Summary:
+    from kaneflex.report.summary import summarise
+
     solution.estimated(share_of(waiting, "estimating the errors"))
     waiting("writing the results")
-    return solution, summarise(solution, settings, choice)
+    return summarise(solution, settings, choice)
 
 
 def _differentiated(

@@ -84,7 +84,7 @@ def trade(found: Trade) -> Figure:
 
 
 def _preset(entry: Ranked) -> str:
-    return entry.name.split(",")[0].split(" without ")[0]
+    return entry.candidate.settings[0].removeprefix("solve.preset=")
 
 
 def _places(entries: Sequence[Ranked]) -> tuple[list[float], list[float]]:
@@ -97,6 +97,8 @@ def _name(axes: Axes, found: Trade) -> None:
     """Presets to the right of their points; the chosen model below all points, on the left."""
     for entry in found.ranked:
         at = tuple(place[0] for place in _places([entry]))
+        if entry is found.of_scene:
+            axes.plot(*at, "s", color="black", markersize=13, fillstyle="none", label="the scene's own setting")
         if entry is found.chosen:
             axes.plot(*at, "o", color="black", markersize=12, fillstyle="none", markeredgewidth=1.6)
             axes.annotate(

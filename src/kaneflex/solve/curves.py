@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,6 +35,12 @@ class Curves:
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     undersampled: tuple[str, ...] = ()
+
+    def peak_and_rms(self, sensor: str) -> tuple[float, float]:
+        """Largest absolute value of a sensor, and root of its mean square over time."""
+        values, times = self.values[sensor], self.times
+        mean = np.trapezoid(values**2, times) / (times[-1] - times[0])
+        return float(abs(values).max()), math.sqrt(mean)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,6 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene.options import left_out
-from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.error_stages import REQUEST, Progress, Read, Stage, Unknown
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
@@ -154,7 +152,4 @@ def _impossible_one_way(model: Model) -> str:
         return ": no body is elastic"
     if model.module.FREE and model.options.errors != "all":
         return f": the effect of the deformation on free joints is not known; {REQUEST}"
-    without = left_out(model.options)
-    if without and model.module.STRUCTURE == pruned_hash(model.scene, without):
-        return ": the module has only the selected terms"
     return ""

@@ -20,7 +20,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
-from kaneflex.multibody.model.module_loading import bind_parameters, find_module, find_pruned_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
@@ -51,9 +51,7 @@ copyreg.pickle(Model, _pickled)
 
 
 @takes(scene="scene", progress="function", like="loaded")
-def load(
-    scene: SceneLike, progress: Progress | None = None, like: Model | None = None, pruned: bool = False
-) -> Model:
+def load(scene: SceneLike, progress: Progress | None = None, like: Model | None = None) -> Model:
     """Bind a scene to its generated module.
 
     Parameters
@@ -63,9 +61,6 @@ def load(
         Called with the name of each stage that can take longer than a moment.
     like : Model, optional
         Model of a similar scene, whose equations are reused if they are the same; saves time only.
-    pruned : bool
-        Use a module without the terms that the options leave out, derived if needed. By default the module serves
-        all options.
 
     Returns
     -------
@@ -86,7 +81,7 @@ def load(
     elif options.dynamics == "coupled":
         model, notes, seconds = _bind_coupled(given, options, progress)
     else:
-        model, notes, seconds = _bind_one_way(given, options, progress, like, pruned)
+        model, notes, seconds = _bind_one_way(given, options, progress, like)
     seconds["set_up"] = time.perf_counter() - started - sum(seconds.values())
     model = replace(model, warnings=(*_warnings(model), *notes, *_one_way_joints(model)), seconds=seconds, given=given)
     _check_start(model)
@@ -100,7 +95,7 @@ def model_from(given: SceneLike) -> Model:
 
 
 def _bind_one_way(
-    scene: Scene, options: Options, progress: Progress, like: Model | None, pruned: bool
+    scene: Scene, options: Options, progress: Progress, like: Model | None
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     """Model of a planar scene of a one-way preset, notes on entries without effect, and the seconds of derivation and
     compilation."""
@@ -110,7 +105,7 @@ def _bind_one_way(
     scene = as_it_starts(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
-    module, derived = (find_pruned_module if pruned else find_module)(scene, progress)
+    module, derived = find_module(scene, progress)
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))

@@ -77,11 +77,9 @@ class Choice(PlainTable):
     reference_settings: list[str] = Field(description="settings of the reference, as path=value")
     reference_note: str = Field(description="limits of the reference")
     doubt: dict[str, float] = Field(description="uncertainty of the reference for each sensor, as a share of its peak")
-    indicators: dict[str, float | None] = Field(
-        description="for each group of terms, the first-order change of quasi-static displacements without it; "
-        "speed_ratio: drive speed over lowest frequency (both rad/s); buckling_ratio: axial force over buckling load"
-    )
     attempts: list[Attempt] = Field(description="tried models, in the order of the trials")
+    run_s: float = Field(description="wall time of the chosen model's first run, s")
+    richest_s: float = Field(description="wall time of the first run of the richest model, s")
     seconds: float = Field(description="wall time of the choice, s")
     remembered: bool = Field(description="whether the choice was read from the cache")
 

@@ -150,7 +150,7 @@ def compare(
             if model == peer:
                 found[model] = programs[0].solve(scene, resolution, progress)
             else:
-                found[model] = runs.run(Variant(model, (f"solve.preset={model}",)), judged=True).curves
+                found[model] = runs.run(Variant(model, (f"solve.preset={model}",))).judged
         except SceneError as error:
             left_out[model] = str(error)
     return side_by_side(scene, found, left_out, against)

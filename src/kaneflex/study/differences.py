@@ -134,6 +134,22 @@ def _common_instants(
     return ours, ours if period is None else np.remainder(ours, period)
 
 
+def of_statistics(
+    scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves
+) -> tuple[Difference, ...]:
+    """Differences of a model's largest absolute values and rms over the run from those of a reference.
+
+    Parameters as in :func:`differences`. The larger relative change of the two counts as the sensor's difference.
+    """
+    floors, found = _floors(scene, reference), []
+    for name in sensors:
+        unit, (peak, rms), own = scene.sensors[name].unit, reference.peak_and_rms(name), curves.peak_and_rms(name)
+        if peak > floors[unit]:
+            changes = abs(own[0] - peak) / peak, abs(own[1] - rms) / rms
+            found.append(Difference(name, model, unit, own[0], peak, max(changes) * peak, changes[1] * peak))
+    return tuple(found)
+
+
 def worst(found: Sequence[Difference]) -> Difference:
     """Sensor with the largest error as a share of its reference's peak."""
     return max(found, key=lambda difference: difference.peak_share)

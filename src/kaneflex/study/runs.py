@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import gc
+import math
 import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import Scene
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress, load
+from kaneflex.solve.run_result import seconds_of_steps
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.solution import Solution
 from kaneflex.solve.variants import Variant
 from kaneflex.support.errors import SceneError, StoppedEarly
 
@@ -58,28 +61,32 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Curves of a model and the time that they took.
-
-    ``judged``: whether the curves' notes hold all warnings of the run, which may need a second run, or only the
-    model's.
-    """
+    """Curves of a model, their solution, and the time that they took."""
 
     curves: Curves
     timing: Timing
-    judged: bool
+    solution: Solution
+
+    @property
+    def judged(self) -> Curves:
+        """Curves with all warnings of the run, which may need a second one, not only the model's."""
+        return replace(self.curves, notes=self.solution.warnings)
 
 
-def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: None, name: str = "") -> Run:
+def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", most: float = math.inf) -> Run:
     """Load, solve and read all sensors once, with the time of each.
 
     Raises
     ------
     SceneError
-        If the scene can't be solved; StoppedEarly if the run stops early.
+        If the scene can't be solved, or takes more than ``most`` nominal seconds; StoppedEarly if the run stops early.
     """
     moments = [time.perf_counter()]
     model = load(scene, progress)
     moments.append(time.perf_counter())
+    if model.options.dynamics in ("quasistatic", "dynamic") and seconds_of_steps(model, model.options.steps) > most:
+        cure = "Give it more time by `kaneflex trade`"
+        raise SceneError("solve.preset", model.options.preset, "its run would take longer than choosing may", cure)
     progress(f"solving, {name or model.options.preset}")
     solution = solve(model)
     moments.append(time.perf_counter())
@@ -89,10 +96,9 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
     values = {name: solution.series[name].values for name in solution.model.scene.sensors}
     loading, solving, reading = np.diff([*moments, time.perf_counter()]).tolist()
     once, model = model.seconds["derive"] + model.seconds["compile"], solution.model
-    notes = solution.warnings if judged else model.warnings
-    curves = Curves(solution.times, values, {}, tuple(notes), solution.seconds, tuple(between_steps(model)))
+    curves = Curves(solution.times, values, {}, model.warnings, solution.seconds, tuple(between_steps(model)))
     timing = Timing(once, loading - once, solving, reading, model.options.steps, operations(model))
-    return Run(curves, timing, judged)
+    return Run(curves, timing, solution)
 
 
 def operations(model: Model) -> int | None:
@@ -120,18 +126,26 @@ class Runs:
     progress: Progress = lambda stage: None
     kept: dict[Variant, Run] = field(default_factory=dict)
     failed: dict[Variant, SceneError] = field(default_factory=dict)
+    _faster: dict[Variant, Timing] = field(default_factory=dict)
 
-    def run(self, variant: Variant, judged: bool = False) -> Run:
-        """Result of a variant; raises its SceneError if it can't be run to the end."""
+    def run(self, variant: Variant, most: float = math.inf) -> Run:
+        """Result of a variant; raises its SceneError if it can't be run to the end within ``most`` nominal seconds."""
         if variant in self.failed:
             raise self.failed[variant]
-        if variant not in self.kept or (judged and not self.kept[variant].judged):
+        if variant not in self.kept:
             try:
-                self.kept[variant] = run(variant.of(self.scene), judged, self.progress, variant.name)
+                self.kept[variant] = run(variant.of(self.scene), self.progress, variant.name, most)
             except SceneError as error:
                 self.failed[variant] = error
                 raise
         return self.kept[variant]
+
+    def again(self, variant: Variant) -> Timing:
+        """Times of the faster of two runs of a variant; the second one is done at the first request."""
+        if variant not in self._faster:
+            pair = (self.run(variant).timing, run(variant.of(self.scene)).timing)
+            self._faster[variant] = min(pair, key=lambda timing: timing.total)
+        return self._faster[variant]
 
     def repeats(self, variants: Sequence[Variant], deadline: float) -> dict[Variant, list[Timing]]:
         """Run every variant again, all once per round, in alternating order, to even out slow phases of the machine.

@@ -94,16 +94,6 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return generate(scene, progress)
 
 
-def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """Module of the scene without unused terms, see :func:`pruned_text`; otherwise like :func:`find_module`."""
-    options = resolve_options(scene)
-    scene, without = acting(scene, options), left_out(options)
-    if not without:
-        return find_module(scene, progress)
-    structure = pruned_hash(scene, without)
-    return _find(structure, lambda stage: _without(scene, without, stage), REQUIRED_ATTRIBUTES, progress)
-
-
 def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """Text of a module of the scene without the terms that its options leave out.
 
@@ -113,10 +103,8 @@ def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     if options.dynamics == "coupled":
         return laws_text(scene, progress)
     scene, without = acting(scene, options), left_out(options)
-    return _without(scene, without, progress) if without else generate_text(scene, progress)
-
-
-def _without(scene: Scene, without: Sequence[str], progress: Progress) -> str:
+    if not without:
+        return generate_text(scene, progress)
     from kaneflex.derive.generate import generate_pruned
 
     with derivable(scene):

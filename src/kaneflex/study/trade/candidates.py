@@ -1,38 +1,84 @@
-"""Candidate models of a scene."""
+"""Candidate models of a scene, by preset and in the order of their work."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options, tolerance_of
+from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.variants import Variant
+from kaneflex.support.errors import SceneError
 
-_ONE_WAY = ("quasistatic", "linear", "stiffened")
 _ELEMENTS = (1, 2, 4)
 _MODES = (2, 4, 6)
-_COARSER = (2, 4)
-"""Divisors of the scene's steps."""
+_COARSER, _FINER = (2, 4), (2, 4)
+"""Divisors of the scene's steps, and factors on them."""
+_COUPLED_MODES = (1, 2)
 _LOOSE = (1e-6, 1e-4)
 """Tolerances of a step under preset coupled."""
-_CHOICES = ("integrator", "modes", "reduction", "terms")
+_CHOICES = ("preset", "integrator", "modes", "reduction", "terms")
 """Entries of the scene's ``solve`` that select a model; candidates replace them."""
+_OF_A_STEP = 10.0
+"""Work of the sensors at an instant, in multiples of that of a coordinate."""
+
+COUPLED = Variant("coupled", ("solve.preset=coupled",))
+STIFFENED = Variant("stiffened", ("solve.preset=stiffened",))
+
+
+@dataclass(frozen=True)
+class Family:
+    """Models of one preset.
+
+    Attributes
+    ----------
+    plain : Variant
+        With the scene's elements and steps.
+    cheaper, finer : tuple of Variant
+        With less and with more work, each by ascending work.
+    """
+
+    plain: Variant
+    cheaper: tuple[Variant, ...] = ()
+    finer: tuple[Variant, ...] = ()
+
+    @classmethod
+    def of(cls, plain: Variant, own: float, work: Mapping[Variant, float]) -> Family:
+        """Family of a model and its work, and of other models with theirs."""
+        ascending = sorted(work, key=work.__getitem__)
+        count = sum(each <= own for each in work.values())
+        return cls(plain, tuple(ascending[:count]), tuple(ascending[count:]))
 
 
 def neutral_settings(scene: Scene) -> tuple[str, ...]:
     """Settings that remove the scene's own choice of a model; start and duration are kept."""
-    return tuple(f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {}))
+    return tuple(f"solve.{key}=none" for key in _CHOICES[1:] if key in scene.raw.get("solve", {}))
 
 
 def neutral(scene: Scene) -> Scene:
-    """The scene with its ``neutral_settings`` and preset ``stiffened``."""
-    return with_settings(scene, [*neutral_settings(scene), "solve.preset=stiffened"])
+    """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if only that supports it."""
+    laid = neutral_settings(scene)
+    found = with_settings(scene, [*laid, *STIFFENED.settings])
+    try:
+        resolve_options(found)
+    except SceneError:
+        found = with_settings(scene, [*laid, *COUPLED.settings])
+        resolve_options(found)  # raises the errors that do not depend on the preset
+    return found
 
 
-COUPLED = Variant("coupled", ("solve.preset=coupled",))
-STIFFENED = Variant("stiffened", ("solve.preset=stiffened",))
+def own_model(scene: Scene) -> Variant:
+    """The scene's own model, as a variant of the neutral scene."""
+    solve, settings = scene.raw.get("solve", {}), [f"solve.preset={scene.solve.preset}"]
+    for key in _CHOICES[1:]:
+        value = solve.get(key, {} if key == "terms" else None)
+        if isinstance(value, Mapping):
+            settings += [f"solve.terms.{name}={str(on).lower()}" for name, on in value.items()]
+        elif value is not None:
+            settings.append(f"solve.{key}={value}")
+    return Variant("the scene's own", tuple(settings))
 
 
 def repeated_cycle(scene: Scene) -> float | None:
@@ -57,40 +103,62 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
     return tuple(name for name in own if name != "damping" or scene.damping is not None)
 
 
+def families(scene: Scene) -> tuple[Family, ...]:
+    """Models of a neutral scene by preset, the cheapest preset first."""
+    if scene.solve.preset == "coupled":
+        return (_coupled(scene),)
+    rigid = () if scene.is_frame else (Family(Variant("rigid", ("solve.preset=rigid",))),)
+    return (*rigid, *(_one_way(scene, preset) for preset in ("quasistatic", "linear", "stiffened")), _coupled(scene))
+
+
+def _one_way(scene: Scene, preset: str) -> Family:
+    """Other meshes, modes of the mechanism, each with fewer steps; more steps with the scene's mesh."""
+    steps, own, plain = resolve_options(scene).steps, elements_of(scene), (f"solve.preset={preset}",)
+    meshes = {n: dict.fromkeys(own, n) for n in _ELEMENTS if set(own.values()) != {n}}
+    kinds = {preset: ((), sum(own.values()))}
+    kinds |= {f"{preset}, {_count(n, 'element')}": (elements_set(mesh), n * len(own)) for n, mesh in meshes.items()}
+    if preset != "quasistatic":
+        kinds |= {f"{preset}, {n} modes": ((f"solve.modes={n}",), n / 3) for n in _MODES}
+    work: dict[Variant, float] = {}
+    for name, (settings, elements) in kinds.items():
+        counts = [max(1, steps // part) for part in _COARSER] + [steps * more for more in _FINER if not settings]
+        each = _OF_A_STEP + 3 * elements
+        work[Variant(name, (*plain, *settings))] = steps * each
+        for count in counts:
+            variant = Variant(f"{name}, {_count(count, 'step')}", (*plain, *settings, f"solve.steps={count}"))
+            work[variant] = count * each
+    whole = Variant(preset, plain)
+    return Family.of(whole, work.pop(whole), work)
+
+
+def _coupled(scene: Scene) -> Family:
+    """Fewer modes of each link, each with looser tolerances of a step, and the next level of its refinement."""
+    modes, tolerance = modes_of(scene), tolerance_of(scene)
+    work = {}
+    for count in (modes, *(fewer for fewer in _COUPLED_MODES if fewer < modes)):
+        for limit in (tolerance, *(loose for loose in _LOOSE if loose > tolerance)):
+            name = "coupled" if count == modes else f"coupled, {_count(count, 'mode')} a link"
+            settings = () if count == modes else (f"solve.modes={count}",)
+            if limit != tolerance:
+                name, settings = f"{name}, tolerance {limit:.0e}", (*settings, f"solve.tolerance={limit!r}")
+            work[Variant(name, (*COUPLED.settings, *settings))] = -math.log10(limit) * (3 + count)
+    return Family.of(COUPLED, work.pop(COUPLED), work)
+
+
 def candidates_of(scene: Scene) -> tuple[Variant, ...]:
-    """Candidates for a neutral scene: presets, then fewer elements, modes and steps, other integrators, fewer terms."""
-    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_INTEGRATORS, *_without_terms(scene))))
+    """Candidates of a neutral scene: plain presets, then other fineness, other integrators, fewer terms."""
+    found, only_coupled = families(scene), scene.solve.preset == "coupled"
+    others = (each for family in found for each in (*family.cheaper, *family.finer))
+    more = () if only_coupled else (*_INTEGRATORS, *_without_terms(scene))
+    return (*(family.plain for family in found), *(() if only_coupled else (_paper(scene),)), *others, *more)
 
 
-def _presets(scene: Scene) -> Iterator[Variant]:
-    for preset in _ONE_WAY if scene.is_frame else ("rigid", *_ONE_WAY):
-        yield Variant(preset, (f"solve.preset={preset}",))
+def _paper(scene: Scene) -> Variant:
+    """Preset paper over whole cycles."""
     period = scene.period if scene.solve.duration is None else None
     cycles = None if period is None else max(1, math.ceil(PAPER_DURATION / period - 1e-9))
     whole = () if period is None else (f"solve.duration={cycles * period!r}",)
-    yield Variant("paper", ("solve.preset=paper", *whole))
-    yield COUPLED
-    for loose in _LOOSE:
-        if loose > tolerance_of(scene):
-            settings = ("solve.preset=coupled", f"solve.tolerance={loose!r}")
-            yield Variant(f"coupled, tolerance {loose:.0e}", settings)
-
-
-def _coarser(scene: Scene) -> Iterator[Variant]:
-    own = set(elements_of(scene).values())
-    steps = resolve_options(scene).steps
-    for preset in ("quasistatic", "stiffened"):
-        meshes = {n: dict.fromkeys(elements_of(scene), n) for n in _ELEMENTS if own != {n}}
-        kinds = {preset: ()} | {f"{preset}, {_count(n, 'element')}": elements_set(each) for n, each in meshes.items()}
-        if preset == "stiffened":
-            kinds |= {f"{preset}, {n} modes": (f"solve.modes={n}",) for n in _MODES}
-        for name, settings in kinds.items():
-            if settings:
-                yield Variant(name, (f"solve.preset={preset}", *settings))
-            for part in _COARSER:
-                fewer = max(1, steps // part)
-                coarse = (f"solve.preset={preset}", *settings, f"solve.steps={fewer}")
-                yield Variant(f"{name}, {_count(fewer, 'step')}", coarse)
+    return Variant("paper", ("solve.preset=paper", *whole))
 
 
 _INTEGRATORS = [

@@ -14,8 +14,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations, product
 
-import numpy as np
-
 from kaneflex.fem.mobility import check_determined
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
@@ -259,16 +257,9 @@ def _without_their_joint(scene: Scene, names: Sequence[str], welded: Sequence[st
 
 
 def _change(scene: Scene, sensor: str, whole: Curves, without: Curves, finer: Curves | None) -> Change:
-    peak, rms = zip(*(_statistics(curves, sensor) for curves in (whole, without)), strict=True)
+    peak, rms = zip(*(curves.peak_and_rms(sensor) for curves in (whole, without)), strict=True)
     doubt = (math.nan, math.nan)
     if finer is not None:
-        again = _statistics(finer, sensor)
+        again = finer.peak_and_rms(sensor)
         doubt = abs(again[0] - peak[0]), abs(again[1] - rms[0])
     return Change(sensor, scene.sensors[sensor].unit, peak, rms, doubt)
-
-
-def _statistics(curves: Curves, sensor: str) -> tuple[float, float]:
-    """Largest absolute value and rms over time."""
-    values, times = curves.values[sensor], curves.times
-    mean = np.trapezoid(values**2, times) / (times[-1] - times[0])
-    return float(abs(values).max()), math.sqrt(mean)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,9 +13,10 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, check_sensors, differences, worst
+from kaneflex.study.differences import Difference, check_sensors, worst
 from kaneflex.study.runs import Cost, Run, Runs, cost
-from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings
+from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings, own_model
+from kaneflex.study.trade.linear_prices import LinearPrices
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed, refuse
@@ -67,6 +68,8 @@ class Trade:
     reference : Reference
     ranked : tuple of Ranked
         Candidates by total time, the cheapest first.
+    own : Variant or None
+        The scene's own model; None if only given candidates were run.
     left_out : mapping of str to str
         Candidates that were not run to the end, with the reason.
     """
@@ -77,6 +80,7 @@ class Trade:
     reference: Reference
     ranked: tuple[Ranked, ...]
     left_out: Mapping[str, str]
+    own: Variant | None = None
 
     def __repr__(self) -> str:
         return f"Trade({self.scene.name}: {len(self.ranked)} models, chosen {self.chosen and self.chosen.name})"
@@ -93,6 +97,11 @@ class Trade:
     def chosen(self) -> Ranked | None:
         """Cheapest candidate within the tolerance; None if there is none."""
         return next((entry for entry in self.ranked if self.good_enough(entry)), None)
+
+    @property
+    def of_scene(self) -> Ranked | None:
+        """Entry of the scene's own model; None if it was not run."""
+        return next((entry for entry in self.ranked if entry.candidate == self.own), None)
 
     @cached_property
     def front(self) -> tuple[Ranked, ...]:
@@ -128,7 +137,7 @@ def trade(
     progress : callable, optional
         Called with the name of each stage that can take longer than a moment.
     candidates : sequence of Variant, optional
-        Models to run, by default :func:`kaneflex.study.trade.candidates.candidates_of`.
+        Models to run, by default the scene's own and :func:`kaneflex.study.trade.candidates.candidates_of`.
 
     Raises
     ------
@@ -140,9 +149,13 @@ def trade(
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     runs = Runs(basis, progress or silent)
-    reference = find_reference(runs, sensors, tolerance)
+    reference = find_reference(runs, sensors, tolerance, LinearPrices.of(basis, sensors))
     deadline = time.perf_counter() + budget
-    candidates = candidates_of(basis) if candidates is None else candidates
+    own = None
+    if candidates is None:
+        candidates, own = candidates_of(basis), own_model(scene)
+        own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
+        candidates = dict.fromkeys((own, *candidates))
     found, left_out = _first_runs(runs, candidates, time.perf_counter() + _FIRST_RUNS * budget)
     if not found:
         problem = Problem("--budget", budget, "no candidate was run", "Give more time")
@@ -150,10 +163,10 @@ def trade(
     repeats = runs.repeats(list(found), deadline)
     ranked = []
     for candidate, first in found.items():
-        errors = differences(basis, sensors, candidate.name, first.curves, reference.curves, reference.period)
+        errors = reference.errors(sensors, candidate.name, first.curves)
         ranked.append(Ranked(candidate, errors, cost(first.timing, repeats[candidate]), first.curves.undersampled))
     ranked.sort(key=lambda entry: entry.cost.total)
-    return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out)
+    return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out, own)
 
 
 def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
@@ -176,7 +189,7 @@ def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequen
 
 
 def _first_runs(
-    runs: Runs, candidates: Sequence[Variant], until: float
+    runs: Runs, candidates: Iterable[Variant], until: float
 ) -> tuple[dict[Variant, Run], dict[str, str]]:
     found, left_out = {}, {}
     for candidate in candidates:

@@ -1,4 +1,4 @@
-"""Finest model of a scene, and an error estimate for it."""
+"""Richest model of a scene, and an error estimate for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.differences import Difference, differences, of_statistics, worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import COUPLED, elements_of, elements_set, repeated_cycle
 from kaneflex.study.trade.linear_prices import LinearPrices
@@ -17,15 +17,13 @@ from kaneflex.support.errors import SceneError
 
 _FINER = (1, 2, 4)
 """Factors on the scene's elements and steps."""
-_COUPLED_LEVELS = ((1, 0, 1.0), (2, 2, 0.1), (4, 4, 0.1))
-"""Refinements of preset coupled: factor on the elements, modes added to each link, factor on the tolerance."""
+_TIGHTER = 1.0 / 3.0
+"""Factor on the tolerance of a step from level to level of preset coupled; the error is proportional to it."""
 _FINE_ENOUGH, _KNOWN = 0.1, 0.25
 """Changes, as shares of the tolerance, at which refinement ends, and that are accepted at the finest model.
 
-Preset coupled, which is derived for each number of modes, is refined only to the second.
+Preset coupled, whose runs take longer, is refined only to the second.
 """
-_PROBED = 180
-"""Least steps of a cycle at which coupled is compared."""
 _LEFT_BETWEEN = 0.5
 """Share of a change between a model's instants that counts for a model with twice as many."""
 
@@ -36,11 +34,11 @@ class Reference:
 
     Attributes
     ----------
+    scene : Scene
+        The neutral scene.
     model : Variant
         Variant of the neutral scene.
     curves : Curves
-    period : float or None
-        Cycle that the curves repeat [s].
     refinement : mapping of str to float
         By sensor: largest change in the last refinement, as a share of the peak; see :func:`find_reference`.
     coupling : mapping of str to float
@@ -50,9 +48,9 @@ class Reference:
         Why ``coupled`` can't be run, and warnings of the reference's run; empty if none.
     """
 
+    scene: Scene
     model: Variant
     curves: Curves
-    period: float | None
     refinement: Mapping[str, float]
     coupling: Mapping[str, float]
     note: str = ""
@@ -66,6 +64,10 @@ class Reference:
         """Error estimate of the reference itself, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
+    def errors(self, sensors: Sequence[str], name: str, curves: Curves, between: bool = True) -> tuple[Difference, ...]:
+        """Errors of a model's curves, see :func:`compared`."""
+        return compared(self.scene, sensors, name, curves, self.curves, between)
+
     def within(self, found: Sequence[Difference], tolerance: float, undersampled: Sequence[str] = ()) -> bool:
         """True if every error, plus the reference's own, is within a tolerance; False without errors.
 
@@ -75,10 +77,23 @@ class Reference:
         return bool(found) and close and not undersampled
 
 
+def compared(
+    scene: Scene, sensors: Sequence[str], name: str, curves: Curves, reference: Curves, between: bool = True
+) -> tuple[Difference, ...]:
+    """Differences of a model from a reference over a cycle or run; with contacts those of peaks and rms.
+
+    Motions with impacts diverge, so that they can't be compared instant by instant.
+    """
+    if scene.contacts:
+        return of_statistics(scene, sensors, name, curves, reference)
+    return differences(scene, sensors, name, curves, reference, repeated_cycle(scene), between)
+
+
 def find_reference(
     runs: Runs, sensors: Sequence[str], tolerance: float, priced: LinearPrices | None = None
 ) -> Reference:
-    """Preset ``stiffened``, refined until converged; ``coupled`` if that changes a sensor too much.
+    """Preset ``coupled``, refined until converged; ``stiffened`` if that is priced and the coupling is small, or if
+    ``coupled`` can't be run.
 
     Changes are measured at the coarser model's instants. Between them half the change counts if the finer one has twice
     as many: interpolation leaves half at a corner, a quarter on a smooth curve.
@@ -101,19 +116,19 @@ def find_reference(
         If the finest model is not converged to a quarter of the tolerance, or does not resolve a load.
     """
     scene = runs.scene
-    stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, priced)
-    probe = COUPLED
-    if priced is not None:  # a few hundred instants are enough, since it is compared at its own
-        steps = max(_PROBED, resolve_options(scene).steps // 4)
-        probe = Variant(f"coupled, {steps} steps", (*COUPLED.settings, f"solve.steps={steps}"))
     try:
-        coupled = runs.run(probe).curves
+        coupled, unknown = runs.run(COUPLED).curves, ""
     except SceneError as error:
-        unknown = f"preset coupled can't be run: {error}"
-        return replace(stiffened, note="; ".join(filter(None, (unknown, stiffened.note))))
-    gaps = differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period, between=False)
-    if worst(gaps).peak_share <= _KNOWN * tolerance:
-        return replace(stiffened, coupling={each.sensor: each.peak_share for each in gaps})
+        if scene.solve.preset == "coupled":
+            raise
+        coupled, unknown = None, f"preset coupled can't be run: {error}"
+    if priced is not None or coupled is None:
+        stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, priced)
+        if coupled is None:
+            return replace(stiffened, note="; ".join(filter(None, (unknown, stiffened.note))))
+        gaps = compared(scene, sensors, "coupled", coupled, stiffened.curves, between=False)
+        if worst(gaps).peak_share <= _KNOWN * tolerance:
+            return replace(stiffened, coupling={each.sensor: each.peak_share for each in gaps})
     return _refined(runs, sensors, tolerance, _coupled_levels(scene), _KNOWN)
 
 
@@ -131,15 +146,16 @@ def _stiffened_levels(scene: Scene) -> list[Variant]:
 
 
 def _coupled_levels(scene: Scene) -> list[Variant]:
-    levels = []
-    for factor, added, tighter in _COUPLED_LEVELS:
-        modes, tolerance = modes_of(scene) + added, tighter * tolerance_of(scene)
-        settings = ["solve.preset=coupled", f"solve.tolerance={tolerance!r}"]
-        if added:  # an explicit number may exceed a coarse link's modes, the default never does
-            settings.append(f"solve.modes={modes}")
-        if factor > 1:  # a mesh with as many elements as modes has enough modes
-            settings += elements_set({name: max(factor * count, modes) for name, count in elements_of(scene).items()})
-        levels.append(Variant(f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
+    """Models of preset ``coupled``, from coarse to fine; motions with impacts hardly converge beyond the second."""
+    steps, own = resolve_options(scene).steps, modes_of(scene)
+    levels, tolerance = [COUPLED], tolerance_of(scene)
+    for factor, modes in ((2, own + 2),) if scene.contacts else ((2, own + 2), (4, 4 * own + 3)):
+        tolerance *= _TIGHTER
+        # a mesh with as many elements as modes has enough modes
+        mesh = elements_set({name: max(factor * count, modes) for name, count in elements_of(scene).items()})
+        finer = (f"solve.tolerance={tolerance!r}", f"solve.modes={modes}", *mesh, f"solve.steps={factor * steps}")
+        name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"
+        levels.append(Variant(name, (*COUPLED.settings, *finer)))
     return levels
 
 
@@ -147,25 +163,24 @@ def _refined(
     runs: Runs, sensors: Sequence[str], tolerance: float, levels: Sequence[Variant], enough: float,
     priced: LinearPrices | None = None,
 ) -> Reference:  # fmt: skip
-    scene, period = runs.scene, repeated_cycle(runs.scene)
+    scene = runs.scene
     coarse: Curves | None = None
     for model in levels:
         found = None if priced is None else priced.curves(model, every=True)
-        curves = runs.run(model, judged=True).curves if found is None else found
+        curves = runs.run(model).curves if found is None else found
         if coarse is not None:
-            changes = _changes(scene, sensors, coarse, curves, period)
+            changes = _changes(scene, sensors, coarse, curves)
             if max(changes.values()) <= enough * tolerance:
                 break
         coarse = curves
     _check(scene, model.name, curves, changes, tolerance)
-    return Reference(model, curves, period, changes, {}, "; ".join(curves.notes))
+    curves = curves if model not in runs.kept else runs.run(model).judged
+    return Reference(scene, model, curves, changes, {}, "; ".join(curves.notes))
 
 
-def _changes(
-    scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves, period: float | None
-) -> dict[str, float]:
+def _changes(scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves) -> dict[str, float]:
     """By sensor: largest change from a coarse model to a fine one, including half of that between its instants."""
-    there, everywhere = (differences(scene, sensors, "coarse", coarse, fine, period, each) for each in (False, True))
+    there, everywhere = (compared(scene, sensors, "coarse", coarse, fine, each) for each in (False, True))
     if not there:
         raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
     pairs = zip(there, everywhere, strict=True)
