@@ -25,8 +25,12 @@ from kaneflex.derive.printers.rows import rows_text
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import laws_hash, structure_hash
 
-MOTIONS = ("engine", "four-bar", "mathieu", "pulsating-strut", "rotating-cantilever", "slider-crank-150")
-"""Scenes of the README and the documentation; modules of other rigid motions are derived at their first use."""
+SCENES = (
+    "elastic-double-pendulum", "engine", "four-bar", "four-bar-motor", "mathieu", "pulsating-strut",
+    "rotating-cantilever", "slider-crank-150", "slider-crank-150-coupled", "slider-crank-clearance",
+    "spatial-slider-crank-elastic", "spinning-top",
+)  # fmt: skip
+"""Scenes that the README, the documentation and the benchmarks run; other modules are derived at their first use."""
 INDEX = '''"""Modules of kaneflex: elements, bodies, joints, tables, scenes. Do not edit: ``make derive`` makes them."""
 
 # Structure hash -> module. Scenes of one structure share a module.
@@ -43,11 +47,9 @@ def modules() -> dict[str, str]:
     texts |= {"joints": joints_text(), "spatial": spatial_text()}
     texts |= {"contact": contact_text(), "friction": friction_text()}
     structures: dict[str, str] = {}
-    for name in sorted(shipped_scenes()):
+    for name in sorted({*SCENES} & {*shipped_scenes()}):
         scene = read_scene(name)
         laws = scene.is_spatial or scene.solve.preset == "coupled"
-        if not laws and name not in MOTIONS:
-            continue
         structure = (laws_hash if laws else structure_hash)(scene)
         if structure not in structures:
             structures[structure] = name.replace("-", "_") + "_laws" * laws

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from places import DATA
-from runs import model
 from scipy.linalg import eig, eigh
 
 from kaneflex import read_scene
@@ -91,25 +90,6 @@ def test_what_a_product_of_scalars_weighs_holds_nothing_else():
     assert between and {tuple(sorted((i % 6, j % 6))) for i, j in between} <= {(0, 1), (0, 5)}
 
 
-def test_planar_link_is_contained():
-    """Every matrix of a shipped scene's rod: u, v, theta_z of the spatial link in a motion about z."""
-    found = model("engine")
-    rod, body = found.links["rod"], found.scene.bodies["rod"]
-    here = body.profile.at(0.0)
-    at = FLAT._replace(rho_A=here.rho_A, E_A=here.E_A, E_I_z=here.E_I_z)
-    of = built("rod", rod.nodes, lambda x: at, module("euler_bernoulli"))
-    chosen = [6 * i + k for i in range(len(rod.nodes)) for k in (0, 1, 5)]
-    scalars = {"omega": 130.0, "epsilon": -4e3, "a_x": 300.0, "a_y": -200.0, "P_0": 5e3}
-    planar = {"rod.omega": 130.0, "rod.epsilon": -4e3} | {f"rod.link.{name}": scalars[name] for name in scalars}
-    spatial = values("rod", omega_z=130.0, epsilon_z=-4e3, a_x=300.0, a_y=-200.0, P_0=5e3)
-    for name in ("M", "K_s", "K_d", "K_g", "C_d", "F"):
-        affine = rod.part.matrices[name]
-        expected = as_array(affine.only(lambda m: set(m) <= set(planar)).value(planar))
-        all_rows = as_array(of.part.matrices[name].value(spatial))
-        got = all_rows[chosen] if name == "F" else all_rows[np.ix_(chosen, chosen)]
-        assert got == pytest.approx(expected, rel=1e-12, abs=1e-12 * abs(expected).max()), name
-
-
 def test_damping_by_length_and_velocity():
     """mu int N^T N dx: of the mass of translation what mu is of rho A; torsion has none."""
     of = link(3, mu=2.0)
@@ -162,16 +142,6 @@ def test_torsional_frequencies_of_a_clamped_rod():
         discrete = speed * count / 1.5 * np.sqrt(6 * (1 - cosine) / (2 + cosine)) / (2 * np.pi)
         assert found == pytest.approx(discrete, rel=1e-10)
         assert found == pytest.approx(odd / 4 * speed / 1.5, rel=(odd[-1] * np.pi / 2 / count) ** 2 / 20)
-
-
-@pytest.mark.parametrize(("plane", "stiffness"), [(("v", "theta_z"), "E_I_z"), (("w", "theta_y"), "E_I_y")])
-def test_bending_frequencies_in_both_planes(plane, stiffness):
-    of = link(24)
-    chosen = rows(of, *plane)
-    unit = np.sqrt(getattr(FLAT, stiffness) / FLAT.rho_A) / 1.5**2
-    exact = [float(row["lam_sq"]) for row in FACTORS[:3]]
-    found = frequencies(matrix(of, "K_s", chosen), matrix(of, "M", chosen))[:3] / unit
-    assert found == pytest.approx(exact, rel=1e-5)
 
 
 def rotating(of: SpatialLink, plane: tuple[str, str], eta: float) -> np.ndarray:
