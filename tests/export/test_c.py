@@ -31,7 +31,7 @@ from kaneflex.derive.printers.numba_printer import print_kernel
 from kaneflex.export.c_model import CModel, c_model, method_in_c
 from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
-from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import measure
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.one_way_run import run_of
@@ -213,7 +213,7 @@ def off_the_run(made: CModel, found: dict[str, np.ndarray]) -> float:
     run = replace(run_of(bound), start=(begun.z[0], begun.v[0]), method=method_in_c(bound).name)
     expected = integrate(run)
     np.testing.assert_allclose(found["time"], expected.times, rtol=1e-14, atol=0.0)
-    motion = elastic_motion(bound, bound.motion.at(expected.times), (expected.z.T, expected.v.T, expected.a.T))
+    motion = ElasticMotion(bound, bound.motion.at(expected.times), (expected.z.T, expected.v.T, expected.a.T))
     measured = measure(motion)
     series = dict(zip(bound.reduced.coordinates, expected.z.T, strict=True))
     least = 1e-6 * abs(expected.z).max()  # across the plane of a mechanism in one there is rounding alone

@@ -270,8 +270,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     SceneError
         If the elastic stage can't be set up for the scene.
     """
-    from kaneflex.fem.coordinate_map import SiteMotions
-    from kaneflex.fem.interface_coordinates import find_interfaces
+    from kaneflex.fem.coordinate_map import SiteMotions, find_interfaces
     from kaneflex.mechanism.floating_frames import shapes_given
     from kaneflex.mechanism.rigid_bodies import check_elastic
     from kaneflex.scene.options import resolve_options

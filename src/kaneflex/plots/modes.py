@@ -15,7 +15,7 @@ from kaneflex.plots.mechanism import deformed_lines, outline, rigid_outline, rig
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
 from kaneflex.plots.view import angle_name
-from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -63,7 +63,7 @@ def _deflected(model: Model, rigid: RigidMotion, fixed: Scenery, shapes: np.ndar
     """
     none = np.zeros_like(shapes)
     small = shapes * (SMALL * fixed.size / np.abs(shapes).max(axis=0))
-    moved, loaded = (elastic_motion(model, rigid, (each, none, none)) for each in (small, none))
+    moved, loaded = (ElasticMotion(model, rigid, (each, none, none)) for each in (small, none))
     drawn, bent = (outline(each, fixed, 1.0 / SMALL) for each in (moved, loaded))
     lines, others = (deformed_lines(each, 1.0 / SMALL) for each in (moved, loaded))
     largest = [np.linalg.norm(lines[name] - others[name], axis=1).max(axis=0) for name in lines]

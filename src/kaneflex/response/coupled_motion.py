@@ -17,6 +17,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import GROUND, whole_turns
+from kaneflex.mechanism.rigid_bodies import FIXED
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.bound_model import Model
@@ -138,8 +139,8 @@ class CoupledMotion(Motion):
         if interfaces is None or at_node is None or (body, at_node) not in interfaces.displaced:
             return []
         node = body, at_node
-        fixed = interfaces.displaced[node] in interfaces.fixed
-        clamped = interfaces.turned[node] in interfaces.clamped
+        fixed = interfaces.displaced[node] == FIXED
+        clamped = interfaces.turned[node] == FIXED
         return [0, 1] * fixed + [2] * clamped
 
     @cached_property

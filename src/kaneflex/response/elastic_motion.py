@@ -12,12 +12,10 @@ import numpy as np
 from kaneflex.fem.assembly import Site
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation, attached_forces, deform, demanded, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside
-from kaneflex.response.reactions import Solver, by_reflections, consistent_reactions
+from kaneflex.response.reactions import Solver, consistent_reactions, spatial_reactions
 
 if TYPE_CHECKING:
     from kaneflex.fem.spatial_map import SpatialMap
@@ -88,15 +86,18 @@ class ElasticMotion(Motion):
     @cached_property
     def _exerted(self) -> dict[str, np.ndarray]:
         """Forces of joints and drives, by the names of the rigid motion."""
-        return consistent_reactions(self.model, self.rigid, self._attached, self._displaced.links, self.solver)
-
-
-@dataclass(frozen=True, eq=False)
-class SpatialElasticMotion(ElasticMotion):
-    """Rigid motion in space with elastic coordinates about it; displacements have six components."""
+        model, rigid, moved = self.model, self.rigid, self._displaced.links
+        if rigid.freedoms == 3:
+            return consistent_reactions(model, rigid, self._attached, moved, self.solver)
+        needed: list[tuple[Site | str, np.ndarray]] = [*self._attached.items()]
+        needed += [(site, self._deformed[site[0]].at_nodes[site[1]]) for site in model.interfaces.displaced]
+        needed += [(name, demanded(model, rigid, self.coordinates, model.sprung[name]))
+                   for name in self._map.joined.springs]  # fmt: skip
+        return spatial_reactions(self._map, rigid, needed, self.solver)
 
     def change_of(self, name: str, freedom: str) -> Rates:
-        """Change of a joint's coordinate ("angle" or "position") by deformation, with rates, (n_times,) each."""
+        """Change of the coordinate of a joint in space ("angle" or "position") by deformation, with rates, (n_times,)
+        each."""
         from kaneflex.fem.spatial_rates import product
 
         joined, found = self._map.joined, np.zeros((3, len(self.times)))
@@ -110,45 +111,5 @@ class SpatialElasticMotion(ElasticMotion):
 
     @property
     def _map(self) -> SpatialMap:
+        """Map of the coordinates of a mechanism in space."""
         return cast("DeformingKinematics", self.model.motion).deforming.map
-
-    @cached_property
-    def _exerted(self) -> dict[str, np.ndarray]:
-        """Forces of joints and drives.
-
-        Multipliers balance every joint's node and every rigid body, whose own equations have their sum as residual.
-        Redundant rows exert nothing; indeterminate reactions are reported when the scene is loaded.
-        """
-        joined, rigid, model = self._map.joined, self.rigid, self.model
-        residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
-        for name, node in model.interfaces.displaced:
-            residual[:, joined.columns((name, node))] = self._deformed[name].at_nodes[node].T
-        for site, force in self._attached.items():
-            residual[:, joined.columns(site)] += force.T
-        parting = joined.parting(rigid)[0]
-        for name in joined.springs:
-            first = joined.first[name] - joined.size
-            force = demanded(model, rigid, self.coordinates, model.sprung[name])
-            residual[:, joined.tied] += np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
-        J, where = joined.rows(rigid)
-        rows, tied = self._map.rows, joined.tied
-        scale = joined.measure[tied]
-        solve = self.solver or by_reflections
-        found = np.zeros_like(J[0][:, :, 0])
-        found[:, rows] = solve((J[0][:, rows] * scale).transpose(0, 2, 1), residual[:, tied] * scale)
-        exerted: dict[str, np.ndarray] = {}
-        for name, own in where.items():
-            wrench, drive = joined.exerted(rigid, name, found[:, own])
-            parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
-            exerted |= dict(zip(parts, wrench, strict=True))
-            # a drive that leaves the elastic rotation free exerts nothing
-            exerted[f"{name}.drive"] = np.zeros(len(rigid.times)) if drive is None else drive
-        return exerted
-
-
-def elastic_motion(
-    model: Model, rigid: RigidMotion, coordinates: Rates, whole: Motion | None = None
-) -> ElasticMotion:
-    """Motion of a model of a one-way preset, in the plane or in space."""
-    kind = SpatialElasticMotion if model.scene.is_spatial else ElasticMotion
-    return kind(model, rigid, coordinates, whole=whole)

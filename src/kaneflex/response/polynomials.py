@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.elastic_motion import ElasticMotion, SpatialElasticMotion
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import reads
 
 Terms = Mapping[tuple[int, int], float]
@@ -245,19 +243,6 @@ class _Traced(ElasticMotion):
         return 0.5 * (least + most)
 
 
-def _traced(
-    model: Model, scalars: np.ndarray, coordinates: Rates, tape: _Tape, turns: Mapping[str, np.ndarray]
-) -> ElasticMotion:
-    """Motion of one instant of unknowns, in the plane or in space."""
-    if not model.scene.is_spatial:
-        instant = RigidMotion(model.motion, np.zeros(1), scalars.T)
-        return _Traced(model, instant, coordinates, solver=tape.solve, turns=turns)
-    from kaneflex.multibody.time.spatial_motion import SpatialMotion
-
-    instant = SpatialMotion(model.motion, np.zeros(1), scalars.T)
-    return SpatialElasticMotion(model, instant, coordinates, solver=tape.solve)
-
-
 def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
     """Readings of each sensor, except angles of bodies with full turns.
 
@@ -270,7 +255,8 @@ def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = Fals
     if model.modal_basis is not None:
         moved = [model.modal_basis @ part for part in moved]
     angles, found = dict(zip(turned, turns, strict=True)), {}
-    motion = _traced(model, scalars, (moved[0], moved[1], moved[2]), tape, angles)
+    instant = replace(model.motion.at(0.0), values=scalars.T)
+    motion = _Traced(model, instant, (moved[0], moved[1], moved[2]), solver=tape.solve, turns=angles)
     for each in reads(motion):
         if not (rigid or each.name in model.scene.sensors):
             continue

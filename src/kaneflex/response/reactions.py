@@ -7,8 +7,9 @@ of the ``motion`` kernel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from kaneflex.mechanism.planar import GROUND, Number, Pose
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation
+
+if TYPE_CHECKING:
+    from kaneflex.fem.spatial_map import SpatialMap
 
 Row = dict[int, float | np.ndarray]
 """Unknown -> its coefficient in an equation, constant or (n_times,)."""
@@ -130,3 +134,34 @@ def _exerted(
         sides.append(side)
     for body, exerted in derivatives_of(replace(joint, first=sides[0], second=sides[1]), axes, driven, sites):
         yield sites[body], exerted
+
+
+def spatial_reactions(
+    found: SpatialMap, rigid: RigidMotion, needed: Iterable[tuple[Site | str, np.ndarray]], solver: Solver | None
+) -> dict[str, np.ndarray]:
+    """The same in space, by multipliers of the rows of the joints; ``needed``: forces at sites, and of springs by name.
+
+    Redundant rows exert nothing; indeterminate reactions are reported when the scene is loaded.
+    """
+    joined = found.joined
+    residual = np.zeros((len(rigid.times), joined.size), rigid.values.dtype)
+    parting = joined.parting(rigid)[0]
+    for at, force in needed:
+        if isinstance(at, str):
+            first = joined.first[at] - joined.size
+            residual[:, joined.tied] += np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
+        else:
+            residual[:, joined.columns(at)] += force.T
+    J, where = joined.rows(rigid)
+    rows, scale = found.rows, joined.measure[joined.tied]
+    multipliers = np.zeros_like(J[0][:, :, 0])
+    solve = solver or by_reflections
+    multipliers[:, rows] = solve((J[0][:, rows] * scale).transpose(0, 2, 1), residual[:, joined.tied] * scale)
+    exerted: dict[str, np.ndarray] = {}
+    for name, own in where.items():
+        wrench, drive = joined.exerted(rigid, name, multipliers[:, own])
+        parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
+        exerted |= dict(zip(parts, wrench, strict=True))
+        # a drive that leaves the elastic rotation free exerts nothing
+        exerted[f"{name}.drive"] = np.zeros(len(rigid.times)) if drive is None else drive
+    return exerted

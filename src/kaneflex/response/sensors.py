@@ -26,7 +26,7 @@ from kaneflex.scene.sensors import (
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.spatial_motion import SpatialMotion
-    from kaneflex.response.elastic_motion import SpatialElasticMotion
+    from kaneflex.response.elastic_motion import ElasticMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ class Reader:
         if not self.motion.model.links:
             return rigid
         freedom = "angle" if sensor.component == "angle" else "position"
-        change = cast("SpatialElasticMotion", self.motion).change_of(name, freedom)
+        change = cast("ElasticMotion", self.motion).change_of(name, freedom)
         return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
 
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.multibody.time.linearisation import state_matrix
-from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 
 _MODES = 24
 """Number of modes checked, from the lowest frequency in rotating axes."""
@@ -101,7 +101,7 @@ def _shares(model: Model, shapes: np.ndarray, axis: np.ndarray) -> np.ndarray:
     rigid = model.motion.at(np.zeros(2 * count + 1))
     parts = np.hstack([shapes.real, shapes.imag, np.zeros((len(shapes), 1))]) * (_SMALL / abs(shapes).max())
     still = np.zeros_like(parts)
-    motion = elastic_motion(model, rigid, (parts, still, still))
+    motion = ElasticMotion(model, rigid, (parts, still, still))
     first = np.cross(axis, np.eye(3)[abs(axis).argmin()])
     first /= np.linalg.norm(first)
     basis = np.array([first, np.cross(axis, first), axis])

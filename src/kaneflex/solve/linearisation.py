@@ -230,9 +230,9 @@ class _Readings:
         return read[:, 1:] - read[:, :1]
 
     def _read(self, rigid: RigidMotion, coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-        from kaneflex.response.elastic_motion import elastic_motion
+        from kaneflex.response.elastic_motion import ElasticMotion
         from kaneflex.response.sensors import measure
 
-        series = measure(elastic_motion(self.model, rigid, coordinates))
+        series = measure(ElasticMotion(self.model, rigid, coordinates))
         read = [series[name].values for name in self.model.scene.sensors]
         return np.array(read).reshape(self.count, len(rigid.times))

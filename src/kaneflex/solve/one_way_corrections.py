@@ -21,7 +21,7 @@ from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
-from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.error_stages import READ, REQUEST, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.one_way_run import not_repeated
@@ -52,7 +52,7 @@ def _motion(read: Read) -> ElasticMotion:
 
 def _motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
     """Motion of a model with these coordinates at the compared instants."""
-    return elastic_motion(richer, richer.motion.at(read.times), coordinates)
+    return ElasticMotion(richer, richer.motion.at(read.times), coordinates)
 
 
 def _is_periodic(model: Model, richer: Sequence[tuple[str, Model]]) -> bool:
@@ -73,7 +73,7 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
     instants = period / count * np.arange(count)
     rigid = model.motion.at(instants)
     z, v, a = (at_instants(part[:, :-1], count) for part in read.run.coordinates)
-    motion = elastic_motion(model, rigid, (z, v, a))
+    motion = ElasticMotion(model, rigid, (z, v, a))
     for kind, own in richer:
         z = motion.coordinates[0] if own is model else embedded(own, motion)
         grid = Grid.of(own.system, own.scalars, 0.0, period, count)
@@ -83,7 +83,7 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
             return
         z, v, a = (part if basis is None else basis @ part for part in (found.z, *grid.rates(found.z)))
         rigid = rigid if own.motion is motion.model.motion else own.motion.at(instants)
-        motion = elastic_motion(own, rigid, (z, v, a))
+        motion = ElasticMotion(own, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps)[:, read.stored] for part in motion.coordinates)
         yield kind, values_of(_motion_of(read, own, (z, v, a)))
 

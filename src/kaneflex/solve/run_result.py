@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
@@ -123,7 +123,7 @@ class RunResult:
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
         coordinates = series if basis is None else tuple(basis @ part for part in series)
-        return elastic_motion(self.model, self.rigid, coordinates, whole=whole)
+        return ElasticMotion(self.model, self.rigid, coordinates, whole=whole)
 
     @cached_property
     def coordinates(self) -> Rates:

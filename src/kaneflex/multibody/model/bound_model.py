@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.fem.assembly import ElasticEquations, Placed, spin_or_euler
-from kaneflex.fem.coordinate_map import Frame
-from kaneflex.fem.interface_coordinates import Interfaces
+from kaneflex.fem.coordinate_map import Frame, Interfaces
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem

@@ -16,10 +16,10 @@ from kaneflex.fem.assembly import (
     assemble,
     load_on_link,
     place_rigid,
+    place_springs,
     place_torques,
 )
-from kaneflex.fem.coordinate_map import Frame, SiteMotions
-from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
+from kaneflex.fem.coordinate_map import Frame, Interfaces, SiteMotions, find_interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
@@ -117,12 +117,7 @@ def _planar_stage(
     frame = sites.motions.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
-    sprung: list[Placed] = []
-    if scene.springs:
-        from kaneflex.fem.springs import place_springs
-
-        sprung += place_springs(sites)
-    return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
+    return Stage(motion, links, parts, bases, interfaces, frame, placed, [*place_springs(sites)])
 
 
 def model_without_equations(

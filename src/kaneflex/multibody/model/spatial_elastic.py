@@ -9,14 +9,20 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import Placed, load_on_link, pushed_nodes, sparse_part, with_pushes
-from kaneflex.fem.coordinate_map import Frame
-from kaneflex.fem.interface_coordinates import Interfaces
+from kaneflex.fem.assembly import (
+    Placed,
+    load_on_link,
+    pushed_nodes,
+    sparse_part,
+    spring_part,
+    torsion_part,
+    with_pushes,
+)
+from kaneflex.fem.coordinate_map import Frame, Interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
-from kaneflex.fem.springs import spring_part, torsion_part
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of

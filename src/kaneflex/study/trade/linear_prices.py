@@ -17,7 +17,7 @@ from kaneflex.integrate.run import dies_away, monodromy
 from kaneflex.integrate.spectral import Grid, Orbit, improved, periodic_orbit
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
-from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import measure
 from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import Scene
@@ -111,7 +111,7 @@ class LinearPrices:
                 return None
             model, orbit = found
             z, v, a = orbit.at(options.steps).take(np.arange(options.steps + 1), axis=2, mode="wrap")
-        motion = elastic_motion(model, model.motion.at(times), (z, v, a))
+        motion = ElasticMotion(model, model.motion.at(times), (z, v, a))
         read = measure(motion, None if every else self.sensors)
         if options.steps not in self._undersampled:
             self._undersampled[options.steps] = tuple(between_steps(model))
@@ -143,8 +143,7 @@ class LinearPrices:
         if not same:
             times = 2.0 * np.pi / grid.omega / grid.instants * np.arange(grid.instants)
             rates = grid.rates(z)
-            motion = elastic_motion(self.model, self.model.motion.at(times), (z, *rates))
-            assert isinstance(motion, ElasticMotion)
+            motion = ElasticMotion(self.model, self.model.motion.at(times), (z, *rates))
             z = embedded(model, motion)
         period = 2.0 * np.pi / grid.omega
         own = Grid.of(model.system, model.scalars, 0.0, period, grid.instants, grid if same else None)
