@@ -27,10 +27,10 @@ LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'point_line': (136, 46), 'circles': (172, 39), 'angle': (5, 5), 'point_line_acceleration': (74, 36),
-    'circles_acceleration': (69, 32), 'angle_acceleration': (2, 2), 'point_line_along': (284, 70),
-    'circles_along': (476, 79), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5),
-    'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
+    'point_line': (158, 48), 'circles': (201, 36), 'angle': (7, 7), 'point_line_place': (14, 12),
+    'circles_place': (24, 14), 'angle_place': (0, 0), 'point_line_along': (284, 70), 'circles_along': (510, 74),
+    'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5), 'damped_slopes': (5, 5),
+    'hysteretic_slopes': (21, 11), 'stored': (8, 8),
 }
 
 
@@ -38,119 +38,111 @@ OPERATIONS = {
 def point_line(w, a, b, p, c, out, k):
     """A point, or a circle about it, and a straight face that turns with the first section.
 
-    Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
-    the second section is turned beside that."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
-    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
-    direction_x, direction_y, reach, _, _, _, _, radius = unpacked(p, 8, c)
+    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
+    sections."""
+    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
+    direction_x, direction_y, reach = unpacked(p, 3, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
-    n_x = out[k + 2] = direction_x*w0 - direction_y*w1
-    w2 = n_x*radius
-    n_y = out[k + 3] = direction_x*w1 + direction_y*w0
-    w3 = n_y*radius
+    n_y = out[k + 7] = direction_x*w1 + direction_y*w0
     d_x = -x_1 + x_2
+    w2 = d_x*n_y
+    n_x = out[k + 6] = direction_x*w0 - direction_y*w1
+    w3 = n_x*omega_1
+    w4 = n_y*omega_1
     d_y = -y_1 + y_2
+    w5 = out[k + 5] = d_y*n_x - w2
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = d_x*n_x + d_y*n_y - reach
-    out[k + 1] = -d_x*n_y*omega_1 + d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y
-    out[k + 4] = -w2 + x_2
-    out[k + 5] = -w3 + y_2
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w2) - n_y*(-d_y + w3)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
-    out[k + 7] = 0.0
+    out[k + 1] = d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y - omega_1*w2
+    out[k + 2] = -d_x_rate*w4 + d_y_rate*w3 + epsilon_1*w5 + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2) + w3*(-d_x*omega_1 + d_y_rate) - w4*(d_x_rate + d_y*omega_1)
+    out[k + 3] = -n_x
+    out[k + 4] = -n_y
+    out[k + 8] = 0.0
 
 
 @njit(**OPTIONS)
 def circles(w, a, b, p, c, out, k):
     """Two circles. About one centre no normal is known, and (0, 0): no g' either.
 
-    Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
-    the second section is turned beside that."""
-    x_1, y_1, _, v_x_1, v_y_1, omega_1 = unpacked(w, 6, a)
-    x_2, y_2, _, v_x_2, v_y_2, omega_2 = unpacked(w, 6, b)
-    direction_x, _, reach, _, _, _, _, radius = unpacked(p, 8, c)
+    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
+    sections."""
+    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(w, 8, a)
+    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
+    direction_x, _, reach = unpacked(p, 3, c)
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = direction_x/length
-    n_x = out[k + 2] = d_x*w0
-    w1 = n_x*radius
-    n_y = out[k + 3] = d_y*w0
-    w2 = n_y*radius
-    d_x_rate = -v_x_1 + v_x_2
+    w0 = 1.0/length
+    w1 = direction_x*w0
+    n_y = out[k + 7] = d_y*w1
+    n_x = out[k + 6] = d_x*w1
     d_y_rate = -v_y_1 + v_y_2
+    d_x_rate = -v_x_1 + v_x_2
+    w2 = out[k + 1] = d_x_rate*n_x + d_y_rate*n_y
+    w3 = w2/direction_x
     out[k] = direction_x*(length - reach)
-    out[k + 1] = w0*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 4] = -w1 + x_2
-    out[k + 5] = -w2 + y_2
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w1) - n_y*(-d_y + w2)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
-    out[k + 7] = 0.0
+    out[k + 2] = d_x_rate*w0*(d_x_rate*direction_x - n_x*w3) + d_y_rate*w0*(d_y_rate*direction_x - n_y*w3) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2)
+    out[k + 3] = -n_x
+    out[k + 4] = -n_y
+    out[k + 5] = out[k + 8] = 0.0
 
 
 @njit(**OPTIONS)
 def angle(w, a, b, p, c, out, k):
-    """Two flanks, of bodies that turn: g in rad, g' in rad/s, n_x, n_y and speed 0.
+    """Two flanks, of bodies that turn: g in rad.
 
-    Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
-    the second section is turned beside that."""
-    theta_1, _, _, omega_1 = unpacked(w, 4, a + 2)
-    x_2, y_2, theta_2, _, _, omega_2 = unpacked(w, 6, b)
+    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
+    sections."""
+    theta_1, _, _, omega_1, _, _, epsilon_1 = unpacked(w, 7, a + 2)
+    theta_2, _, _, omega_2, _, _, epsilon_2 = unpacked(w, 7, b + 2)
     direction_x, _, reach = unpacked(p, 3, c)
     out[k] = direction_x*(-theta_1 + theta_2) - reach
     out[k + 1] = direction_x*(-omega_1 + omega_2)
-    out[k + 2] = out[k + 3] = out[k + 6] = 0.0
-    out[k + 4] = x_2
-    out[k + 5] = y_2
-    out[k + 7] = direction_x
+    out[k + 2] = direction_x*(-epsilon_1 + epsilon_2)
+    out[k + 3] = out[k + 4] = out[k + 6] = out[k + 7] = 0.0
+    out[k + 5] = -direction_x
+    out[k + 8] = direction_x
 
 
 @njit(**OPTIONS)
-def point_line_acceleration(w, a, b, p, c):
-    """g'' [m/s^2] of ``point_line``."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
-    direction_x, direction_y = unpacked(p, 2, c)
+def point_line_place(w, a, b, p, c, out, k):
+    """Stores at out[k]: x, y [m] of the touched place of ``point_line``, which is the second side's."""
+    theta_1 = w[a + 2]
+    x_2, y_2 = unpacked(w, 2, b)
+    direction_x, direction_y, _, _, _, _, _, radius = unpacked(p, 8, c)
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     n_x = direction_x*w0 - direction_y*w1
-    w2 = n_x*omega_1
     n_y = direction_x*w1 + direction_y*w0
-    w3 = n_y*omega_1
-    d_x = -x_1 + x_2
-    d_y = -y_1 + y_2
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    return -d_x_rate*w3 + d_y_rate*w2 + epsilon_1*(-d_x*n_y + d_y*n_x) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2) + w2*(-d_x*omega_1 + d_y_rate) - w3*(d_x_rate + d_y*omega_1)
+    out[k] = -n_x*radius + x_2
+    out[k + 1] = -n_y*radius + y_2
 
 
 @njit(**OPTIONS)
-def circles_acceleration(w, a, b, p, c):
-    """g'' [m/s^2] of ``circles``."""
-    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(w, 8, a)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
-    direction_x = p[c]
+def circles_place(w, a, b, p, c, out, k):
+    """Stores at out[k]: x, y [m] of the touched place of ``circles``, which is the second side's."""
+    x_1, y_1 = unpacked(w, 2, a)
+    x_2, y_2 = unpacked(w, 2, b)
+    direction_x, _, _, _, _, _, _, radius = unpacked(p, 8, c)
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
     w0 = direction_x/length
     n_x = d_x*w0
     n_y = d_y*w0
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2)
+    out[k] = -n_x*radius + x_2
+    out[k + 1] = -n_y*radius + y_2
 
 
 @njit(**OPTIONS)
-def angle_acceleration(w, a, b, p, c):
-    """g'' [m/s^2] of ``angle``."""
-    epsilon_1 = w[a + 8]
-    epsilon_2 = w[b + 8]
-    direction_x = p[c]
-    return direction_x*(-epsilon_1 + epsilon_2)
+def angle_place(w, a, b, p, c, out, k):
+    """Stores at out[k]: x, y [m] of the touched place of ``angle``, which is the second side's."""
+    x_2, y_2 = unpacked(w, 2, b)
+    out[k] = x_2
+    out[k + 1] = y_2
 
 
 @njit(**OPTIONS)
@@ -203,14 +195,16 @@ def circles_along(w, a, b, p, c, out, k):
     w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
     w3 = n_x*radius
     w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
-    w5 = 2.0*w3
-    d_y_rate = -v_y_1 + v_y_2
     d_x_rate = -v_x_1 + v_x_2
-    w6 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
-    w7 = 2.0*n_y*radius
+    w5 = d_x_rate*n_x
+    d_y_rate = -v_y_1 + v_y_2
+    w6 = d_y_rate*n_y
+    w7 = 2.0*w3
+    w8 = (w5 + w6)/direction_x
+    w9 = 2.0*n_y*radius
     out[k] = 0.0
     out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 - epsilon_1*w4 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w6 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w5) - omega_2*w5) + (-d_y*w6 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7)
+    out[k + 2] = -epsilon_1*w4 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - omega_1*w5 - omega_1*w6 + w0*(d_x_rate*direction_x - n_x*w8)*(d_y_rate - omega_1*(d_x - w7) - omega_2*w7) + w0*(d_y_rate*direction_x - n_y*w8)*(-d_x_rate - omega_1*(d_y - w9) - omega_2*w9)
     out[k + 4] = -n_x
     out[k + 5] = -w4
     out[k + 6] = -n_y
@@ -294,13 +288,14 @@ def gap(kind, w, a, b, p, c, out, k):
 
 
 @njit(**OPTIONS)
-def gap_acceleration(kind, w, a, b, p, c):
-    """g'' of a contact of this kind [m/s^2]."""
+def place(kind, w, a, b, p, c, out, k):
+    """Touched place of a contact of this kind."""
     if kind == 0:
-        return point_line_acceleration(w, a, b, p, c)
-    if kind == 1:
-        return circles_acceleration(w, a, b, p, c)
-    return angle_acceleration(w, a, b, p, c)
+        point_line_place(w, a, b, p, c, out, k)
+    elif kind == 1:
+        circles_place(w, a, b, p, c, out, k)
+    else:
+        angle_place(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)

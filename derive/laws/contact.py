@@ -37,14 +37,14 @@ K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the res
 """
 _GAP = """{}
 
-Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
-the second section is turned beside that."""
+Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
+sections."""
 _GAPS = {
     "point-line": "A point, or a circle about it, and a straight face that turns with the first section.",
     "circles": "Two circles. About one centre no normal is known, and (0, 0): no g' either.",
-    "angle": "Two flanks, of bodies that turn: g in rad, g' in rad/s, n_x, n_y and speed 0.",
+    "angle": "Two flanks, of bodies that turn: g in rad.",
 }
+_PLACE = "Stores at out[k]: x, y [m] of the touched place of ``{}``, which is the second side's."
 _FORCE = "Force [N] on the second side along the normal, of {}.{}"
 _FORCES = {
     "hertz": "an elastic contact, K d^n",
@@ -70,8 +70,8 @@ hysteretic ones that are torn apart faster than their surfaces come back, too.
 _CHOICES = (
     ("gap(kind, w, a, b, p, c, out, k)", "Gap of a contact of this kind, by its number in KINDS: see its kernels.",
      ("point_line(w, a, b, p, c, out, k)", "circles(w, a, b, p, c, out, k)", "angle(w, a, b, p, c, out, k)")),
-    ("gap_acceleration(kind, w, a, b, p, c)", "g'' of a contact of this kind [m/s^2].",
-     [f"{kind}_acceleration(w, a, b, p, c)" for kind in ("point_line", "circles", "angle")]),
+    ("place(kind, w, a, b, p, c, out, k)", "Touched place of a contact of this kind.",
+     [f"{kind}_place(w, a, b, p, c, out, k)" for kind in ("point_line", "circles", "angle")]),
     ("along(kind, w, a, b, p, c, out, k)",
      "Sliding row of a contact of this kind, by its number in KINDS: see its kernels.",
      ("point_line_along(w, a, b, p, c, out, k)", "circles_along(w, a, b, p, c, out, k)")),
@@ -87,7 +87,7 @@ def contact_text() -> str:
     """Text of the module."""
     kernels = [
         *(_gap_kernel(kind) for kind in contacts.KINDS),
-        *(_gap_kernel(kind, acceleration=True) for kind in contacts.KINDS),
+        *(_place_kernel(kind) for kind in contacts.KINDS),
         *(_sliding_kernel(kind) for kind in contacts.KINDS[:2]), *(_force_kernel(law) for law in _FORCES),
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
@@ -119,9 +119,10 @@ def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Exp
     direction = _number["direction_x"], _number["direction_y"]
     if kind == "circles":
         steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + _TINY)))
-        rates[_LENGTH] = dot(_D, _D_RATE) / _LENGTH
+        rates[_LENGTH] = dot(_NORMAL, _D_RATE) / direction[0]  # finite about one centre
         gap, normal = contacts.apart(kind, _D, _LENGTH, direction, _number["reach"])
-        rates |= {part: change(value, rates) for part, value in zip(_NORMAL, normal, strict=True)}
+        for n, d in zip(_NORMAL, _D_RATE, strict=True):
+            rates[n] = (direction[0] * d - n * rates[_LENGTH]) / _LENGTH
     else:
         c, s = sm.cos(of_side("theta", 1)), sm.sin(of_side("theta", 1))
         normal = (c * direction[0] - s * direction[1], s * direction[0] + c * direction[1])
@@ -141,30 +142,36 @@ def _sliding_kernel(kind: str) -> emit.Printed:
     if kind == "point-line":
         turned = of_side("theta", 2) - of_side("theta", 1)
         place = dot(quarter_turn(_NORMAL), _D) - _number["radius"] * turned
+    return _stored(f"{kind}_along", steps, _row(place, speed, rates), _SLIDING)
+
+
+def _row(value: sm.Expr, speed: sm.Expr, rates: dict[sm.Expr, sm.Expr]) -> tuple[sm.Expr, ...]:
+    """A value, its two rates, and the Jacobian of the first of them by the twists of both sections."""
     twists = [
         part for omega, sign in zip(_OMEGAS, (-1, 1), strict=True)
         for part in (*(sign * speed.diff(rate) for rate in _D_RATE), speed.diff(omega))
     ]  # fmt: skip
-    return _stored(f"{kind}_along", steps, (place, speed, change(speed, rates), *twists), _SLIDING)
+    return value, speed, change(speed, rates), *twists
 
 
-def _gap_kernel(kind: str, acceleration: bool = False) -> emit.Printed:
-    """Kernel of g with g', or of g'': total derivatives by d, the length and the normal, times the rates of these."""
+def _gap_kernel(kind: str) -> emit.Printed:
+    """Kernel of g with its two rates: total derivatives by d, the length and the normal, times the rates of these."""
     if kind == "angle":
         phi, omega, epsilon = (of_side(letter, 2) - of_side(letter, 1) for letter in ("theta", "omega", "epsilon"))
-        steps, turn = (), _number["direction_x"]
+        turn = _number["direction_x"]
         gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
-        values, second = (gap, turn * omega, 0, 0, of_side("x", 2), of_side("y", 2), 0, turn), turn * epsilon
+        steps, values = (), (gap, turn * omega, turn * epsilon, 0, 0, -turn, 0, 0, turn)
     else:
         steps, rates, gap = _moving(kind)
-        arm, rate = contacts.touched(_NORMAL, _number["radius"]), change(gap, rates)
-        touched = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1])
-        values, second = (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), change(rate, rates)
-    if not acceleration:
-        return _stored(kind, steps, values, _GAP.format(_GAPS[kind]))
-    of = kind.replace("-", "_")
-    doc = f"g'' [m/s^2] of ``{of}``."
-    return emit.kernel(f"{of}_acceleration", ("w", "a", "b", "p", "c"), _READS, (second,), doc, steps)
+        values = _row(gap, change(gap, rates), rates)
+    return _stored(kind, steps, values, _GAP.format(_GAPS[kind]))
+
+
+def _place_kernel(kind: str) -> emit.Printed:
+    """Kernel of the touched place."""
+    steps, arm = ((), (0, 0)) if kind == "angle" else (_moving(kind)[0], contacts.touched(_NORMAL, _number["radius"]))
+    values, of = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1]), kind.replace("-", "_")
+    return _stored(f"{of}_place", steps, values, _PLACE.format(of))
 
 
 def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str) -> emit.Printed:

@@ -38,12 +38,28 @@ def numbers(kind="point-line", **given):
     return np.array([np.nan] * BEFORE + list(own.values()))
 
 
-def geometry(kind, sections, p=None):
-    out = np.full(10, 3.5)
+def filled(kernel, kind, sections, p=None, size=9):
+    """What a kernel stores: a row by default."""
+    out = np.full(size + 2, 3.5)
     w = np.concatenate([[np.nan, np.nan], *sections])
-    contact.gap(kind_number(kind), w, 2, 11, numbers(kind) if p is None else p, BEFORE, out, 1)
-    assert out[0] == 3.5 and out[9] == 3.5
-    return out[1:9]
+    kernel(kind_number(kind), w, 2, 11, numbers(kind) if p is None else p, BEFORE, out, 1)
+    assert out[0] == 3.5 and out[-1] == 3.5
+    return out[1:-1]
+
+
+def geometry(kind, sections, p=None):
+    return filled(contact.gap, kind, sections, p)
+
+
+def check_jacobian(kernel, kind, sections):
+    """The Jacobian of a row is the change of its rate by unit twists."""
+    found = filled(kernel, kind, sections)
+    for side in range(2):
+        for k in range(3):
+            moved = sections.copy()
+            moved[side, 3 + k] += 1.0
+            change = filled(kernel, kind, moved)[1] - found[1]
+            assert found[3 + 3 * side + k] == pytest.approx(change, abs=1e-12)
 
 
 def closed(kind, places):
@@ -64,27 +80,27 @@ def closed(kind, places):
 def test_gap_normal_and_speeds_along_a_motion(kind, seed):
     motion, t = Motion(seed), 0.37
     places, rates = motion.level(t, 0), motion.level(t, 1)
-    found = geometry(kind, motion.sections(t).reshape(4, 9)[1::2])
+    sections = motion.sections(t).reshape(4, 9)[1::2].copy()
+    found = geometry(kind, sections)
     gap, normal = closed(kind, places)
     assert found[0] == pytest.approx(gap, abs=1e-14)
-    assert found[2:4] == pytest.approx(normal, abs=1e-14)
+    assert found[6:8] == pytest.approx(normal, abs=1e-14)
     assert found[1] == pytest.approx(closed(kind, motion.level(t + 1j * TINY, 0))[0].imag / TINY, abs=1e-13)
     h = 1e-5
     rate = [geometry(kind, motion.sections(t + sign * h).reshape(4, 9)[1::2])[1] for sign in (1, -1)]
-    w = np.concatenate(motion.sections(t).reshape(4, 9)[1::2])
-    found_acceleration = contact.gap_acceleration(kind_number(kind), w, 0, 9, numbers(kind), BEFORE)
-    assert found_acceleration == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-7, abs=1e-7)
+    assert found[2] == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-7, abs=1e-7)
     difference = [closed(kind, motion.level(t + sign * h, 0))[0] for sign in (1, -1)]
     assert found[1] == pytest.approx((difference[0] - difference[1]) / (2 * h), rel=1e-7, abs=1e-7)
+    check_jacobian(contact.gap, kind, sections)
     touched = places[1, :2] - RADIUS * normal
-    assert found[4:6] == pytest.approx(touched, abs=1e-14)
+    assert filled(contact.place, kind, sections, size=2) == pytest.approx(touched, abs=1e-14)
     # material of both bodies at the touched place: its relative speed is g' along the normal, and what slides
     arms = touched - places[:, :2]
     first, second = rates[:, :2] + rates[:, 2:] * arms[:, ::-1] * [-1, 1]
     relative = second - first
-    assert found[6] == pytest.approx(relative @ [-normal[1], normal[0]], abs=1e-13)
+    sliding = filled(contact.along, kind, sections)[1]
+    assert sliding == pytest.approx(relative @ [-normal[1], normal[0]], abs=1e-13)
     assert found[1] == pytest.approx(relative @ normal, abs=1e-13)
-    assert found[7] == 0.0
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -95,35 +111,25 @@ def test_flanks_know_angles_alone(way):
     found = geometry("angle", motion.sections(t).reshape(4, 9)[1::2], p)
     assert found[0] == pytest.approx(way * (places[1, 2] - places[0, 2]) - REACH, abs=1e-14)
     assert found[1] == pytest.approx(way * (rates[1, 2] - rates[0, 2]), abs=1e-14)
-    assert found[2:].tolist() == [0.0, 0.0, *places[1, :2], 0.0, way]
+    assert found[3:].tolist() == [0.0, 0.0, -way, 0.0, 0.0, way]
+    touched = filled(contact.place, "angle", motion.sections(t).reshape(4, 9)[1::2], p, 2)
+    assert touched.tolist() == places[1, :2].tolist()
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
-    """The rate is the gap kernel's, the second one its difference along a motion, the Jacobian its slope by twists."""
-    motion, t, h, which = Motion(1), 0.37, 1e-5, 6
+    """The second rate is the first one's difference along a motion, the Jacobian its slope by twists."""
+    motion, t, h = Motion(1), 0.37, 1e-5
 
     def sections(t):
         return motion.sections(t).reshape(4, 9)[1::2].copy()
 
-    def filled(sections):
-        out, w = np.full(11, 3.5), np.concatenate([[np.nan, np.nan], *sections])
-        contact.along(kind_number(kind), w, 2, 11, numbers(kind), BEFORE, out, 1)
-        return out[1:10]
-
-    found = filled(sections(t))
-    assert found[1] == pytest.approx(geometry(kind, sections(t))[which], abs=1e-13)
-    later, before = (geometry(kind, sections(t + sign * h))[which] for sign in (1, -1))
-    assert found[2] == pytest.approx((later - before) / (2 * h), rel=1e-6, abs=1e-7)
+    found = filled(contact.along, kind, sections(t))
+    later, before = (filled(contact.along, kind, sections(t + sign * h)) for sign in (1, -1))
+    assert found[2] == pytest.approx((later[1] - before[1]) / (2 * h), rel=1e-6, abs=1e-7)
     if kind == "point-line":
-        later, before = (filled(sections(t + sign * h))[0] for sign in (1, -1))
-        assert found[1] == pytest.approx((later - before) / (2 * h), rel=1e-7, abs=1e-7)
-    for side in range(2):
-        for k in range(3):
-            moved = sections(t)
-            moved[side, 3 + k] += 1.0
-            change = geometry(kind, moved)[which] - found[1]
-            assert found[3 + 3 * side + k] == pytest.approx(change, abs=1e-12)
+        assert found[1] == pytest.approx((later[0] - before[0]) / (2 * h), rel=1e-7, abs=1e-7)
+    check_jacobian(contact.along, kind, sections(t))
 
 
 @pytest.mark.parametrize("kind", CIRCLES)
@@ -132,7 +138,7 @@ def test_circles_about_one_centre_have_no_normal_and_no_nan(kind):
     sections[:, 3:6] = np.arange(6).reshape(2, 3)
     found = geometry(kind, sections)
     assert found[0] == pytest.approx(-REACH if kind == "circle-circle" else REACH)
-    assert (found[1:4] == 0).all() and np.isfinite(found).all()
+    assert (found[[1, 3, 4, 6, 7]] == 0).all() and np.isfinite(found).all()
 
 
 def test_a_gap_of_a_nanometre_is_told_in_a_bearing_of_a_decimetre():

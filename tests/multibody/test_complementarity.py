@@ -6,6 +6,7 @@ import types
 import numpy as np
 import pytest
 
+from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.model import layout
 from kaneflex.multibody.unilateral import complementarity
 
@@ -15,11 +16,13 @@ ROWS_AT = {name: getattr(complementarity, name) for name in ("WANTED", "MAY", "R
 @pytest.fixture(scope="module")
 def complement():
     """The functions as Python runs them, without a mechanism's tables."""
-    text = dict(vars(complementarity))
-    for name, function in list(text.items()):
-        if hasattr(function, "py_func"):
-            text[name] = types.FunctionType(function.py_func.__code__, text, name)
-    text |= {"apart": lambda: None, "larger": max, "most": lambda m: m.rows, "listed": lambda m: 0}
+    text, lu = dict(vars(complementarity)), dict(vars(dense_lu))
+    for each in (text, lu):
+        for name, function in list(each.items()):
+            if hasattr(function, "py_func"):
+                each[name] = types.FunctionType(function.py_func.__code__, each, name)
+        each["apart"] = lambda: None
+    text |= {"larger": max, "most": lambda m: m.rows, "listed": lambda m: 0, "dense_lu": types.SimpleNamespace(**lu)}
     text["vector"] = lambda m, which: m.rows * (m.rows + which)
 
     def solved(problem):

@@ -11,6 +11,7 @@ from test_friction import CRANK, FALLING, ROD, solved
 
 from kaneflex import SceneError
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.model.layout import BENDING, OPEN
 
 G = 9.81
 DISC = """
@@ -337,7 +338,7 @@ def test_a_disc_that_is_thrown_on_a_floor_of_bristles_comes_to_roll(integrator):
     assert found.trajectory.v[after, 0] == pytest.approx(own.y[0], abs=1e-7)
     assert found.trajectory.v[after, 2] == pytest.approx(own.y[1], abs=1e-6)
     assert record.bristles[after, 0] == pytest.approx(-own.y[2], abs=1e-10)  # along the normal turned by 90 deg
-    assert (record.mode[after] == 4).all() and (record.mode[~after] == 0).all()
+    assert (record.mode[after] == BENDING).all() and (record.mode[~after] == OPEN).all()
 
 
 def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests():

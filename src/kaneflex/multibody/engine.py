@@ -21,6 +21,7 @@ from kaneflex.multibody.model.spatial_layout import JOINT_NODE, OWNER
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.topology import Layout, build_tables
 from kaneflex.multibody.time import collocation
+from kaneflex.multibody.unilateral.rows import RESULTS
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
@@ -87,14 +88,14 @@ class Engine:
     def columns(self) -> dict[str, slice]:
         """Columns of a row of the integration: coordinates q, speeds u, accelerations du, modes of contacts and holds,
         quaternions of balls, works."""
-        n, reactions, modes, balls = self.size, self.count(at.REACTIONS), len(self.standing), 4 * len(self.balls)
+        n, reactions, modes, balls = self.size, self.count(at.REACTIONS), self.modes.size, 4 * len(self.balls)
         ends = np.cumsum([1, n, n, n, reactions, modes, balls, self.count(at.WORKS)]).tolist()
         names = "q", "u", "du", "reactions", "modes", "quaternions", "works"
         return {name: slice(*pair) for name, pair in zip(names, pairwise(ends), strict=True)}
 
     def row(self, t: float) -> np.ndarray:
         """Current motion at t [s] as a row of the integration, with zero works."""
-        return np.concatenate([[t], *self.motion, self.standing, self.quaternions, np.zeros(self.count(at.WORKS))])
+        return np.concatenate([[t], *self.motion, self.modes.ravel(), self.quaternions, np.zeros(self.count(at.WORKS))])
 
     @property
     def quaternions(self) -> np.ndarray:
@@ -103,16 +104,16 @@ class Engine:
 
     def stand(self, row: np.ndarray) -> None:
         """Set the motion to that of a row."""
-        first, held = 1, len(self.holds)
-        for part in (*self.motion, self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT]):
+        first = 1
+        for part in self.motion:
             part[:] = row[first : first + len(part)]
             first += len(part)
-        self.holds[:, at.STUCK_AT] = row[first : first + held]
+        self.modes[:] = row[self.columns["modes"]].reshape(-1, at.MODE_SIZE)
 
     @property
-    def standing(self) -> np.ndarray:
-        """States of holds and contacts: modes, BEGUN_AT, then sticking positions or bristle deflections of holds."""
-        return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], self.holds[:, at.STUCK_AT]])
+    def modes(self) -> np.ndarray:
+        """View of MODE and MEMORY of frictions and contacts, (rows, MODE_SIZE)."""
+        return self.rows[:, at.MODE : at.MODE + at.MODE_SIZE]
 
     def take_impacts(self) -> np.ndarray:
         """Finished impacts not yet taken, (impacts, IMPACT_SIZE)."""
@@ -143,11 +144,11 @@ class Engine:
         return int(np.count_nonzero(self.tables.acts[self.count(at.CONTACTS) :, at.WHAT] == at.SWITCH))
 
     def part(self) -> None:
-        """Open all contacts and free all holds."""
-        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
+        """Open all contacts and free all frictions; switches are above zero."""
+        self.modes[:], self.contacts[:, at.MEMORY] = (at.OPEN, 0.0), at.ABOVE
 
     def set(self, state: State) -> None:
-        """Set coordinates and speeds to those of a state; contacts are open, and holds free."""
+        """Set coordinates and speeds to those of a state; contacts are open, and frictions free."""
         self.part()
         self.motion[0][:], self.motion[1][:] = state.q, state.u
 
@@ -325,15 +326,19 @@ class Engine:
     @cached_property
     def contacts(self) -> np.ndarray:
         """View of the numbers of contacts, then of switching arguments, (contacts, CONTACT_SIZE)."""
-        count = self.count(at.ACTS) - self.count(at.CONTACTS)
-        return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
+        return self.rows[len(self.rows) - self.count(at.ACTS) + self.count(at.CONTACTS) :]
 
     @cached_property
     def holds(self) -> np.ndarray:
-        """View of the numbers of holds, (holds, CONTACT_SIZE), stored before those of the contacts."""
-        count = self.count(at.DRIVES) - self.count(at.HOLDS)
-        first = self.count(at.CONTACT) - at.CONTACT_SIZE * count
-        return self.tables.w[first : first + at.CONTACT_SIZE * count].reshape(-1, at.CONTACT_SIZE)
+        """View of the numbers of frictions, (frictions, CONTACT_SIZE)."""
+        return self.rows[: self.count(at.DRIVES) - self.count(at.HOLDS)]
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """View of the numbers of frictions, then of contacts, (rows, CONTACT_SIZE)."""
+        held, touching = self.count(at.DRIVES) - self.count(at.HOLDS), self.count(at.ACTS) - self.count(at.CONTACTS)
+        first = self.count(at.CONTACT) - at.CONTACT_SIZE * held
+        return self.tables.w[first : first + at.CONTACT_SIZE * (held + touching)].reshape(-1, at.CONTACT_SIZE)
 
     @property
     def owners(self) -> np.ndarray:
@@ -402,7 +407,7 @@ class Engine:
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """Coordinates q, v, a of the bodies, joint forces, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * (len(self.contacts) + len(self.holds))
+        exerted = 3 * bodies + self.count(at.REACTIONS) + RESULTS * len(self.rows)
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
         self.call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)

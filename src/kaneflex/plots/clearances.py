@@ -142,7 +142,9 @@ def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
 
 def _touching(shown: View, contacts: tuple[str, ...]) -> np.ndarray:
     """Instants at which any of these contacts is closed, (n_times,) of bool."""
+    from kaneflex.multibody.model.layout import CLOSED
+
     record = record_of(shown.solution)
     assert record is not None
     columns = [record.names.index(key) for key in contacts]
-    return (record.begun[shown.instants][:, columns] > 0).any(axis=1)
+    return (record.mode[shown.instants][:, columns] == CLOSED).any(axis=1)

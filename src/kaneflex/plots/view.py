@@ -18,7 +18,7 @@ from kaneflex.response.motion import Motion
 from kaneflex.response.thinning import MISSED, frames, missed
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.unilateral.impact_results import Impact
+    from kaneflex.multibody.unilateral.results import Impact
     from kaneflex.solve.solution import Solution
 
 FRAMES = 60

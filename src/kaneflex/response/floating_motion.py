@@ -22,10 +22,10 @@ from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, whole_turns, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection, PointShapes
-from kaneflex.multibody.unilateral.dry_friction import STUCK
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
@@ -277,6 +277,6 @@ class FloatingMotion(DeformingMotion):
         axial acceleration it would have to bend violently instead.
         """
         engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
-        modes, count = self.trajectory.rows[:, engine.columns["modes"]], len(engine.holds)
-        rigid = count + np.flatnonzero([contact.law == "newton" for contact in contacts])
-        return (modes[:, :count] == STUCK).any(axis=1) | (modes[:, rigid] != 0.0).any(axis=1)
+        modes = self.trajectory.rows[:, engine.columns["modes"]][:, ::MODE_SIZE]
+        rigid = len(engine.holds) + np.flatnonzero([contact.law == "newton" for contact in contacts])
+        return (modes == STICKING).any(axis=1) | (modes[:, rigid] != OPEN).any(axis=1)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
-    from kaneflex.multibody.unilateral.impact_results import Impact
+    from kaneflex.multibody.unilateral.results import Impact
     from kaneflex.response.motion import Motion
     from kaneflex.response.sensors import Series
     from kaneflex.response.stresses import LinkStresses

@@ -9,8 +9,7 @@ import numpy as np
 from kaneflex.solve.summary_tables import ContactSummary, FrictionSummary
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.unilateral.friction_results import FrictionRecord
-    from kaneflex.multibody.unilateral.impact_results import ContactRecord
+    from kaneflex.multibody.unilateral.results import RowRecord
     from kaneflex.solve.run_result import RunResult
     from kaneflex.support.labelled import Entry
 
@@ -37,7 +36,7 @@ def contact_summaries(solution: RunResult) -> dict[str, ContactSummary]:
     record = record_of(solution)
     found = {}
     for k, name in enumerate(() if record is None else record.names):
-        impacts, turns = record.of(name), solution.model.scene.contacts[name].kind == "angle"
+        impacts, turns = record.impacts_of(name), solution.model.scene.contacts[name].kind == "angle"
         fastest = max((impact.approach for impact in impacts), default=None)
         largest = max((impact.peak for impact in impacts), default=None)
         found[name] = ContactSummary(
@@ -139,7 +138,7 @@ def labelled_contacts(solution: RunResult) -> tuple[dict[str, Entry], dict[str, 
     return coordinates, variables
 
 
-def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, Entry]:
+def _of_kind(record: RowRecord, names: list[str], kind: str) -> dict[str, Entry]:
     """Variables of contacts of one kind, and of their impacts; for flanks in angles and torques."""
     turns, both = int(kind == "flank"), ("time", kind)
     columns = [record.names.index(name) for name in names]
@@ -160,7 +159,7 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
     impacts = [impact for impact in record.impacts if impact.contact in names]
     each = "flank_impact" if turns else "impact"
     if impacts:
-        from kaneflex.multibody.unilateral.impact_results import COLUMNS
+        from kaneflex.multibody.unilateral.results import COLUMNS
 
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
@@ -201,19 +200,19 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
     return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
 
 
-def _stuck(record: FrictionRecord) -> np.ndarray:
+def _stuck(record: RowRecord) -> np.ndarray:
     """Instants at which each friction sticks, (n_times, n_frictions) of bool."""
-    from kaneflex.multibody.unilateral.friction_results import STUCK
+    from kaneflex.multibody.model.layout import STICKING
 
-    return record.mode == STUCK
+    return record.mode == STICKING
 
 
-def _rubbing(solution: RunResult) -> FrictionRecord | None:
+def _rubbing(solution: RunResult) -> RowRecord | None:
     record = getattr(solution.trajectory, "frictions", None)
     return record if record is not None and record.names and len(record.force) else None
 
 
-def record_of(solution: RunResult) -> ContactRecord | None:
+def record_of(solution: RunResult) -> RowRecord | None:
     """Record of a run's contacts; None without contacts, or if the run stopped at its start."""
     record = getattr(solution.trajectory, "contacts", None)
     return record if record is not None and record.names and len(record.gap) else None

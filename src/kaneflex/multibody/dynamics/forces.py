@@ -12,12 +12,12 @@ from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.compile.values import by_size, inside
-from kaneflex.multibody.dynamics.wrenches import push
+from kaneflex.multibody.dynamics.algebra import scaled
+from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, GAP,
-    GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS,
-    PLACE_X, PLACE_Y, PUSH_NOW, RATE, ROOM, ROW_AT, ROW_SIZE, SEC, SECTION, SIZE, SPRINGS, STAYS, SUMS, SWITCH, TURN,
-    WHAT, X, Y, apart, kernel, shifted,
+    ACCEL, ACTS, AT, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, FORCE, GAP, GAP_ACCEL, GAP_RATE,
+    INPUT, LAW, LOADS, LOSING, MAGNITUDES, MEMORY, MODE, NOW, NUMBERS_AT, ON, OPEN, OPTIONS, RATE, ROOM, ROW_AT,
+    ROW_SIZE, SEC, SECTION, SIZE, SPRINGS, STAYS, STORED, SUMS, SWITCH, TURN, WHAT, X, Y, apart, kernel, shifted,
 )  # fmt: skip
 
 
@@ -26,40 +26,15 @@ from kaneflex.multibody.model.layout import (
 def rest_rows(m):
     """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
     apart()
-    plan, w = m.plan, m.w
-    for n in range(plan[CONTACTS], plan[ACTS]):
+    for n in range(m.plan[CONTACTS], m.plan[ACTS]):
         if rests(m, n):
-            k, row = meet(m, n), plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
-            w[row], w[row + 1], w[row + 2] = w[k + GAP], w[k + GAP_RATE], acceleration(m, n)
-            lean(m, n)
-
-
-@njit(**OPTIONS)
-def acceleration(m, n):
-    """Acceleration g'' of a contact's gap [m/s^2]."""
-    first, second = m.plan[SECTION] + SEC * m.acts[n, AT], m.plan[SECTION] + SEC * m.acts[n, ON]
-    return touching.gap_acceleration(m.acts[n, WHAT], m.w, first, second, m.w, m.acts[n, NUMBERS_AT])
+            meet(m, n)
 
 
 @njit(**OPTIONS)
 def rests(m, act):
     """True if a contact is at rest under Newton's law."""
-    of = m.plan[CONTACT] + CONTACT_SIZE * (act - m.plan[CONTACTS])
-    return m.acts[act, LAW] == NEWTON and m.w[of + BEGUN_AT] != 0.0
-
-
-@njit(**OPTIONS)
-def lean(m, act):
-    """Jacobian of a contact's gap with respect to the twists of its sections, after :func:`meet`."""
-    w, plan = m.w, m.plan
-    k = plan[CONTACT] + CONTACT_SIZE * (act - plan[CONTACTS])
-    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
-    for side in range(2):
-        section, sign = plan[SECTION] + SEC * m.acts[act, AT + side], 2.0 * side - 1.0
-        j = plan[CUT] + ROW_SIZE * m.acts[act, ROW_AT] + 3 + 3 * side
-        w[j], w[j + 1] = sign * x, sign * z
-        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
-        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
+    return m.acts[act, LAW] == NEWTON and m.w[numbers_at(m, act) + MODE] == CLOSED
 
 
 @njit(**OPTIONS)
@@ -111,8 +86,7 @@ def take_sides(m):
     first = plan[X] + 3 * (plan[LOADS] - plan[DRIVES])
     for n in range(plan[CONTACTS], plan[ACTS]):
         if m.acts[n, WHAT] == SWITCH:
-            side = w[plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]) + BEGUN_AT]
-            w[first + m.acts[n, ROW_AT]] = 1.0 if side == ABOVE else (-1.0 if side == BELOW else 0.0)
+            w[first + m.acts[n, ROW_AT]] = w[numbers_at(m, n) + MEMORY]
 
 
 @of_changes(None)
@@ -121,7 +95,7 @@ def meet_switches(m):
     """Numbers of all switching arguments, where there are no contacts."""
     plan = m.plan
     for n in range(plan[CONTACTS], plan[ACTS]):
-        meet_switch(m, n, plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]))
+        meet_switch(m, n, numbers_at(m, n))
 
 
 @of_changes(None)
@@ -132,17 +106,16 @@ def meet_switch(m, n, k):
     The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
     """
     plan, w = m.plan, m.w
-    j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + BEGUN_AT]
+    j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + MEMORY]
     value, rate = w[j], w[j + 1]
     if rate - rate != 0.0:  # not a number, for example on one side only
         rate = 0.0
-    if side == BELOW:
-        value, rate = -value, -rate
-    elif side == STAYS:
+    if side == STAYS:
         rate = -rate if value > 0.0 else rate
         value = w[k + ROOM] - abs(value)
+    else:
+        value, rate = side * value, side * rate
     w[k + GAP], w[k + GAP_RATE] = value, rate
-    w[k + NORMAL_X] = w[k + NORMAL_Y] = 0.0
 
 
 @of_contacts(None)
@@ -150,38 +123,41 @@ def meet_switch(m, n, k):
 def press(m, n):
     """Contact force of a closed contact on its sections."""
     apart()
-    plan, w = m.plan, m.w
-    k = meet(m, n)
-    if w[k + PUSH_NOW] != 0.0:
-        x, z = w[k + PUSH_NOW] * w[k + NORMAL_X], w[k + PUSH_NOW] * w[k + NORMAL_Y]
+    w, k = m.w, meet(m, n)
+    if w[k + FORCE] != 0.0:
         for side in range(2):
-            at, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
-            turn = (w[k + PLACE_X] - w[at]) * z - (w[k + PLACE_Y] - w[at + 1]) * x
-            turn += w[k + PUSH_NOW] * w[k + NORMAL_TURN]
-            push(m, m.acts[n, AT + side], (sign * x, sign * z, sign * turn))
+            push(m, m.acts[n, AT + side], scaled(w[k + FORCE], row_wrench(m, m.acts[n, ROW_AT], side)))
+
+
+@njit(**OPTIONS)
+def numbers_at(m, act):
+    """Place of the numbers of a contact or switch."""
+    return m.plan[CONTACT] + CONTACT_SIZE * (act - m.plan[CONTACTS])
 
 
 @njit(**OPTIONS)
 def meet(m, n):
-    """Gap and derived numbers of a contact, and their place; nothing else is changed.
+    """Row and numbers of a contact, and their place; nothing else is changed.
 
-    A contact that has let go (negative BEGUN_AT) exerts no force and loses its stored energy. One at rest under
-    Newton's law exerts the reaction of its row, an unknown.
+    A released contact exerts no force and loses its stored energy. One at rest under Newton's law exerts the reaction
+    of its row, an unknown.
     """
     plan, w, sec = m.plan, m.w, m.plan[SECTION]
-    k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
-    w[k + PUSH_NOW] = w[k + ELASTIC] = w[k + LOSING] = 0.0
+    k, j, law, row = numbers_at(m, n), m.acts[n, NUMBERS_AT], m.acts[n, LAW], plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
+    w[k + FORCE] = w[k + STORED] = w[k + LOSING] = 0.0
     if m.acts[n, WHAT] == SWITCH:
         meet_switch(m, n, k)
         return k
-    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
-    begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, row)
+    w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = w[row], w[row + 1], w[row + 2]
+    mode, gap, rate = w[k + MODE], w[k + GAP], w[k + GAP_RATE]
+    if mode == OPEN:
+        return k
     if law == NEWTON:
-        if begun_at != 0.0:
-            w[k + PUSH_NOW] = w[plan[NOW] + m.acts[n, ROW_AT]]
-    elif begun_at != 0.0:
-        if begun_at > 0.0:
-            w[k + PUSH_NOW] = touching.normal_force(law, w, j, begun_at, gap, rate)
-        w[k + ELASTIC] = touching.stored(w, j, gap)
-        w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + PUSH_NOW]) * rate
+        w[k + FORCE] = w[plan[NOW] + m.acts[n, ROW_AT]]
+        return k
+    if mode == CLOSED:
+        w[k + FORCE] = touching.normal_force(law, w, j, w[k + MEMORY], gap, rate)
+    w[k + STORED] = touching.stored(w, j, gap)
+    w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + FORCE]) * rate
     return k

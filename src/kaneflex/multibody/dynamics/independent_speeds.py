@@ -5,7 +5,6 @@ from __future__ import annotations
 from numba import njit
 from numba.types import CPointer, float64, int64, void
 
-from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length
 from kaneflex.multibody.dynamics.courses import prescribe
@@ -16,10 +15,11 @@ from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
 from kaneflex.multibody.model.layout import (
-    ACTS, BEGUN_AT, CHANGE_POINT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS,
-    DEPENDENT, ENTRY, EXTENT, GRADIENT, HOLDS, JOINT_ROWS, KEPT, LAW, MEASURE, MECHANISM, N, OPTIONS, REACTIONS, RESTED,
-    ROW_OF, SHUT, TOUCH, apart, larger, shifted,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS, DEPENDENT, ENTRY, EXTENT, GRADIENT, HOLDS,
+    JOINT_ROWS, KEPT, MEASURE, MECHANISM, MODE, N, OPEN, OPTIONS, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH, apart, larger,
+    shifted,
 )  # fmt: skip
+from kaneflex.multibody.unilateral.rows import at, contacts, rigid
 
 FIRST, NAMED, GIVEN, OF_SHAPE, PRESCRIBED = range(5)
 """Levels of coordinates: of joints to become dependent first, later, last; of shapes; of drives, never dependent."""
@@ -69,12 +69,11 @@ def openings(m, t, out):
 @njit(**OPTIONS)
 def _shut(m):
     """Note which contacts dependent coordinates keep closed."""
-    plan, w = m.plan, m.w
-    for act in range(plan[CONTACTS], plan[ACTS]):
-        if m.acts[act, LAW] == NEWTON:
-            k = plan[CONTACT] + CONTACT_SIZE * (act - plan[CONTACTS])
-            w[k + SHUT] = 1.0 if w[k + BEGUN_AT] != 0.0 else 0.0
-    w[plan[TOUCH] + RESTED] = 0.0
+    w = m.w
+    for n in range(contacts(m)):
+        if rigid(m, n):
+            w[at(m, n) + SHUT] = 1.0 if w[at(m, n) + MODE] != OPEN else 0.0
+    w[m.plan[TOUCH] + RESTED] = 0.0
 
 
 @njit(**ENTRY)

@@ -11,18 +11,18 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as spatial_laws
-from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, width
+from kaneflex.multibody.compile.values import by_size, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
 from kaneflex.multibody.dynamics.forces import load_sizes, press
 from kaneflex.multibody.dynamics.bushings import cushion
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
-from kaneflex.multibody.dynamics.wrenches import along, push
+from kaneflex.multibody.dynamics.wrenches import along, push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS,
+    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS,
     PUSHED, PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger,
     shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.unilateral.rows import exert
 from kaneflex.support.inner import once
 
 
@@ -122,13 +122,7 @@ def act(m, t):
         _push_both(m, n, stretch(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
     for n in range(plan[CONTACTS], plan[ACTS]):
         press(m, n)
-    dry_friction.exert(m)
-
-
-@njit(**OPTIONS)
-def row_wrench(m, row, side):
-    """Wrench of a row's unit reaction on one of its sections."""
-    return twists(m, shifted(m.w, m.plan[CUT] + row_length(m) * row + 3))[side]
+    exert(m)
 
 
 @njit(**OPTIONS)

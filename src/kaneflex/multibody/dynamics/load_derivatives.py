@@ -18,9 +18,9 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import twists
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.unilateral import factors
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
-from kaneflex.multibody.unilateral.contact_numbers import product
+from kaneflex.multibody.unilateral.rows import product
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.arrays import PHI
@@ -162,7 +162,7 @@ def factorise(m, h, A, pivots, own):
         way = _way(m, m.pivots[plan[WITH_SLOPES] + q])
         for i in range(n):
             A[answer + i] = w[way + i]
-        dry_friction.prescribe_nothing(m, A)
+        factors.prescribe_nothing(m, A)
         solve_closed(m, A, pivots)
         for i in range(n):
             A[_column(m, q) + i] = A[answer + i]

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.unilateral import factors, rows
 from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
@@ -20,9 +20,9 @@ from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BENDS, CHANGE_POINT, COLUMNS, CONTACTS, COORDINATES, CROSSING, CUT, DEMAND, DEPENDENT,
+    ACCEL, BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, CUT, DEMAND, DEPENDENT,
     GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE, NOW, OPTIONS, PASSING, PIVOTS, RATE, REACH, REACTION, REACTIONS,
-    ROW_OF, SIDE, SWITCH, WHAT, WHEN, Y, YIELDING, apart, larger,
+    ROW_OF, SIDE, WHEN, Y, YIELDING, apart, larger,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -242,20 +242,20 @@ def stand(m, t):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def hold_now(m):
-    """Rows of the holds at the current state."""
+def rows_of_frictions(m):
+    """Rows of the frictions at the current state."""
     apart()
-    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
-        if m.acts[act, WHAT] != SWITCH:
-            meet(m, act)
-    for n in range(-dry_friction.count(m), 0):
-        dry_friction.row_of(m, n)
+    for n in range(rows.contacts(m)):
+        if not rows.switches(m, n):
+            meet(m, rows.act_of(m, n))
+    for n in range(-rows.frictions(m), 0):
+        rows.row_of(m, n)
 
 
 @njit(**OPTIONS)
 def hold_rows(m):
-    """Rows of the mass matrix beside those of cuts: of stuck holds; in space their number is known."""
-    m.pivots[YIELDING] = dry_friction.rows_now(m, 0)
+    """Rows of the mass matrix beside those of cuts: of sticking frictions; in space their number is known."""
+    m.pivots[YIELDING] = factors.rows_now(m, 0)
 
 
 @njit(**OPTIONS)
@@ -275,7 +275,7 @@ def mend(m, t, A, h, turns):
     """
     apart()
     plan, w = m.plan, m.w
-    hold_now(m)
+    rows_of_frictions(m)
     assemble(m)
     hold_rows(m)
     if not factorise_closed(m, h, A, plan[PIVOTS]):
@@ -285,11 +285,12 @@ def mend(m, t, A, h, turns):
         demand(m, t)
         for k in range(plan[COORDINATES]):
             A[answer + k] = -w[plan[DEMAND] + k]
-        dry_friction.prescribe_now(m, A)
+        factors.prescribe_now(m, A)
         solve_closed(m, A, plan[PIVOTS])
-        for r in range(plan[KEPT]):
-            w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
-        dry_friction.add_now(m, A)
+        for r in range(plan[KEPT] + m.pivots[YIELDING]):
+            row = factors.reaction_of(m, r)
+            if row >= 0:
+                w[plan[NOW] + row] += A[plan[REACTION] + r]
         for i in range(plan[COORDINATES]):
             w[plan[ACCEL] + i] += A[answer + i]
         if not follow(m, t):

@@ -1,6 +1,6 @@
 """Compiled linear equations of a tree with closed loops: the tree's factors, and the responses to unit reactions.
 
-Rows are those of the kept cut joints, then of compliant contacts and holds.
+Rows are those of the kept cut joints, then of compliant contacts and frictions.
 """
 
 from __future__ import annotations
@@ -8,20 +8,20 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.unilateral import dry_friction, lugre_step
+from kaneflex.multibody.unilateral import factors
 from kaneflex.multibody.compile.values import by_size, inside, row_length, twists
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON,
-    OPTIONS, REACTION, ROW_OF, SCHUR, STIFF, TOUCHING, VISCOUS, YIELDING, apart, shifted,
+    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, OPTIONS, REACTION, ROW_OF, SCHUR,
+    TOUCHING, YIELDING, apart, shifted,
 )  # fmt: skip
 
 
 @njit(**OPTIONS)
 def virtual(m, r):
-    """Coordinate whose virtual inertia a row removes, in space; -1 for the rows of cuts, contacts and holds."""
+    """Coordinate whose virtual inertia a row removes, in space; -1 for the rows of cuts, contacts and frictions."""
     inside()
     return -1
 
@@ -43,11 +43,11 @@ def pull(m, t, r):
         t.y[virtual(m, r)] += 1.0
         return
     cut, k = row_at(m, r)
-    n = dry_friction.slips_by(m, r)
+    n = factors.slips_by(m, r)
     for side in range(2):
         add_force(m, t, m.acts[cut, AT + side], twists(m, shifted(m.w, k))[side])
         if n:
-            friction = scaled(dry_friction.force_by_reaction(m, n, r), twists(m, shifted(m.w, hold_row(m, n)))[side])
+            friction = scaled(factors.force_by_reaction(m, n, r), twists(m, shifted(m.w, hold_row(m, n)))[side])
             add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], friction)
 
 
@@ -93,7 +93,7 @@ def factorise_closed(m, h, A, pivots):
     if not reach(m, h, A):
         return False
     plan, count = m.plan, m.plan[KEPT] + m.pivots[YIELDING]
-    most = dry_friction.largest_limit(m, count, A)
+    most = factors.largest_limit(m, count, A)
     for r in range(plan[KEPT], count):
         soften(m, r, count, h, A, most)
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
@@ -101,16 +101,10 @@ def factorise_closed(m, h, A, pivots):
 
 @njit(**OPTIONS)
 def soften(m, r, count, h, A, most):
-    """Add the compliance of the row of a contact or hold; ``most``: largest entry of the rows' matrix."""
-    plan, w = m.plan, m.w
-    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-    k, own = plan[CONTACT] + CONTACT_SIZE * n, plan[SCHUR] + (count + 1) * r
-    if lugre_step.by_force(m, n, r, count, h, A):
-        return
-    if n >= 0:
-        A[own] += 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
-    else:
-        A[own] += dry_friction.compliance(m, n, h, A[own], most)
+    """Add the compliance of the row of a contact or friction; ``most``: largest force limit of these."""
+    n, own = factors.row_in(m, r), m.plan[SCHUR] + (count + 1) * r
+    if not factors.by_force(m, n, r, count, h, A):
+        A[own] += factors.compliance(m, n, h, A[own], most)
 
 
 @njit(**OPTIONS)
@@ -125,18 +119,18 @@ soften = by_size(soften, _soften_in_space)
 
 @njit(**OPTIONS)
 def row_at(m, r):
-    """Interaction of a kept row, or of a contact or hold after these, and place of its Jacobian."""
+    """Interaction of a kept row, or of a contact or friction after these, and place of its Jacobian."""
     plan = m.plan
     if r < plan[KEPT]:
         row = plan[plan[ROW_OF] + r]
         return plan[plan[CUT_OF] + row], place_of(m, MIDDLE_CUT) + row_length(m) * row + 3
-    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-    return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
+    n = factors.row_in(m, r)
+    return factors.act_of(m, n), hold_row(m, n)
 
 
 @njit(**OPTIONS)
 def hold_row(m, n):
-    """Place of the Jacobian of a contact or hold."""
+    """Place of the Jacobian of a contact or friction."""
     return place_of(m, MIDDLE_CUT) + row_length(m) * (m.plan[CUT_ROWS] + n) + 3
 
 
@@ -160,7 +154,7 @@ def solve_closed(m, A, pivots):
     solve(t)
     if count:
         for r in range(count):
-            A[x + r] = dry_friction.prescribed(m, A, r) - lugre_step.weight(m, A, r) * opening(m, t, r)
+            A[x + r] = factors.prescribed(m, A, r) - factors.weight(m, A, r) * opening(m, t, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         for r in range(count):
             for i in range(n):

@@ -5,15 +5,15 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import body
-from kaneflex.multibody.unilateral import friction_powers, lugre_step
+from kaneflex.multibody.unilateral import rows
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, ELASTIC,
-    GAP_RATE, GRAVITY, LOADS, LOSING, MODAL, NOW, ON, OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES,
-    PUSH_NOW, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, SUMS, WORKS, apart, shifted,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, GRAVITY, LOADS, LOSING, MODAL, NOW, ON,
+    OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, STORED, SUMS,
+    WORKS, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_layout import BODY
 
@@ -39,18 +39,15 @@ def energies(m):
         k = plan[SPRING] + spring_size(m) * n
         w[at + 1] += w[k + 4]
         w[at + 2] += w[k + 5]
-    for n in range(plan[ACTS] - plan[CONTACTS]):
-        k = plan[CONTACT] + CONTACT_SIZE * n
-        w[at + 1] += w[k + ELASTIC]
-        w[at + 2] += w[k + LOSING]
-    w[at] -= friction_powers.not_moved(m)
-    w[at + 1] += lugre_step.stored(m)
-    w[at + 2] += friction_powers.lost(m)
+    for n in range(-rows.frictions(m), rows.contacts(m)):
+        w[at + 1] += w[rows.at(m, n) + STORED]
+        w[at + 2] += w[rows.at(m, n) + LOSING]
+    w[at] -= rows.virtual_energy(m)
 
 
 @njit(**OPTIONS)
 def losses(m, out):
-    """Powers [W] at ``out``: dissipation, loads, and after the drives holds and contacts.
+    """Powers [W] at ``out``: dissipation, loads, and after the drives frictions and contacts.
 
     The loss of a contact is its work less its stored energy, since the loss itself is not smooth near zero depth.
     """
@@ -66,11 +63,8 @@ def losses(m, out):
             lost += w[rates + i] * total
     for n in range(plan[SPRINGS], plan[CONTACTS]):
         lost += w[plan[SPRING] + spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
-    contacts = plan[ACTS] - plan[CONTACTS]
-    for n in range(contacts):
-        k = plan[CONTACT] + CONTACT_SIZE * n
-        w[out + plan[WORKS] - contacts + n] = -w[k + PUSH_NOW] * w[k + GAP_RATE]
-    friction_powers.losses(m, out + plan[WORKS] - contacts)
+    for n in range(-rows.frictions(m), rows.contacts(m)):
+        w[out + plan[WORKS] - rows.contacts(m) + n] = rows.power(m, n)
     w[out] = lost
     for n in range(plan[SPRINGS] - plan[LOADS]):
         w[out + 1 + n] = 0.0

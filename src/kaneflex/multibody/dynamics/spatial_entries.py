@@ -43,8 +43,7 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time import collocation
-from kaneflex.multibody.unilateral.contacts import stand_closed
-from kaneflex.multibody.unilateral.discontinuous_loads import choose_sides
+from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
 
 CLOSED = 1e-7
 """Largest violation of redundant rows, in rad or sizes of the mechanism."""

@@ -7,10 +7,9 @@ import math
 from numba import njit
 from numba.types import boolean, int64, void
 
-from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.dynamics import powers
-from kaneflex.multibody.unilateral import dry_friction
-from kaneflex.multibody.unilateral.contacts import stand_closed
+from kaneflex.multibody.unilateral.active_set import stand_closed
+from kaneflex.multibody.unilateral.rows import RESULTS, at, contacts, frictions, results, rigid
 from kaneflex.multibody.compile.values import after, row_length
 from kaneflex.multibody.dynamics.algebra import force_at, minus, store
 from kaneflex.multibody.dynamics.courses import courses, prescribe
@@ -19,10 +18,9 @@ from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE, COURSES, CUT, DEPENDENT,
-    DRIVES, ELASTIC, ENTRY, EXTENT, GAP, HOLDS, JOINT, JOINT_ROWS, KEPT, LAW,
-    LOSING, MAGNITUDES, MEASURE, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, POWER, PRISMATIC, PUSH_NOW,
-    RATE, REACTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart, kernel, shifted,
+    ACCEL, BODIES, COORDINATES, COURSE, COURSES, CUT, DEPENDENT, ENTRY, EXTENT, JOINT, JOINT_ROWS, KEPT, MAGNITUDES,
+    MEASURE, MECHANISM, MODAL, MODE, N, NOW, NUMBERS, OPEN, OPTIONS, POWER, PRISMATIC, RATE, REACTIONS, SHAPES, SHUT,
+    SUMS, TOUCH, WORKS, Y, apart, kernel, shifted,
 )  # fmt: skip
 from kaneflex.multibody.model.spatial_layout import JOINT_NODE, SPEED
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -41,10 +39,9 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
     energies and powers.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
-    the reactions of cuts and holds, on the joint's second body; of every contact gap, force, stored energy, loss,
-    BEGUN_AT; of every hold force, speed, normal force, mode, bristles. sums: kinetic energy, strain energy, dissipated
-    power, potential energy of the weight. rates: powers of dissipation, loads, drives, holds, contacts. The rows close
-    the loops.
+    the reactions of cuts and frictions, on the joint's second body; then ``rows.results``. sums: kinetic energy, strain
+    energy, dissipated power, potential energy of the weight. rates: powers of dissipation, loads, drives, frictions,
+    contacts. The rows close the loops.
     """
     plan, w = m.plan, m.w
     k = 0
@@ -55,8 +52,8 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         demand(m, here[0])
         powers.powers(m)
         powers.energies(m)
-        touching, held = plan[ACTS] - plan[CONTACTS], plan[DRIVES] - plan[HOLDS]
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * (touching + held)))
+        touching = RESULTS * (contacts(m) + frictions(m))
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + touching))
         for b in range(plan[BODIES]):
             n, i, size = m.frames[b, 0], m.bodies[b, MODAL], m.bodies[b, SHAPES]
             store(after(q, k), m.r[n])
@@ -69,13 +66,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
             store(after(out, 3 * b), _exerted(m, b))
         for r in range(plan[REACTIONS]):
             out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
-        out = shifted(out, 3 * plan[BODIES] + plan[REACTIONS])
-        for c in range(touching):
-            of = plan[CONTACT] + CONTACT_SIZE * c
-            out[5 * c], out[5 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
-            out[5 * c + 2], out[5 * c + 3] = w[of + ELASTIC], w[of + LOSING]
-            out[5 * c + 4] = w[of + BEGUN_AT]
-        dry_friction.results_at(m, shifted(out, 5 * touching))
+        results(m, shifted(out, 3 * plan[BODIES] + plan[REACTIONS]))
         for j in range(4):
             sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):
@@ -163,13 +154,11 @@ def states(m, rows, count, first, held):
     held: STIFFNESS is an additional mass of coordinates if true. Returns the row that is singular, or whose resting
     contacts differ from those of the dependent coordinates, or their number.
     """
-    touching = m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
         out = shifted(rows, row * row_size(m))
         take(m, out)
-        for c in range(touching):
-            k = m.plan[CONTACT] + CONTACT_SIZE * c
-            if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
+        for n in range(contacts(m)):
+            if rigid(m, n) and (m.w[at(m, n) + MODE] != OPEN) != (m.w[at(m, n) + SHUT] != 0.0):
                 return row
         done = project_now(m, out[0], m.real, 1.0 if held else 0.0, 1 if held else 2)
         if not (done and (held or stand_closed(m, out[0], m.real))):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import after
+from kaneflex.multibody.compile.values import after, row_length, twists
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes
 from kaneflex.multibody.dynamics.kinematics import section_place
-from kaneflex.multibody.model.layout import OPTIONS, apart
+from kaneflex.multibody.model.layout import CUT, OPTIONS, apart, shifted
 from kaneflex.multibody.model.spatial_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.support.inner import once
 
@@ -22,6 +22,12 @@ def push(m, n, wrench):
     if on >= 0:
         wrench = force_at(wrench, minus(section_place(m, n), m.r[on]))
         m.wrenches[on] = axpy(-1.0, wrench, m.wrenches[on])
+
+
+@njit(**OPTIONS)
+def row_wrench(m, row, side):
+    """Wrench of a row's unit reaction on one of its sections."""
+    return twists(m, shifted(m.w, m.plan[CUT] + row_length(m) * row + 3))[side]
 
 
 @once

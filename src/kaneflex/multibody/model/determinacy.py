@@ -16,7 +16,7 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import NONE, Choice, State
-from kaneflex.multibody.unilateral.dry_friction import ARM, LAW_AT
+from kaneflex.multibody.unilateral.rows import ARM, LAW_AT
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor

@@ -33,9 +33,9 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 44
+SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 45
 """Sizes of entries in the plane. A section: x, y, theta and two rates. A cut's row: residual, two rates, Jacobian by
-the two twists. A contact: see :mod:`kaneflex.multibody.unilateral.contacts`."""
+the two twists. A unilateral or frictional row: see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 """First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
@@ -52,7 +52,7 @@ ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's n
 of the tree or elsewhere, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
 following force, in space the axis of a load or a spring; its numbers: a cut's direction and angle, a drive's or a
 load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
-(:mod:`kaneflex.multibody.unilateral.dry_friction`). Forces and moments of loads follow, of which a distributed load has
+(:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has
 two."""
 
 WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
@@ -66,29 +66,32 @@ FLANK, SWITCH = 2, -1
 """Kinds of contacts: flanks, by their number in :data:`kaneflex.generated.contact.KINDS`; switches, which touch
 nothing but are treated alike: arguments of loads' laws, which change at their zeros. The sections of a switch are
 the ground's, its number among the switches is in ROW_AT."""
-ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
-"""BEGUN_AT of a switch: the laws' side of zero, or that it stays at zero."""
+OPEN, CLOSED, STICKING, SLIPPING, RELEASED, FLOWING, BENDING = range(7)
+"""MODE of a unilateral or frictional row: without force; closed contact; friction that sticks, or slips; closed contact
+that would pull; friction by a function of the state; friction of bristles. MEMORY belongs to it: the approach speed of
+a closed or released contact's law, the position where friction sticks, its direction of slip (1 or -1), the deflection
+of bristles, the side of a switch."""
+MODE_SIZE = 2
+"""Numbers of a row in a row of the integration: MODE and MEMORY."""
+ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
+"""MEMORY of a switch: the laws' side of zero, or that it stays at zero."""
 (
-    GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, NORMAL_TURN, PUSH_NOW, ELASTIC, LOSING,
-    BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE,
+    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, SPEED_SIZE, BEFORE, FIRMEST, FORCE, STORED, LOSING,
+    MODE, MEMORY, DUE, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE,
     BEGAN_X, BEGAN_Y, NODES,
-) = range(25)  # fmt: skip
-"""Numbers of a contact: the output of :func:`kaneflex.generated.contact.gap`; its force, stored energy and loss; its
-closed state with the approach speed of its law (see :mod:`kaneflex.multibody.unilateral.contacts`); the error allowed
-in its gap; k and c of the factors; the effective mass along its normal; of the current impact its time, approach speed,
-impulse, peak force and previous loss; its change at the end of this step; the place where the impact began; then a
-step's nodes."""
-(
-    PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, FIRMEST,
-    MODE, STUCK_AT, SLOPE, BY_SPEED, DECAY, BY_PRESS, JAMS,
-) = *range(9), *range(BEGUN_AT, BEGUN_AT + 7)  # fmt: skip
-"""Numbers of a hold (:mod:`kaneflex.multibody.unilateral.dry_friction`): position along its row, speed and acceleration
-there; normal force, largest holding force, current force; size of the speeds whose difference is its own; previous
-force; largest g of bristles since its sides touch; mode; position where it stuck, or deflection of its bristles;
-damping; derivatives of the bristles' rate by speed, by deflection (negative) and by normal force; time when it first
-jammed. As of contacts, DUE and NODES follow; of bristles a node has speed, g, deflection, force."""
+) = range(26)  # fmt: skip
+"""Numbers of a row: gap with two rates; normal force, largest holding force, size of the speeds whose difference is its
+own, previous force, and largest g of bristles since its sides touch, all of friction; force, stored energy and loss;
+mode and what belongs to it; its change at the end of this step; of a contact the error allowed in its gap, k and c of
+the factors, the effective mass along its normal, and of the current impact its time, approach speed, impulse, peak
+force, previous loss and place; then a step's nodes."""
+PLACE, SLIP, SLIP_RATE = GAP, GAP_RATE, GAP_ACCEL
+BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
+"""Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
+bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. Of bristles a node has
+speed, g, deflection, force."""
 BORE = FIRMEST
-"""Numbers of a stuck hold, which has no bristles: the force at which it slips."""
+"""Numbers of sticking friction, which has no bristles: the force at which it slips."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,

@@ -23,6 +23,7 @@ from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.unilateral.rows import RESULTS
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -214,14 +215,12 @@ class CoupledSystem:
         """Motion of the bodies from rows of the engine with closed loops."""
         found = self.engine.unfold(rows)
         q, v, a = (part.take(self._place, axis=1) for part in found[:3])
-        held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
-        ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
+        held, ends, given = len(self.engine.holds), len(self.engine.rows), 1 + self.engine.inputs
+        ends = found[3][:, found[3].shape[1] - RESULTS * ends :].reshape(len(rows), ends, RESULTS)
         exerted = found[3][:, self.exerted]
         exerted[:, self._unknown] = np.nan
-        gaps = ends[:, :touching].reshape(len(rows), touching // 5, 5)
-        frictions = ends[:, touching:].reshape(len(rows), held // 5, 5)
-        frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
-        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
+        frictions = ends[:, held - len(self.mechanism.frictions) : held]
+        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], ends[:, held:], frictions)
 
     def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
         """Rows of the engine on the constraints, see :meth:`kaneflex.multibody.engine.Engine.states`.
@@ -260,10 +259,9 @@ class CoupledSystem:
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives); of every contact, and then of every switch of a law, its gap [m], force
-    [N], stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, normal
-    force, mode, deflection of its bristles [m or rad]. Dissipated power includes contacts and friction, the
-    dissipation of the powers does not."""
+    powers (dissipation, loads, drives); results of every contact, then of every switch of a law, and of every
+    friction, see :func:`kaneflex.multibody.unilateral.rows.results`. Dissipated power includes contacts and friction,
+    the dissipation of the powers does not."""
 
     q: np.ndarray
     v: np.ndarray

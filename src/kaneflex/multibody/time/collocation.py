@@ -26,7 +26,7 @@ from numba.types import boolean, float64, int64
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
 from kaneflex.multibody.time import event_location, stage_residuals
-from kaneflex.multibody.unilateral import contact_linearisation, contacts, dry_friction, lugre_step, stick_slip
+from kaneflex.multibody.unilateral import active_set, factors, step_rows, stick_slip
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.time.coefficients import TABLE, basis
 from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
@@ -36,7 +36,7 @@ from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
     ACCEL, ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED,
     HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE, RATE_SCALE,
-    REACTION, REACTIONS, ROW_AT, ROW_OF, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C,
+    REACTION, REACTIONS, ROW_AT, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C,
     STAGE_P, STAGE_R, WORKS, Y, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
@@ -89,7 +89,7 @@ def _factors(m, table, t, h, here, A, B, sloped):
     prescribe(m, t + step)
     if not close(m, NEAR):
         return False
-    contact_linearisation.let_yield(m, h, here)
+    step_rows.let_yield(m, h, here)
     m.pivots[SLOPED] = 0
     if sloped:
         load_derivatives.find(m, t + 0.5 * h, h, here)
@@ -134,7 +134,7 @@ def _stage(m, table, t, h, i, here):
     for k in range(count):
         w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
     event_location.note(m, t + c * h, i + 1)
-    dry_friction.store_stage(m, i)
+    step_rows.store_stage(m, i)
     return True
 
 
@@ -157,7 +157,7 @@ def _improve(m, table, h, A, B):
     n, count = plan[COORDINATES], plan[KEPT]
     answer = plan[COLUMNS] + count * n
     stage_residuals.ask(m, table, h, A, B)
-    dry_friction.prescribe_in_stages(m, table.into, A, B)
+    step_rows.prescribe_in_stages(m, table.into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     if m.pivots[SLOPED]:
@@ -177,13 +177,14 @@ def _improve(m, table, h, A, B):
                 d = one * A[answer + k] + (two * B[answer + k]).real
                 w[plan[STAGE_A] + n * i + k] += d
                 change = larger(change, h * h * abs(d) / w[plan[SCALE] + k])
-        for r in range(count):
-            d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
-            w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
+        for r in range(count + m.pivots[YIELDING]):
+            row = factors.reaction_of(m, r)
+            if row >= 0:
+                d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
+                w[plan[STAGE_R] + plan[REACTIONS] * i + row] += d
         if m.pivots[YIELDING]:
-            gaps = contact_linearisation.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B)
+            gaps = step_rows.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B)
             change = larger(change, gaps)
-            dry_friction.add_in_stages(m, i, one, two, A, B)
         for cut in range(plan[CUTS], plan[DRIVES]):
             if m.acts[cut, COURSE_AT] >= 0:
                 force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
@@ -205,7 +206,7 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
                 return False
             if iteration > 0:
                 losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
-        lugre_step.bend(m, table, h, here)
+        step_rows.bend(m, table, h, here)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -248,10 +249,10 @@ def _error(m, table, h, here, A):
         error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
     resist(m, step, shifted(w, at), A, answer)
     if m.pivots[YIELDING]:
-        contact_linearisation.resist_defect(m, step, A, answer)
+        step_rows.resist_defect(m, step, A, answer)
     if m.pivots[SLOPED]:
         load_derivatives.resist_defect(m, step, shifted(w, at), A, answer)
-    dry_friction.prescribe_nothing(m, A)
+    factors.prescribe_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, step, A, plan[SLOPE_PIVOTS])
@@ -261,7 +262,7 @@ def _error(m, table, h, here, A):
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, 0.5 * h * h * contact_linearisation.error_of_gaps(m, h, step, A, answer))
+        error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, h, step, A, answer))
     return error
 
 
@@ -271,7 +272,7 @@ def _finish(m, table, h, end, here, A):
     apart()
     plan, w = m.plan, m.w
     n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
-    contact_linearisation.notice_jams(m, here[0], h * table.real[0], A)
+    step_rows.notice_jams(m, here[0], h * table.real[0], A)
     b_1, b_2 = table.b_1, table.b_2
     w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
     for k in range(n):
@@ -283,7 +284,7 @@ def _finish(m, table, h, end, here, A):
     of = plan[STAGE_R]
     for k in range(r):
         w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
-    lugre_step.bent_at_end(m, table, h, here)
+    step_rows.bent_at_end(m, table, h, here)
     if not follow(m, end):
         return SINGULAR
     if change_points.strays(m, table, h, here):
@@ -310,7 +311,7 @@ def project(m, t):
     The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts with overlapping sides are closed. False at a
     singular state.
     """
-    closed = project_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
+    closed = project_now(m, t, m.real, 0.0, 2) and active_set.stand_closed(m, t, m.real)
     return closed and stick_slip.decide(m, t, m.real) == 0
 
 
@@ -335,7 +336,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     taken, tried, status = 0, 0, DONE
     m.pivots[BY_FORCES] = width(m) == 6
     while row + 1 < count:
-        if (tried >= control[2] and trial == 0.0) or (touching and contacts.full(m)):
+        if (tried >= control[2] and trial == 0.0) or (touching and active_set.full(m)):
             status = PAUSED
             break
         tried += 1

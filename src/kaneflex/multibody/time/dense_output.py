@@ -13,8 +13,9 @@ import numpy as np
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
-from kaneflex.multibody.unilateral import friction_results
+from kaneflex.multibody.unilateral.results import RowRecord
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -142,13 +143,12 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     energy, loss, power = balance(found, dissipated, supplied)
     contacts = path.contacts
     if contacts is not None:
-        lost = piece.line(contacts.lost)
-        gap, force = (found.gaps[:, : len(contacts.names), k] for k in (0, 1))
-        contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=found.gaps[:, :, 4])
+        gaps = found.gaps[:, : len(contacts.names)]
+        contacts = RowRecord.of(contacts.names, gaps, piece.line(contacts.lost), contacts.impacts)
     frictions = path.frictions
     if frictions is not None:
         lost = piece.line(frictions.lost)
-        frictions = friction_results.FrictionRecord.of(frictions.names, found.frictions, lost, frictions.jams)
+        frictions = RowRecord.of(frictions.names, found.frictions, lost, jams=frictions.jams)
     return replace(
         trajectory, rows=rows, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
         power=power, contacts=contacts, frictions=frictions,
@@ -158,20 +158,21 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
 def _modes(
     system: CoupledSystem, path: CoupledTrajectory, piece: Pieces, k: np.ndarray, times: np.ndarray
 ) -> np.ndarray:
-    """Modes of contacts and holds at ``times`` [s], whose last knots are ``k``."""
-    modes, held = path.rows[:, system.engine.columns["modes"]], len(system.engine.holds)
-    before, after = (modes[np.minimum(n, len(modes) - 1)] for n in (k, k + 1))
+    """Modes of contacts and frictions at ``times`` [s], whose last knots are ``k``."""
+    modes, rows = path.rows[:, system.engine.columns["modes"]], len(system.engine.rows)
+    before, after = (modes[np.minimum(n, len(modes) - 1)].reshape(len(times), rows, at.MODE_SIZE) for n in (k, k + 1))
     on = (path.times[k] == times)[:, None]
-    found = np.where((before != 0.0) | on, before, after)
-    bends = np.array([each.law == "lugre" for each in system.mechanism.frictions.values()], bool)
-    columns = modes.shape[1] - len(bends) + np.flatnonzero(bends)
-    found[:, columns] = piece.line(modes)[:, columns]
-    rigid = np.zeros(modes.shape[1], bool)
-    rigid[held : held + len(system.mechanism.contacts)] = [
+    found = np.where(((before[:, :, 0] != at.OPEN) | on)[:, :, None], before, after)
+    between = piece.line(modes).reshape(found.shape)
+    bends = found[:, :, 0] == at.BENDING
+    found[bends, 1] = between[bends, 1]
+    rigid = np.zeros(rows, bool)
+    first = len(system.engine.holds)
+    rigid[first : first + len(system.mechanism.contacts)] = [
         contact.law == "newton" for contact in system.mechanism.contacts.values()
     ]
-    found[~on & ((before == 0.0) | (after == 0.0)) & rigid] = 0.0
-    return found
+    found[~on & ((before[:, :, 0] == at.OPEN) | (after[:, :, 0] == at.OPEN)) & rigid, 0] = at.OPEN
+    return found.reshape(len(times), -1)
 
 
 def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:

@@ -13,20 +13,24 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.unilateral import dry_friction, stick_slip
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.dynamics.forces import rests
-from kaneflex.multibody.unilateral.contact_numbers import EPS, at, extent, near, no_force, rigid, switches, tolerance
-from kaneflex.multibody.unilateral.contacts import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
-from kaneflex.multibody.time.state_record import take
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds, of_impacts
-from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.model.layout import (
-    ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS, LARGEST, LAW,
-    LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, REACTIONS, RESISTING_MASS, RESTED, RIGID, ROW_AT,
-    SEC, SECTION, SHIFT, STAGE_R, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
+    AIM, ALLOWED, AT, BENDING, CLOSED, DUE, FLANK, FLOWING, FORCE, FOUND_AT, GAP, GAP_ACCEL, GAP_RATE, HIGH, LARGEST,
+    LAW, LOW, MEMORY, MODE, NODES, NOW, OPEN, OPTIONS, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID,
+    SEC, SECTION, SHIFT, SLIPPING, STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
+from kaneflex.multibody.time.state_record import take
+from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
+from kaneflex.multibody.unilateral import stick_slip
+from kaneflex.multibody.unilateral.active_set import (
+    CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
+from kaneflex.multibody.unilateral.rows import (
+    EPS, act_of, at, contacts, exert, extent, frictions, law_at, near, no_force, rigid, row_at, switches,
+)  # fmt: skip
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
 """Findings in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end does not
@@ -36,7 +40,7 @@ _MANY = 30
 _PRESSED = 1e-8
 """Approach acceleration, relative to the sides' accelerations, that counts as pressing."""
 _NONE = -1000000
-"""Index of no contact and no hold."""
+"""Index of no row."""
 _FIRST_HYSTERETIC = 2
 """First law, by number, that divides by an approach speed."""
 _FAR_FASTER = 3.0
@@ -53,23 +57,24 @@ def searched(m):
 @of_changes(None)
 @njit(**OPTIONS)
 def note(m, t, i):
-    """Store gap, rate, force and sign of the force of all contacts as those of the step's node i."""
+    """Store gap, rate, force and sign of the force of all contacts as those of the step's node i, and what is monitored
+    of frictions."""
     apart()
-    plan, w = m.plan, m.w
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        k, act = at(m, c), plan[CONTACTS] + c
+    w = m.w
+    for n in range(contacts(m)):
+        k = at(m, n)
         j = k + NODES + 4 * i
-        w[j], w[j + 1], w[j + 2], w[j + 3] = gap_of(m, c), w[k + GAP_RATE], w[k + PUSH_NOW], 1.0
-        if switches(m, c):
+        w[j], w[j + 1], w[j + 2], w[j + 3] = gap_of(m, n), w[k + GAP_RATE], w[k + FORCE], 1.0
+        if switches(m, n):
             w[k + LARGEST] = larger(w[k + LARGEST], abs(w[k + GAP]))
-        elif rigid(m, c):
-            w[j + 3] = w[k + PUSH_NOW]
-        elif w[k + BEGUN_AT] != 0.0:
+        elif rigid(m, n):
+            w[j + 3] = w[k + FORCE]
+        elif w[k + MODE] != OPEN:
             # at zero depth the force is zero, only its sign counts
-            least, w[j + 3] = -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION], w[k + PUSH_NOW]
-            if w[k + BEGUN_AT] < 0.0 or w[k + GAP] > least:
-                law, own, gap = m.acts[act, LAW], m.acts[act, NUMBERS_AT], smaller(w[k + GAP], least)
-                w[j + 3] = touching.normal_force(law, w, own, abs(w[k + BEGUN_AT]), gap, w[k + GAP_RATE])
+            least, w[j + 3] = -1e-6 * w[k + ALLOWED] / w[m.plan[TOUCH] + PRECISION], w[k + FORCE]
+            if w[k + MODE] == RELEASED or w[k + GAP] > least:
+                law, gap = m.acts[act_of(m, n), LAW], smaller(w[k + GAP], least)
+                w[j + 3] = touching.normal_force(law, w, law_at(m, n), w[k + MEMORY], gap, w[k + GAP_RATE])
     stick_slip.store_node(m, t, i)
 
 
@@ -115,25 +120,22 @@ def begin(m, t):
     that closes them again. Sides pressed together at the start close at once.
     """
     apart()
-    w = m.w
-    w[m.plan[TOUCH] + AIM] = math.inf
+    w, shared = m.w, m.plan[TOUCH]
+    w[shared + AIM] = math.inf
     meet_all(m, t)
-    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
-        k = at(m, act - m.plan[CONTACTS])
-        if m.acts[act, LAW] == NEWTON and w[k + BEGUN_AT] == 0.0:
-            rate = w[k + GAP_RATE]
-            zero = tolerance(m, act - m.plan[CONTACTS], t, rate)
-            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * size_of(m, act, 6)), NOISE * size_of(m, act, 3))
-            w[k + SHIFT] = 0.0
-            bent = acceleration(m, act)
-            if abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * size_of(m, act, 6):
-                w[k + SHIFT] = 8.0 * zero
-            aim = _meets(w[k + GAP] + w[k + SHIFT], rate, bent)
+    for n in range(contacts(m)):
+        k, rate = at(m, n), w[at(m, n) + GAP_RATE]
+        if rigid(m, n) and w[k + MODE] == OPEN:
+            zero, bent = near(m, n, t, rate), w[k + GAP_ACCEL]
+            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * motion_size(m, n, 6)), NOISE * motion_size(m, n, 3))
+            parts = abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * motion_size(m, n, 6)
+            w[k + SHIFT] = 8.0 * zero if parts else 0.0
+            aim = _meets(gap_of(m, n), rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
             # too short a time to leave a gap of rounding size
-            if w[k + GAP] + w[k + SHIFT] > zero and 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
-                w[m.plan[TOUCH] + AIM] = aim
-    stick_slip.begin(m)
+            if gap_of(m, n) > zero and 16.0 * EPS * abs(t) < aim < w[shared + AIM]:
+                w[shared + AIM] = aim
+    exert(m)
     note(m, t, 0)
 
 
@@ -180,11 +182,12 @@ def next_trial(m, found):
 @njit(**OPTIONS)
 def unturned(m):
     """Longest step [s] in which no body with an open contact turns by more than 1 rad; without flanks."""
-    plan, w, fastest = m.plan, m.w, 1e-300
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        if w[at(m, c) + BEGUN_AT] == 0.0 and m.acts[plan[CONTACTS] + c, WHAT] != FLANK:
+    w, fastest = m.w, 1e-300
+    for n in range(contacts(m)):
+        act = act_of(m, n)
+        if w[at(m, n) + MODE] == OPEN and m.acts[act, WHAT] != FLANK:
             for side in range(2):
-                fastest = larger(fastest, abs(w[plan[SECTION] + SEC * m.acts[plan[CONTACTS] + c, AT + side] + 5]))
+                fastest = larger(fastest, abs(w[m.plan[SECTION] + SEC * m.acts[act, AT + side] + 5]))
     return 1.0 / fastest
 
 
@@ -207,15 +210,12 @@ def look(m, table, t, h, here, searched):
     if not searched:
         forget(m)
     first, which, how, at_end = NEVER, _NONE, 0, True
-    for c in range(plan[HOLDS] - plan[DRIVES], plan[ACTS] - plan[CONTACTS]):
-        w[at(m, c) + DUE] = 0.0
-        if c >= 0:
-            x, kind = _first_change(m, table, t, h, here, c, last)
-        else:
-            x, kind = _first_shift(m, table, t, h, here, c, last), SHIFTS
-        at_end = at_end and (x == NEVER or (x > 0.9 and _due(m, t, c, kind, last)))
+    for n in range(-frictions(m), contacts(m)):
+        w[at(m, n) + DUE] = 0.0
+        x, kind = _first_change(m, table, t, h, here, n, last)
+        at_end = at_end and (x == NEVER or (x > 0.9 and _due(m, t, n, kind, last)))
         if x < first:
-            first, which, how = x, c, kind
+            first, which, how = x, n, kind
     high = w[shared + HIGH]
     finest = 4.0 * EPS * larger(abs(t), h)
     if which != _NONE and first * h <= finest and not (searched and w[shared + LOW] > 0.0):
@@ -247,13 +247,12 @@ def _note_rests(m, t, h, last):
     """
     apart()
     plan, w, found = m.plan, m.w, False
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        row = m.acts[plan[CONTACTS] + c, ROW_AT]
-        if rests(m, plan[CONTACTS] + c):
+    for n in range(contacts(m)):
+        if rests(m, act_of(m, n)):
             if not found and not mend(m, t + h, m.real, 0.0, 1):
                 return False
-            k, found = at(m, c), True
-            unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * extent(m, c) * w[k + RESISTING_MASS] / (h * h)
+            k, row, found = at(m, n), row_at(m, n), True
+            unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * extent(m, n) * w[k + RESISTING_MASS] / (h * h)
             for i in range(1, 4):
                 j = k + NODES + 4 * i
                 w[j + 2] = w[plan[STAGE_R] + plan[REACTIONS] * (i - 1) + row]
@@ -263,92 +262,73 @@ def _note_rests(m, t, h, last):
 
 
 @njit(**OPTIONS)
-def _first_change(m, table, t, h, here, c, last):
-    """First change of a contact in the step, as a share of it, and its kind."""
+def _first_change(m, table, t, h, here, n, last):
+    """First change of a row in the step, as a share of it, and its kind.
+
+    The gap of an open contact, or the speed of slipping friction, falls to zero; the gap of a closed contact rises to
+    zero; the force of a closed contact, the reserve of sticking friction, or the pull of a released contact ends.
+    """
     apart()
-    w, k = m.w, at(m, c)
-    begun_at, j = w[k + BEGUN_AT], k + NODES
+    w, mode = m.w, m.w[at(m, n) + MODE]
+    if mode == FLOWING or mode == BENDING or (mode == OPEN and n < 0):
+        return NEVER, 0
     for i in range(last):
         x_a, x_b = shares(table, i, last)
-        wide, a, b = x_b - x_a, j + 4 * i, j + 4 * (i + 1)
+        wide, a = x_b - x_a, at(m, n) + NODES + 4 * i
+        b = a + 4
         p_0, m_0, p_1, m_1 = w[a], w[a + 1] * h, w[b], w[b + 1] * h
-        if begun_at == 0.0 or switches(m, c):
-            if p_1 <= 0.0 and (m_1 < 0.0 or p_0 > 0.0 or m_0 < 0.0):
-                return x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide), CLOSES
-            if p_1 > 0.0:
-                x = dips(m, table, t, h, here, c, i, last)
-                if x < NEVER:
-                    return x, CLOSES
+        if mode == OPEN or mode == SLIPPING:
+            zero = w[b + 2] if n < 0 else 0.0
+            due = p_1 <= 0.0 and (m_1 < 0.0 or p_0 > 0.0 or m_0 < 0.0)
+            if n < 0:
+                due = p_1 < -zero or (p_1 <= zero and m_1 < 0.0 and p_0 > zero)
+            x = NEVER
+            if due:
+                x = x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide)
+            elif p_1 > zero:
+                x = dips(m, table, t, h, here, n, i, last)
+            if x < NEVER:
+                return x, SHIFTS if n < 0 else CLOSES
             continue
         x, how = NEVER, 0
-        if p_1 > 0.0 and m_1 > 0.0 and not rigid(m, c):
+        if n >= 0 and p_1 > 0.0 and m_1 > 0.0 and not rigid(m, n):
             x, how = x_a + wide * falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
-        sign_0, sign_1, none = w[a + 3], w[b + 3], no_force(m, c)
-        if begun_at > 0.0 and sign_1 < -none and (m_1 > 0.0 or rigid(m, c)):
-            share = sign_0 / (sign_0 - sign_1) if sign_0 > 0.0 else 0.0
-            if x_a + wide * share < x:
-                x, how = x_a + wide * share, LETS_GO
-        if begun_at < 0.0 and sign_1 > none:
-            share = sign_0 / (sign_0 - sign_1) if sign_0 < 0.0 else 0.0
-            if x_a + wide * share < x:
-                x, how = x_a + wide * share, PUSHES
+        sign, none = -1.0 if mode == RELEASED else 1.0, no_force(m, n) if n >= 0 else w[b + 2]
+        f_0, f_1 = sign * w[a + 3], sign * w[b + 3]
+        if f_1 < -none and (mode != CLOSED or m_1 > 0.0 or rigid(m, n)):
+            share = x_a + wide * (f_0 / (f_0 - f_1) if f_0 > 0.0 else 0.0)
+            if share < x:
+                x, how = share, SHIFTS if n < 0 else LETS_GO if mode == CLOSED else PUSHES
         if how:
             return x, how
     return NEVER, 0
 
 
-@of_holds(NEVER)
 @njit(**OPTIONS)
-def _first_shift(m, table, t, h, here, n, last):
-    """First stick, slip or reversal of a hold in the step, as a share of it."""
-    apart()
-    w, k = m.w, at(m, n)
-    mode = w[k + MODE]
-    if mode == dry_friction.IDLE or mode == dry_friction.FLOWS or mode == dry_friction.BENDS:
-        return NEVER
-    for i in range(last):
-        x_a, x_b = shares(table, i, last)
-        j = k + NODES + 4 * i
-        p_0, m_0, p_1, m_1, near = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h, w[j + 6]
-        wide = x_b - x_a
-        if mode == dry_friction.STUCK:
-            if p_1 < -near:
-                return x_a + wide * (p_0 / (p_0 - p_1) if p_0 > 0.0 else 0.0)
-        elif p_1 < -near or (p_1 <= near and m_1 < 0.0 and p_0 > near):
-            return x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide)
-        elif p_1 > near:
-            x = dips(m, table, t, h, here, n, i, last)
-            if x < NEVER:
-                return x
-    return NEVER
-
-
-@njit(**OPTIONS)
-def _due(m, t, c, how, last):
-    """True if a contact changes at the step's end, up to rounding."""
-    w = m.w
-    j = at(m, c) + NODES + 4 * last
+def _due(m, t, n, how, last):
+    """True if a row changes at the step's end, up to rounding."""
+    w, j = m.w, at(m, n) + NODES + 4 * last
     if how == SHIFTS:
-        return stick_slip.due(m, c, last)
+        return abs(w[j]) <= w[j + 2] and (w[at(m, n) + MODE] == STICKING or w[j + 1] < 0.0)
     if how == CLOSES or how == OPENS:
-        return abs(w[j]) <= near(m, c, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
-    return abs(w[j + 3]) <= no_force(m, c)
+        return abs(w[j]) <= near(m, n, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
+    return abs(w[j + 3]) <= no_force(m, n)
 
 
 @njit(**OPTIONS)
-def _is_short_of(m, t, c, how, last):
-    """True if an open contact at the step's end has yet to close, or a hold to slip, stick or reverse."""
-    j = at(m, c) + NODES + 4 * last
+def _is_short_of(m, t, n, how, last):
+    """True if an open contact at the step's end has yet to close, or a friction to slip, stick or reverse."""
+    j = at(m, n) + NODES + 4 * last
     if how == SHIFTS:
         return m.w[j] > m.w[j + 2]
-    return how == CLOSES and m.w[j] > near(m, c, t, m.w[j + 1])
+    return how == CLOSES and m.w[j] > near(m, n, t, m.w[j + 1])
 
 
 @njit(**OPTIONS)
-def _ahead(m, table, h, c, how, last):
-    """Time from a step's end to a contact's change, by linear extrapolation [s]."""
-    w, j = m.w, at(m, c) + NODES + 4 * last
-    if how == CLOSES or how == OPENS or (how == SHIFTS and w[at(m, c) + MODE] != dry_friction.STUCK):
+def _ahead(m, table, h, n, how, last):
+    """Time from a step's end to a row's change, by linear extrapolation [s]."""
+    w, j = m.w, at(m, n) + NODES + 4 * last
+    if how == CLOSES or how == OPENS or w[at(m, n) + MODE] == SLIPPING:
         return -w[j] / w[j + 1] if w[j + 1] != 0.0 else 0.0
     slope = (w[j + 3] - w[j - 1]) / (h * (1.0 - table.nodes[last - 2]))
     return -w[j + 3] / slope if slope != 0.0 else 0.0
@@ -358,10 +338,10 @@ def _ahead(m, table, h, c, how, last):
 def _harden(m, last):
     """Mark contacts whose speed at the step's end far exceeds the approach speed by which their law divides."""
     apart()
-    plan, w, found = m.plan, m.w, False
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        k = at(m, c)
-        if w[k + BEGUN_AT] > 0.0 and _FIRST_HYSTERETIC <= m.acts[plan[CONTACTS] + c, LAW] < NEWTON:
-            if -w[k + NODES + 4 * last + 1] > _FAR_FASTER * w[k + BEGUN_AT]:
+    w, found = m.w, False
+    for n in range(contacts(m)):
+        k = at(m, n)
+        if w[k + MODE] == CLOSED and _FIRST_HYSTERETIC <= m.acts[act_of(m, n), LAW] < NEWTON:
+            if -w[k + NODES + 4 * last + 1] > _FAR_FASTER * w[k + MEMORY]:
                 w[k + DUE], found = HARDENS, True
     return found

@@ -22,7 +22,8 @@ from kaneflex.multibody.time.coefficients import GAUSS, RADAU
 from kaneflex.multibody.time.dense_output import balance
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.multibody.unilateral import friction_results, impact_results
+from kaneflex.multibody.unilateral import results
+from kaneflex.multibody.unilateral.rows import STORED_AT as STORED
 
 _PATIENCE = 5_000_000
 """Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
@@ -111,7 +112,7 @@ class Run:
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
         self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), _NONE
-        self.impacts: tuple[impact_results.Impact, ...] = ()
+        self.impacts: tuple[results.Impact, ...] = ()
         self.changes: list[np.ndarray] = []
         self.projected, self.step = self._begun(start)
         self.here = self.engine.row(float(times[0]))
@@ -130,7 +131,7 @@ class Run:
         self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
         regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
         if self.touching:
-            self.stored = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), 2]
+            self.stored = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), STORED]
         return regular, step
 
     @property
@@ -190,7 +191,7 @@ class Run:
         if ended != collocation.TOO_SMALL:
             return None
         frictions, states = self.system.mechanism.frictions, self.system.unfold(self.here[None]).frictions[0]
-        for (name, own), (_, speed, pressed, *_) in zip(frictions.items(), states, strict=True):
+        for (name, own), (_, speed, _, pressed, *_) in zip(frictions.items(), states, strict=True):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
                 return Outcome.UNSTABLE, (
@@ -228,7 +229,7 @@ class Run:
         if not len(self.engine.holds) or self.step >= _TINY * self.longest:
             return False
         contacts = self.system.mechanism.contacts.values()
-        closed = self.engine.contacts[: len(contacts), at.BEGUN_AT] != 0.0
+        closed = self.engine.contacts[: len(contacts), at.MODE] != at.OPEN
         return not any(shut and each.law == "newton" for shut, each in zip(closed, contacts, strict=True))
 
     def _agrees(self) -> bool:
@@ -272,7 +273,7 @@ class Run:
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
         self.sloped = float(control[7])
         if self.touching:
-            self.impacts += impact_results.over(self.touching, self.engine.take_impacts())
+            self.impacts += results.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
             rows = self.engine.choice.rows.tolist()
@@ -317,18 +318,15 @@ class Run:
         found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
         done, count, held = rows[:, -works:], found.gaps.shape[1], found.frictions.shape[1]
         gaps = found.gaps[:, : len(self.touching)]  # the switches of laws follow them
-        lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
+        lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, STORED] - self.stored)
         happened = self.impacts
         if self.touching:
             self.system.unfold(self.here[None])
-            happened += impact_results.lasting(self.touching, self.engine, self.here)
-        begun = found.gaps[:, :, 4]
-        contacts = impact_results.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
-        rubs = tuple(self.system.mechanism.frictions)
-        firm = np.array([self.system.mechanism.frictions[name].stiffness for name in rubs])
-        rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
+            happened += results.lasting(self.touching, self.engine, self.here)
+        contacts = results.RowRecord.of(self.touching, gaps, lost, happened)
+        rubbed = done[:, works - count - held : works - count] - found.frictions[:, :, STORED]
         jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
-        frictions = friction_results.FrictionRecord.of(rubs, found.frictions, rubbed, jams)
+        frictions = results.RowRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed, jams=jams)
         return CoupledTrajectory(
             rows, found.q, found.v, found.a, found.reactions,
             *balance(

@@ -105,7 +105,8 @@ class SpatialRun(run.Run, Curve):
         for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
             curve, (path, choice) = self._curves[steps[first]], self.pieces[steps[first]]
             given[first:last, :n], given[first:last, n:] = curve(times[first:last])
-            system.engine.contacts[:, at.BEGUN_AT] = path[0, system.engine.columns["modes"]]  # sides of discontinuities
+            modes = path[0, system.engine.columns["modes"]]  # sides of discontinuities
+            system.engine.modes[:] = modes.reshape(-1, at.MODE_SIZE)
             try:
                 system.near(choice, times[first:last], given[first:last], out[first:last])
             except ArithmeticError as reason:

@@ -1,4 +1,4 @@
-"""Row of the compiled integration: motion, modes of contacts and holds, and works."""
+"""Row of the compiled integration: motion, modes of contacts and frictions, and works."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ from numba import njit
 
 from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.dynamics import rotation_vectors
-from kaneflex.multibody.unilateral import dry_friction
+from kaneflex.multibody.unilateral.rows import at, contacts, frictions
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, DRIVES, HOLDS, NOW, OPTIONS, RATE, REACTIONS,
-    WORKS, Y, apart, shifted,
+    ACCEL, COORDINATES, MEMORY, MODE, MODE_SIZE, NOW, OPTIONS, RATE, REACTIONS, WORKS, Y, apart, shifted,
 )  # fmt: skip
 
 
 @njit(**OPTIONS)
 def row_size(m):
-    """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
-    of the holds, BEGUN_AT of the contacts, positions of stuck holds, in space quaternions of balls in place of these,
-    works."""
+    """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and frictions,
+    MODE and MEMORY of the frictions and contacts, in space quaternions of balls, works."""
     return works_at(m) + m.plan[WORKS]
 
 
@@ -29,8 +27,8 @@ def works_at(m):
 
 @njit(**OPTIONS)
 def modes(m):
-    """Number of entries of a row for the modes of contacts and holds."""
-    return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
+    """Number of entries of a row for the modes of contacts and frictions."""
+    return MODE_SIZE * (frictions(m) + contacts(m))
 
 
 @njit(**OPTIONS)
@@ -48,12 +46,10 @@ def _standing_in_space(m):
 
 @njit(**OPTIONS)
 def _take_modes(m, row):
-    """Set the modes of contacts and holds from a row."""
-    plan, w = m.plan, m.w
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
-    dry_friction.read_row(m, row, held + touching)
+    """Set the modes of contacts and frictions from a row."""
+    for n in range(-frictions(m), contacts(m)):
+        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
+        m.w[k + MODE], m.w[k + MEMORY] = row[i], row[i + 1]
 
 
 @njit(**OPTIONS)
@@ -71,12 +67,10 @@ def _stands_in_space(m, row):
 
 @njit(**OPTIONS)
 def _store_modes(m, row):
-    """Store the modes of contacts and holds in a row."""
-    plan, w = m.plan, m.w
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        row[k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
-    dry_friction.write_row(m, row, held + touching)
+    """Store the modes of contacts and frictions in a row."""
+    for n in range(-frictions(m), contacts(m)):
+        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
+        row[i], row[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
 
 
 @njit(**OPTIONS)

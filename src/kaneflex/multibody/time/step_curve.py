@@ -8,14 +8,13 @@ from __future__ import annotations
 import math
 from numba import njit
 
-from kaneflex.multibody.unilateral import dry_friction
 from kaneflex.multibody.dynamics.forces import load_sizes, meet
-from kaneflex.multibody.unilateral.contact_numbers import at, near, rigid
 from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, GAP, GAP_RATE, HOLDS, MODE, NODES, OPTIONS, RATE, SHIFT, SLIP,
-    SLIP_RATE, STAGE_A, SWITCH, WHAT, Y, apart, larger,
+    ACCEL, COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, OPTIONS, RATE, SHIFT, SLIP, SLIP_RATE, STAGE_A, Y,
+    apart, larger,
 )  # fmt: skip
+from kaneflex.multibody.unilateral.rows import act_of, at, contacts, frictions, near, rigid, row_of, switches
 
 NEVER = 2.0
 
@@ -24,17 +23,16 @@ NEVER = 2.0
 def gap_of(m, c):
     """Gap of a contact [m], beyond rounding if it has separated from a rigid side without speed."""
     k = at(m, c)
-    return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + BEGUN_AT] == 0.0 else m.w[k + GAP]
+    return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + MODE] == OPEN else m.w[k + GAP]
 
 
 @njit(**OPTIONS)
 def meet_all(m, t):
     """Evaluate all contacts and switches of laws at the current position."""
-    last = m.plan[ACTS] - 1
-    if m.acts[last, WHAT] == SWITCH:
+    if switches(m, contacts(m) - 1):
         load_sizes(m, t)
-    for act in range(m.plan[CONTACTS], last + 1):
-        meet(m, act)
+    for n in range(contacts(m)):
+        meet(m, act_of(m, n))
 
 
 @njit(**OPTIONS)
@@ -66,8 +64,8 @@ def between(m, table, t, h, here, x):
     if not follow(m, t + x * h):
         return False
     meet_all(m, t + x * h)
-    for n in range(plan[HOLDS] - plan[DRIVES], 0):
-        dry_friction.row_of(m, n)
+    for row in range(-frictions(m), 0):
+        row_of(m, row)
     return True
 
 
@@ -94,7 +92,7 @@ def dips(m, table, t, h, here, c, i, last):
             return NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if c < 0:
-            gap, rate = w[k + MODE] * w[k + SLIP] + tiny, w[k + MODE] * w[k + SLIP_RATE] * h
+            gap, rate = w[k + MEMORY] * w[k + SLIP] + tiny, w[k + MEMORY] * w[k + SLIP_RATE] * h
         if gap <= 0.0:
             wide = x - begin_x
             return begin_x + wide * falls(g_0, r_0 * wide, gap, rate * wide)

@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.model.system import Unfolded
-from kaneflex.multibody.unilateral import friction_results, impact_results
+from kaneflex.multibody.unilateral.results import RowRecord
 
 _NONE = np.zeros(0)
 
@@ -34,10 +34,8 @@ class CoupledTrajectory:
         Accepted and rejected steps.
     ends : ndarray (steps,)
         Instants [s] at which the steps of a whole run under the control of their error ended.
-    contacts : ContactRecord or None
+    contacts, frictions : RowRecord or None
         Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
-    frictions : FrictionRecord or None
-        The same of frictions.
     changes : CoupledTrajectory or None
         The states before and after each change of a contact or a friction, one after the other, as far as they are
         kept: speeds and accelerations may jump there.
@@ -59,8 +57,8 @@ class CoupledTrajectory:
     message: str
     ns_per_step: float
     ends: np.ndarray = field(default_factory=lambda: _NONE)
-    contacts: impact_results.ContactRecord | None = None
-    frictions: friction_results.FrictionRecord | None = None
+    contacts: RowRecord | None = None
+    frictions: RowRecord | None = None
     changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
 

@@ -24,17 +24,19 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.model.layout import (
     ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, OPTIONS, TOUCHING, apart, larger,
 )  # fmt: skip
 
 (
     OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
-    SCALES, VECTORS,
-) = range(15)  # fmt: skip
-"""Vectors over the rows of touching contacts, then of holds: rates before and after, impulses, forces at rest,
-accelerations, the problem's b, active rows; for a hold its mu, constant resistance, and the row of its normal force
-or -1; for a contact whether it does not bounce, whether it was at rest, and a negligible rate; row scales."""
+    SCALES, UNIT, TRIED, VECTORS,
+) = range(17)  # fmt: skip
+"""Vectors over the rows of touching contacts, then of frictions: rates before and after, impulses, forces at rest,
+accelerations, the problem's b, active rows; for a friction its mu, constant resistance, and the row of its normal force
+or -1; for a contact whether it does not bounce, whether it was at rest, and a negligible rate; row scales, one unit
+force, the solution of a mode combination."""
 _NOTHING = 1e-13
 """Share of the largest b below which a negative u counts as zero."""
 _FLAT = 1e-9
@@ -47,9 +49,9 @@ MOST_CHOICES = 7776
 """Largest number of tried mode combinations: 2 per gap and 3 per slip, so those of five contacts with friction."""
 
 
-def room_of(contacts: int, holds: int) -> int:
+def room_of(contacts: int, frictions: int) -> int:
     """Count of numbers that the problem needs."""
-    rows, size = contacts + holds, contacts + 3 * holds
+    rows, size = contacts + frictions, contacts + 3 * frictions
     return rows * (rows + VECTORS) + size * (2 * size + 2)
 
 
@@ -67,33 +69,49 @@ def vector(m, which):
 
 @njit(**OPTIONS)
 def listed(m):
-    """Place of the indices of the rows' contacts and holds among whole numbers; workspace of the same size follows."""
+    """Place of the indices of the rows' contacts and frictions among whole numbers; workspace of three times the size
+    follows."""
     return m.plan[TOUCHING] + most(m)
+
+
+@njit(**OPTIONS)
+def moved(m, i, x, rows):
+    """Rate of a row by forces x: W x."""
+    total = 0.0
+    for j in range(rows):
+        total += m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[x + j]
+    return total
+
+
+@njit(**OPTIONS)
+def moves(m, i, x, rows):
+    """Sum of the sizes of the terms of :func:`moved`."""
+    total = 0.0
+    for j in range(rows):
+        total += abs(m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[x + j])
+    return total
 
 
 @njit(**OPTIONS)
 def complement(m, x, u, gaps, slips):
     """Solve for the vectors x and u; rows with MAY = 0 keep x = 0. False: no solution."""
     apart()
-    w, rows, W = m.w, gaps + slips, m.plan[COMPLEMENT]
-    size, scales, x, u = gaps + 3 * slips, vector(m, SCALES), vector(m, x), vector(m, u)
-    end, basis = vector(m, VECTORS) + 2 * size + 1, listed(m) + most(m)
-    asked, largest = _fill(m, gaps, slips, size)
+    w, rows, size, x, u = m.w, gaps + slips, gaps + 3 * slips, vector(m, x), vector(m, u)
+    largest = _scale(m, gaps, rows)
+    asked = _fill(m, gaps, rows, largest)
     found = not asked or _lemke(m, size)
     for i in range(rows):
         w[x + i] = 0.0
     if not found and not _by_modes(m, x, gaps, slips, largest):
         return False
+    end, basis = vector(m, VECTORS) + 2 * size + 1, listed(m) + most(m)
     for i in range(size if asked and found else 0):
         k = m.pivots[basis + i] - size
         if 0 <= k < size:
             row, sign = _row(k, gaps)
-            if sign != 0.0:
-                w[x + row] += sign * largest * w[scales + row] * w[end + (2 * size + 2) * i]
+            w[x + row] += sign * largest * w[vector(m, SCALES) + row] * w[end + (2 * size + 2) * i]
     for i in range(rows):
-        w[u + i] = w[vector(m, WANTED) + i]
-        for j in range(rows):
-            w[u + i] += w[W + rows * i + j] * w[x + j]
+        w[u + i] = w[vector(m, WANTED) + i] + moved(m, i, x, rows)
     return True
 
 
@@ -107,55 +125,85 @@ def _row(k, gaps):
 
 
 @njit(**OPTIONS)
-def _cover(m, i, rows):
-    """Entry of Lemke's covering vector, 1 for a unit diagonal of W."""
-    own = abs(m.w[m.plan[COMPLEMENT] + (rows + 1) * i])
-    return m.w[vector(m, SCALES) + i] * math.sqrt(own) if own > 1e-300 else 0.7
+def _scale(m, gaps, rows):
+    """Find the scales of the rows; returns the scale of b. All are powers of two, which are exact."""
+    w, scales, largest = m.w, vector(m, SCALES), 0.0
+    for i in range(rows):
+        own = abs(w[m.plan[COMPLEMENT] + (rows + 1) * i])
+        w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0
+    for i in range(rows):
+        if w[vector(m, MAY) + i] != 0.0:
+            largest = larger(largest, abs(_wanted(m, i)))
+            if i >= gaps:
+                largest = larger(largest, _limit(m, i)[0])
+    return math.ldexp(1.0, math.frexp(largest)[1])
 
 
 @njit(**OPTIONS)
-def _fill(m, gaps, slips, size):
-    """Tableau of z >= 0, M z + q >= 0; returns whether z = 0 is not a solution, and the scale of q."""
+def _entry(m, i, j, rows):
+    """Scaled entry of W, with diagonal about 1."""
+    scales = vector(m, SCALES)
+    return m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[scales + i] * m.w[scales + j]
+
+
+@njit(**OPTIONS)
+def _wanted(m, i):
+    """Scaled entry of b."""
+    return m.w[vector(m, WANTED) + i] * m.w[vector(m, SCALES) + i]
+
+
+@njit(**OPTIONS)
+def _limit(m, i):
+    """Bound of a slip's x, scaled: a constant, and the ratio to its normal force."""
+    w, scales, n = m.w, vector(m, SCALES), int(m.w[vector(m, PRESSES) + i])
+    beside = w[vector(m, BESIDE) + i] / w[scales + i]
+    if n < 0 or w[vector(m, MAY) + n] == 0.0:
+        return beside, 0.0
+    return beside, w[vector(m, RATIO) + i] * w[scales + n] / w[scales + i]
+
+
+@njit(**OPTIONS)
+def _cover(m, i, rows):
+    """Entry of Lemke's covering vector, 1 for a unit diagonal of W."""
+    own = abs(_entry(m, i, i, rows))
+    return math.sqrt(own) if own > 1e-300 else 0.7
+
+
+@njit(**OPTIONS)
+def _fill(m, gaps, rows, largest):
+    """Tableau of z >= 0, M z + q >= 0; True if z = 0 is not a solution. ``largest``: scale of q."""
     apart()
-    w, rows, wide, T = m.w, gaps + slips, 2 * size + 2, vector(m, VECTORS)
-    scales, largest, cover = vector(m, SCALES), 0.0, 0.0
+    w, size, cover, asked = m.w, 3 * rows - 2 * gaps, 0.0, False
+    wide = 2 * size + 2
     for i in range(rows):
-        own = abs(w[m.plan[COMPLEMENT] + (rows + 1) * i])
-        w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0  # a power of two is exact
         cover = larger(cover, _cover(m, i, rows))
-        if w[vector(m, MAY) + i] != 0.0:
-            largest = larger(largest, abs(w[vector(m, WANTED) + i]) * w[scales + i])
-            if i >= gaps:
-                largest = larger(largest, w[vector(m, BESIDE) + i] / w[scales + i])
-    largest, asked = math.ldexp(1.0, math.frexp(largest)[1]), False
     for k in range(size):
         i, sign = _row(k, gaps)
+        T = vector(m, VECTORS) + wide * k
         for j in range(wide):
-            w[T + wide * k + j] = 0.0
+            w[T + j] = 0.0
         m.pivots[listed(m) + most(m) + k] = k
-        q, own = T + wide * k + 2 * size + 1, -_cover(m, i, rows) / cover
-        w[T + wide * k + k], w[T + wide * k + 2 * size] = 1.0, own if sign != 0.0 else 1.0 / own
+        own = -_cover(m, i, rows) / cover
+        w[T + k], w[T + 2 * size] = 1.0, own if sign != 0.0 else 1.0 / own
         if w[vector(m, MAY) + i] == 0.0:
-            w[q], w[T + wide * k + size + k] = 1.0, -1.0
-            continue
-        if sign == 0.0:
-            w[q] = w[vector(m, BESIDE) + i] / w[scales + i] / largest
-            asked = asked or w[q] > 0.0
-            w[T + wide * k + size + k - 2] = w[T + wide * k + size + k - 1] = 1.0
-            n = int(w[vector(m, PRESSES) + i])
-            if n >= 0 and w[vector(m, MAY) + n] != 0.0:
-                w[T + wide * k + size + n] = -w[vector(m, RATIO) + i] * w[scales + n] / w[scales + i]
-            continue
-        w[q] = sign * w[vector(m, WANTED) + i] * w[scales + i] / largest
-        asked = asked or (i < gaps and w[q] < -_NOTHING)
-        for j in range(size):
-            n, other = _row(j, gaps)
-            if w[vector(m, MAY) + n] != 0.0:
-                between = sign * other * w[m.plan[COMPLEMENT] + rows * i + n] * w[scales + i] * w[scales + n]
-                w[T + wide * k + size + j] = -between
-        if i >= gaps:
-            w[T + wide * k + size + gaps + 3 * (i - gaps) + 2] = -1.0
-    return asked, largest
+            w[T + wide - 1], w[T + size + k] = 1.0, -1.0
+        elif sign == 0.0:
+            beside, ratio = _limit(m, i)
+            w[T + wide - 1] = beside / largest
+            asked = asked or beside > 0.0
+            w[T + size + k - 2] = w[T + size + k - 1] = 1.0
+            if ratio != 0.0:
+                w[T + size + int(w[vector(m, PRESSES) + i])] = -ratio
+        else:
+            w[T + wide - 1] = sign * _wanted(m, i) / largest
+            asked = asked or (i < gaps and w[T + wide - 1] < -_NOTHING)
+            for j in range(size):
+                n, other = _row(j, gaps)
+                if w[vector(m, MAY) + n] != 0.0:
+                    w[T + size + j] = -sign * other * _entry(m, i, n, rows)
+            if i >= gaps:
+                w[T + size + gaps + 3 * (i - gaps) + 2] = -1.0
+    return asked
 
 
 @njit(**OPTIONS)
@@ -191,8 +239,7 @@ def _by_modes(m, x, gaps, slips, largest):
     """Solve by the mode combination with the least violation and fill x, initially zero; False: all violations exceed
     rounding. ``largest``: largest scaled b."""
     apart()
-    w, rows, T, scales = m.w, gaps + slips, vector(m, VECTORS), vector(m, SCALES)
-    choices, least, best = 1, _ASTRAY, -1
+    w, rows, choices, least, best = m.w, gaps + slips, 1, _ASTRAY, -1
     for i in range(rows):
         choices *= 2 if i < gaps else 3
         if choices > MOST_CHOICES:
@@ -201,12 +248,12 @@ def _by_modes(m, x, gaps, slips, largest):
         choice = k if k < choices else best
         if choice < 0:
             return False
-        if _chosen(m, choice, gaps, slips) and _solved(w, T, rows) and k < choices:
-            off = _violation(m, choice, gaps, slips, largest)
+        if _try(m, choice, gaps, rows) and k < choices:
+            off = _violation(m, choice, gaps, rows, largest)
             if off < least:
                 least, best = off, choice
     for i in range(rows):
-        w[x + i] = w[scales + i] * w[T + (rows + 1) * i + rows]
+        w[x + i] = w[vector(m, SCALES) + i] * w[vector(m, TRIED) + i]
     return True
 
 
@@ -220,88 +267,49 @@ def _mode(choice, i, gaps):
 
 
 @njit(**OPTIONS)
-def _entry(m, i, j, rows):
-    """Scaled entry of W, with diagonal about 1."""
-    scales = vector(m, SCALES)
-    return m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[scales + i] * m.w[scales + j]
-
-
-@njit(**OPTIONS)
-def _limit(m, i):
-    """Bound of a slip's x, scaled: a constant, and the ratio to its normal force."""
-    w, scales, n = m.w, vector(m, SCALES), int(m.w[vector(m, PRESSES) + i])
-    beside = w[vector(m, BESIDE) + i] / w[scales + i]
-    if n < 0 or w[vector(m, MAY) + n] == 0.0:
-        return beside, 0.0
-    return beside, w[vector(m, RATIO) + i] * w[scales + n] / w[scales + i]
-
-
-@njit(**OPTIONS)
-def _chosen(m, choice, gaps, slips):
-    """Equations of a mode combination with right-hand sides in the last column; False: another combination has the
-    same."""
+def _try(m, choice, gaps, rows):
+    """Solve the equations of a mode combination for x at TRIED; False: they are singular, or another combination has
+    the same."""
     apart()
-    w, rows, T = m.w, gaps + slips, vector(m, VECTORS)
+    w, T, x, pivots = m.w, vector(m, VECTORS), vector(m, TRIED), listed(m) + most(m)
     for i in range(rows):
-        mode, own = _mode(choice, i, gaps), T + (rows + 1) * i
-        for j in range(rows + 1):
-            w[own + j] = 0.0
-        if w[vector(m, MAY) + i] == 0.0 and mode != 0:
+        mode, own, may = _mode(choice, i, gaps), T + rows * i, w[vector(m, MAY) + i] != 0.0
+        if not may and mode != 0:
             return False
-        if w[vector(m, MAY) + i] != 0.0 and mode == (1 if i < gaps else 0):
-            for j in range(rows):
-                w[own + j] = _entry(m, i, j, rows)
-            w[own + rows] = -w[vector(m, WANTED) + i] * w[vector(m, SCALES) + i]
+        moves = may and mode == (1 if i < gaps else 0)
+        for j in range(rows):
+            w[own + j] = _entry(m, i, j, rows) if moves else 0.0
+        w[x + i] = -_wanted(m, i) if moves else 0.0
+        if moves:
             continue
         w[own + i] = 1.0
         if i >= gaps and mode != 0:
             beside, ratio = _limit(m, i)
-            sign = 2.0 * mode - 3.0
-            w[own + rows] = sign * beside
+            w[x + i] = (2.0 * mode - 3.0) * beside
             if ratio != 0.0:
-                w[own + int(w[vector(m, PRESSES) + i])] = -sign * ratio
-    return True
-
-
-@njit(**OPTIONS)
-def _solved(w, T, rows):
-    """Solve equations with right-hand sides, then solutions, in the last column; False: singular."""
-    apart()
-    wide = rows + 1
-    for k in range(rows):
-        top = k
-        for i in range(k + 1, rows):
-            if abs(w[T + wide * i + k]) > abs(w[T + wide * top + k]):
-                top = i
-        if abs(w[T + wide * top + k]) <= _FLAT:
+                w[own + int(w[vector(m, PRESSES) + i])] = (3.0 - 2.0 * mode) * ratio
+    if not dense_lu.factorise(w, T, rows, m.pivots, pivots):
+        return False
+    for i in range(rows):
+        if abs(w[T + (rows + 1) * i]) * _FLAT >= 1.0:
             return False
-        for j in range(k, wide):
-            above, pivot = T + wide * k + j, T + wide * top + j
-            w[above], w[pivot] = w[pivot], w[above]
-        for i in range(rows):
-            factor = w[T + wide * i + k] / w[T + wide * k + k]
-            if i != k and factor != 0.0:
-                for j in range(k, wide):
-                    w[T + wide * i + j] -= factor * w[T + wide * k + j]
-    for k in range(rows):
-        w[T + wide * k + rows] /= w[T + wide * k + k]
+    dense_lu.substitute(w, T, rows, m.pivots, pivots, x)
     return True
 
 
 @njit(**OPTIONS)
-def _violation(m, choice, gaps, slips, largest):
+def _violation(m, choice, gaps, rows, largest):
     """Violation of the problem's inequalities by a combination's solution, relative to b or to the solution."""
     apart()
-    w, rows, answer, off, size = m.w, gaps + slips, vector(m, VECTORS) + gaps + slips, 0.0, largest
+    w, answer, off, size = m.w, vector(m, TRIED), 0.0, largest
     for i in range(rows):
-        size = larger(size, abs(w[answer + (rows + 1) * i]))
+        size = larger(size, abs(w[answer + i]))
     for i in range(rows):
-        mode, x, u = _mode(choice, i, gaps), w[answer + (rows + 1) * i], w[vector(m, WANTED) + i]
         if w[vector(m, MAY) + i] == 0.0:
             continue
-        u *= w[vector(m, SCALES) + i]
+        mode, x, u = _mode(choice, i, gaps), w[answer + i], _wanted(m, i)
         for j in range(rows):
-            u += _entry(m, i, j, rows) * w[answer + (rows + 1) * j]
+            u += _entry(m, i, j, rows) * w[answer + j]
         if i < gaps:
             off = larger(off, -u if mode == 0 else -x)
         elif mode != 0:
@@ -309,7 +317,7 @@ def _violation(m, choice, gaps, slips, largest):
         else:
             beside, ratio = _limit(m, i)
             if ratio != 0.0:
-                beside += ratio * larger(w[answer + (rows + 1) * int(w[vector(m, PRESSES) + i])], 0.0)
+                beside += ratio * larger(w[answer + int(w[vector(m, PRESSES) + i])], 0.0)
             off = larger(off, abs(x) - beside)
     return off / size
 

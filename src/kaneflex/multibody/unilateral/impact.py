@@ -1,4 +1,4 @@
-"""Newton's law of impact in the compiled integration: speeds after impacts of rigid sides, and resting contacts.
+"""Newton's law of impact: speeds after impacts of rigid sides, and resting contacts.
 
 At an instant all touching contacts act together. Impulses p along their normals give the gaps' rates v' = v + W p, W =
 J M^-1 J^T with all loops closed and prescribed drives held; p >= 0, v' >= e (-v) if v < 0 and v' >= 0 otherwise, and
@@ -18,25 +18,29 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import copy
-from kaneflex.multibody.unilateral import rigid_friction
-from kaneflex.multibody.dynamics.tree import assemble
-from kaneflex.multibody.dynamics.forces import acceleration, lean, meet
-from kaneflex.multibody.unilateral.complementarity import (
-    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, WANTED, complement, listed, vector,
-)  # fmt: skip
-from kaneflex.multibody.unilateral.contact_numbers import EPS, at, no_force, rigid, tolerance
-from kaneflex.multibody.unilateral.contacts import LETS_GO, part
-from kaneflex.multibody.unilateral.impulse_response import apply_impulses, reactions_of, response_matrix
-from kaneflex.multibody.dynamics.loop_closure import follow, mend
-from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.compile.stand_ins import of_impacts
+from kaneflex.multibody.compile.values import copy
+from kaneflex.multibody.dynamics.courses import courses
+from kaneflex.multibody.dynamics.forces import meet
+from kaneflex.multibody.dynamics.loop_closure import follow, mend
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, APPROACH, AT, BEGAN_X, BEGAN_Y, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE,
-    FLANK, GAP, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, PLACE_X,
-    PLACE_Y, POWER, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH,
-    WHAT, WORKS, apart, larger,
+    ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, CUT_ROWS, DRIVES, DUE, FLANK,
+    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, NOW, ON, OPEN, OPTIONS, PIVOTS,
+    POWER, PRESCRIBED, RATE, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SEC, SECTION, SHUT, SPRINGS, TOUCH,
+    WHAT, WORKS, YIELDING, apart, larger,
 )  # fmt: skip
+from kaneflex.multibody.time.state_record import give, works_at
+from kaneflex.multibody.unilateral import rigid_friction
+from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
+from kaneflex.multibody.unilateral.complementarity import (
+    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED, complement, listed,
+    moved, moves, vector,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.factors import prescribe_nothing, rows_now
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, near, no_force, rigid, row_at
+from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
 
 _TOGETHER = 100.0
 """Tolerances of a gap within which sides meet at one instant."""
@@ -55,12 +59,11 @@ def collide(m, state, A, wanted):
     """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
     state, -2 without a solution with friction.
 
-    RESTED is set if other contacts rest than before: dependent coordinates must be chosen again then. BEGUN_AT of
-    resting contacts is 1.
+    RESTED is set if other contacts rest than before: dependent coordinates must be chosen again then.
     """
     apart()
     plan, w, t = m.plan, m.w, state[0]
-    count, kept, cuts = gather(m, t), m.pivots[KEPT], 0
+    count, kept, cuts = _gather(m, t), m.pivots[KEPT], 0
     if count == 0:
         return wanted
     for r in range(kept):
@@ -79,38 +82,40 @@ def collide(m, state, A, wanted):
 
 
 @njit(**OPTIONS)
-def gather(m, t):
+def _gather(m, t):
     """List the touching contacts with the rates of their gaps; returns their number. All are marked as not resting.
 
     If the force of one has come to zero, all with zero force separate.
     """
     apart()
-    plan, w, count, parting = m.plan, m.w, 0, False
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        parting = parting or (rigid(m, c) and w[at(m, c) + DUE] == LETS_GO)
-    for c in range(plan[ACTS] - plan[CONTACTS]):
-        act = plan[CONTACTS] + c
-        if not rigid(m, c):
+    w, count, parting = m.w, 0, False
+    for n in range(contacts(m)):
+        parting = parting or (rigid(m, n) and w[at(m, n) + DUE] == LETS_GO)
+    for n in range(contacts(m)):
+        if not rigid(m, n):
             continue
-        k = meet(m, act)
-        rested = w[k + BEGUN_AT] != 0.0
-        rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * size_of(m, act, 3) else w[k + GAP_RATE]
-        if parting and rested and w[k + PUSH_NOW] <= no_force(m, c):
+        k = meet(m, act_of(m, n))
+        rested = w[k + MODE] == CLOSED
+        rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 3) else w[k + GAP_RATE]
+        if parting and rested and w[k + FORCE] <= no_force(m, n):
             w[k + DUE] = LETS_GO
-        if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * tolerance(m, c, t, rate):
-            m.pivots[listed(m) + count] = c
+        if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
+            m.pivots[listed(m) + count] = n
             w[vector(m, OLD) + count], w[vector(m, RESTED_BEFORE) + count] = rate, rested
             w[vector(m, STICKS) + count] = 0.0
-            w[k + BEGUN_AT] = w[plan[NOW] + m.acts[act, ROW_AT]] = 0.0
-            lean(m, act)
+            w[k + MODE], w[m.plan[NOW] + row_at(m, n)] = OPEN, 0.0
             count += 1
     return count
 
 
 @njit(**OPTIONS)
-def size_of(m, act, rate):
-    """Size of the velocities (3) or accelerations (6) of a contact's two sections; of flanks that of their turning."""
-    w, one, two = m.w, m.plan[SECTION] + SEC * m.acts[act, AT] + rate, m.plan[SECTION] + SEC * m.acts[act, ON] + rate
+def motion_size(m, n, rate):
+    """Size of the velocities (3) or accelerations (6) of a contact's two sections; of flanks that of their turning.
+
+    Rates of gaps are differences of these, whatever their direction: all are from one solution of the equations.
+    """
+    w, sections, act = m.w, m.plan[SECTION] + rate, act_of(m, n)
+    one, two = sections + SEC * m.acts[act, AT], sections + SEC * m.acts[act, ON]
     if m.acts[act, WHAT] == FLANK:
         return abs(w[one + 2]) + abs(w[two + 2])
     return abs(w[one]) + abs(w[one + 1]) + abs(w[two]) + abs(w[two + 1])
@@ -136,6 +141,108 @@ def _collided(m, state, A, count, slips):
 
 
 @njit(**OPTIONS)
+def _response_matrix(m, A, rows):
+    """Fill W of the problem for ``rows`` rows: their rates by unit forces along them, while loops stay closed and
+    drives are kinematic; bristles exert the resulting friction. False at a singular state."""
+    apart()
+    plan, w, unit = m.plan, m.w, vector(m, UNIT)
+    m.pivots[YIELDING] = rows_now(m, 0)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+        return False
+    for j in range(rows):
+        derivatives(m, m.pivots[listed(m) + j])
+        w[unit + j] = 0.0
+    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
+    for j in range(rows):
+        w[unit + j] = 1.0
+        _respond(m, A, rows, unit)
+        w[unit + j] = 0.0
+        for i in range(rows):
+            g, total = gradient_at(m, m.pivots[listed(m) + i]), 0.0
+            for k in range(plan[COORDINATES]):
+                if plan[plan[FREED] + k] != 0:
+                    total += w[g + k] * A[answer + k]
+            w[plan[COMPLEMENT] + rows * i + j] = total
+    return True
+
+
+@njit(**OPTIONS)
+def _respond(m, A, rows, x):
+    """Rates of the coordinates for forces x of the rows, with the friction that they bring; forces of the loops at
+    REACTION."""
+    apart()
+    plan, w = m.plan, m.w
+    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
+    for k in range(plan[COORDINATES]):
+        A[answer + k] = 0.0
+    for j in range(rows):
+        if w[x + j] != 0.0:
+            n = m.pivots[listed(m) + j]
+            g = gradient_at(m, n)
+            for k in range(plan[COORDINATES]):
+                A[answer + k] += w[x + j] * w[g + k]
+            rigid_friction.add_friction(m, n, w[x + j], A, answer)
+    prescribe_nothing(m, A)
+    solve_closed(m, A, plan[PIVOTS])
+
+
+@njit(**OPTIONS)
+def _jump(m, state, A, count, slips):
+    """Impulses of the contacts and frictions, and all speeds after them; returns as :func:`collide`."""
+    apart()
+    plan, w, size, rows = m.plan, m.w, m.plan[COORDINATES], count + slips
+    old, new, p, b = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES), vector(m, WANTED)
+    assemble(m)
+    rigid_friction.begin(m, count, slips)
+    if not _response_matrix(m, A, rows):
+        return -1.0
+    for i in range(count):
+        e = w[law_at(m, m.pivots[listed(m) + i]) + 6] if w[vector(m, STICKS) + i] == 0.0 else 0.0
+        w[b + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
+        w[vector(m, MAY) + i] = 1.0
+    copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
+    missed, turn = math.inf, 0
+    while missed > 1.0 and turn < 5 * _TURNS:
+        if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
+            for i in range(count):  # in a jamming wedge no impulses satisfy restitution
+                w[b + i] = w[old + i]
+            if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
+                return -2.0 if slips else -1.0
+        _respond(m, A, rows, p)
+        missed = rigid_friction.update_joint_limits(m, A, count, slips, 0.5 ** (turn // _TURNS))
+        turn += 1
+    copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
+    for i in range(rows):
+        w[new + i] = w[old + i] + moved(m, i, p, rows)
+    for k in range(size):
+        w[plan[RATE] + k] = state[1 + size + k]
+    _apply_impulses(m, A)
+    return 1.0
+
+
+@njit(**OPTIONS)
+def _apply_impulses(m, A):
+    """Add the response to the impulses to all rates; works of prescribed drives at POWER."""
+    apart()
+    plan, w = m.plan, m.w
+    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
+    drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
+    for k in range(plan[WORKS]):
+        w[plan[POWER] + k] = 0.0
+    for course in range(courses(m)):
+        k = plan[plan[PRESCRIBED] + course]
+        if k >= 0:
+            w[drives + course] += A[answer + k] * w[plan[COURSE] + 3 * course + 1]
+    for k in range(plan[COORDINATES]):
+        if plan[plan[FREED] + k] != 0:
+            w[plan[RATE] + k] += A[answer + k]
+    for r in range(m.pivots[KEPT]):
+        course = m.acts[plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]], COURSE_AT]
+        if course >= 0:
+            w[drives + course] += A[plan[REACTION] + r] * w[plan[COURSE] + 3 * course + 1]
+
+
+@njit(**OPTIONS)
 def _forces(m, t, A, count, slips):
     """Accelerations without contacts, and forces of the resting contacts, with the friction of the joints' reactions;
     returns as :func:`_press`, -2: singular."""
@@ -146,52 +253,17 @@ def _forces(m, t, A, count, slips):
         if not mend(m, t, A, 0.0, 1):
             return -2
         rigid_friction.exchange_reactions(m)
-        if plan[HOLDS] < plan[DRIVES] and not response_matrix(m, A, count + slips):
+        if plan[HOLDS] < plan[DRIVES] and not _response_matrix(m, A, count + slips):
             return -2
         again = _press(m, t, count, slips)
+        if again == 0 and rigid_friction.joints_rub(m):
+            _respond(m, A, count + slips, vector(m, FORCES))
         rigid_friction.exchange_reactions(m)
         if again != 0:
             return again
-        missed = rigid_friction.update_joint_reactions(m, A, count, slips)
+        missed = rigid_friction.update_joint_reactions(m, A)
         turn += 1
     return again
-
-
-@njit(**OPTIONS)
-def _jump(m, state, A, count, slips):
-    """Impulses of the contacts and holds, and all speeds after them; returns as :func:`collide`."""
-    apart()
-    plan, w, n, rows, W = m.plan, m.w, m.plan[COORDINATES], count + slips, m.plan[COMPLEMENT]
-    old, new, p = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES)
-    assemble(m)
-    rigid_friction.begin(m, count, slips)
-    if not response_matrix(m, A, rows):
-        return -1.0
-    for i in range(count):
-        e = w[m.acts[plan[CONTACTS] + m.pivots[listed(m) + i], NUMBERS_AT] + 6]
-        e = 0.0 if w[vector(m, STICKS) + i] != 0.0 else e
-        w[vector(m, WANTED) + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
-        w[vector(m, MAY) + i] = 1.0
-    copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
-    missed, turn = math.inf, 0
-    while missed > 1.0 and turn < 5 * _TURNS:
-        if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
-            for i in range(count):  # in a jamming wedge no impulses satisfy restitution
-                w[vector(m, WANTED) + i] = w[old + i]
-            if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
-                return -2.0 if slips else -1.0
-        reactions_of(m, A, rows, p)
-        missed = rigid_friction.update_joint_limits(m, A, count, slips, 0.5 ** (turn // _TURNS))
-        turn += 1
-    copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
-    for i in range(rows):
-        w[new + i] = w[old + i]
-        for j in range(rows):
-            w[new + i] += w[W + rows * i + j] * w[p + j]
-    for k in range(n):
-        w[plan[RATE] + k] = state[1 + n + k]
-    apply_impulses(m, A)
-    return 1.0
 
 
 @njit(**OPTIONS)
@@ -199,10 +271,10 @@ def _press(m, t, count, slips):
     """Forces of the resting contacts; returns the number of those that separate too slowly to bounce, and stay; -1: no
     solution."""
     apart()
-    plan, w, W, rows = m.plan, m.w, m.plan[COMPLEMENT], count + slips
+    w, W, rows = m.w, m.plan[COMPLEMENT], count + slips
     new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
     for i in range(count):
-        w[vector(m, WANTED) + i] = acceleration(m, plan[CONTACTS] + m.pivots[listed(m) + i])
+        w[vector(m, WANTED) + i] = w[meet(m, act_of(m, m.pivots[listed(m) + i])) + GAP_ACCEL]
     rigid_friction.problem_of_forces(m, count, slips)
     slowed = 0
     for turn in range(2):  # by all of them, then by those alone that don't bounce
@@ -213,15 +285,12 @@ def _press(m, t, count, slips):
             return -1
         others = False
         for i in range(count if turn == 0 else 0):
-            c = m.pivots[listed(m) + i]
-            act = plan[CONTACTS] + c
-            noise, v = NOISE * abs(w[vector(m, OLD) + i]), abs(w[new + i])
+            n, v = m.pivots[listed(m) + i], abs(w[new + i])
+            noise = NOISE * (abs(w[vector(m, OLD) + i]) + moves(m, i, p, rows))
             pressing = abs(w[W + (rows + 1) * i]) * w[f + i]
-            if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * size_of(m, act, 6):  # or others keep it closed
+            if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * motion_size(m, n, 6):  # or others keep it closed
                 pressing = larger(pressing, -w[vector(m, WANTED) + i])
-            for j in range(rows):
-                noise += NOISE * abs(w[W + rows * i + j] * w[p + j])
-            low = math.sqrt(2.0 * LEAST_HEIGHT * tolerance(m, c, t, v) * pressing)
+            low = math.sqrt(2.0 * LEAST_HEIGHT * near(m, n, t, v) * pressing)
             low = larger(low, 32.0 * EPS * abs(t) * pressing)
             w[vector(m, QUIET) + i] = larger(noise, low)  # negligible rate, also after the impact of another contact
             if w[sticks + i] == 0.0 and v <= larger(noise, low):
@@ -237,33 +306,31 @@ def _press(m, t, count, slips):
 def _settle(m, state, count, slips):
     """Update the modes of the contacts, and record the impacts."""
     apart()
-    plan, w, t, works, W = m.plan, m.w, state[0], works_at(m), m.plan[COMPLEMENT]
+    plan, w, t, works = m.plan, m.w, state[0], works_at(m)
     for k in range(plan[WORKS]):
         state[works + k] += w[plan[POWER] + k]
     w[plan[TOUCH] + RESTED] = 0.0
     for i in range(count):
-        c = m.pivots[listed(m) + i]
-        k, work = at(m, c), works + plan[WORKS] - plan[ACTS] + plan[CONTACTS] + c
+        n = m.pivots[listed(m) + i]
+        k, work = at(m, n), works + plan[WORKS] - contacts(m) + n
         old, new, p = w[vector(m, OLD) + i], w[vector(m, NEW) + i], w[vector(m, IMPULSES) + i]
-        f, rested = w[vector(m, FORCES) + i], w[vector(m, RESTED_BEFORE) + i]
-        size = size_of(m, plan[CONTACTS] + c, 6) + abs(w[vector(m, WANTED) + i])
-        mass = 1.0 / (abs(w[W + (count + slips + 1) * i]) + 1e-300)
+        f, rested = w[vector(m, FORCES) + i], w[vector(m, RESTED_BEFORE) + i] != 0.0
+        size = motion_size(m, n, 6) + abs(w[vector(m, WANTED) + i])
+        mass = 1.0 / (abs(w[plan[COMPLEMENT] + (count + slips + 1) * i]) + 1e-300)
         nothing = 1e-10 * size * mass
+        held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested or old < 0.0 or p > 0.0)
         resting = w[vector(m, STICKS) + i] != 0.0 and w[k + DUE] != LETS_GO and abs(new) <= w[vector(m, QUIET) + i]
-        held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested != 0.0 or old < 0.0 or p > 0.0)
         resting = resting and (f > nothing or held)
-        if rested == 0.0 and (resting or p > 0.0):
-            w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, larger(-old, 0.0), state[work]
-            w[k + IMPULSE] = w[k + PEAK] = 0.0
-            w[k + BEGAN_X], w[k + BEGAN_Y] = w[k + PLACE_X], w[k + PLACE_Y]
+        if not rested and (resting or p > 0.0):
+            begin(m, n, t, larger(-old, 0.0), state[work])
         w[k + IMPULSE] += p
         state[work] -= 0.5 * p * (old + new)
         w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass
         w[k + GAP_RATE], w[k + DUE] = new, 0.0
         if resting:
-            w[k + BEGUN_AT] = 1.0
-        elif rested != 0.0 or p > 0.0:
-            part(m, c, t, state[work])
+            w[k + MODE] = CLOSED
+        elif rested or p > 0.0:
+            part(m, n, t, state[work])
         if resting != (w[k + SHUT] != 0.0):
             w[plan[TOUCH] + RESTED] = 1.0
     rigid_friction.settle(m, state, count, slips)

@@ -17,11 +17,9 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.model.layout import (
-    BY_PRESS, BY_SPEED, DECAY, FIRMEST, NODES, NORMAL, OPTIONS, SLIP, SLOPE, STUCK_AT, apart, larger,
+    BY_PRESS, BY_SPEED, DECAY, FIRMEST, MEMORY, NODES, NORMAL, OPTIONS, SLIP, VISCOUS, apart, larger,
 )  # fmt: skip
 
-LUGRE = 3.0
-"""Number of the law."""
 VISCOUS_AT, STIFFNESS_AT, DAMPING_AT = 7, 12, 13
 """Places among the law's numbers: viscous part, stiffness and damping of the bristles."""
 _LEAST = 1e-100
@@ -39,8 +37,8 @@ def resisted(w, j, N, v):
 
 @njit(**OPTIONS)
 def by_now(w, k, j):
-    """Force [N or N m] of a hold's bristles on the second side in the current state, and rate of their deflection."""
-    v, z = w[k + SLIP], w[k + STUCK_AT]
+    """Force [N or N m] of bristles on the second side in the current state, and rate of their deflection."""
+    v, z = w[k + SLIP], w[k + MEMORY]
     g = resisted(w, j, w[k + NORMAL], v)
     if g < _UNKNOWN * w[j + STIFFNESS_AT] * abs(z) or g == _LEAST:
         return -w[j + STIFFNESS_AT] * z - w[j + VISCOUS_AT] * v, 0.0
@@ -49,15 +47,15 @@ def by_now(w, k, j):
 
 @njit(**OPTIONS)
 def know(w, k, j, N, v, z, h):
-    """Linearise a hold's bristles with deflection z before h; h = 0: at an instant."""
+    """Linearise a friction's bristles with deflection z before h; h = 0: at an instant."""
     g = resisted(w, j, N, v)
     slope = laws.dry_slope(w, j, N, v) if v != 0.0 else 0.0
     decay = laws.bristle_decay(w, j, g, v)
     z = (z + h * v) / (1.0 + h * decay)
     way = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
-    w[k + SLOPE] = w[k + BY_SPEED] = w[k + DECAY] = w[k + BY_PRESS] = 0.0
+    w[k + VISCOUS] = w[k + BY_SPEED] = w[k + DECAY] = w[k + BY_PRESS] = 0.0
     if h > 0.0:
-        w[k + SLOPE], w[k + DECAY] = w[j + VISCOUS_AT], decay
+        w[k + VISCOUS], w[k + DECAY] = w[j + VISCOUS_AT], decay
         w[k + BY_SPEED] = larger(laws.bristle_by_speed(w, j, g, slope, v, way, z), 0.0)
     if g > _LEAST and (h > 0.0 or g >= _UNKNOWN * w[j + STIFFNESS_AT] * abs(z)):
         w[k + BY_PRESS] = laws.bristle_by_dry(w, j, g, v, z) * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v))
@@ -71,8 +69,7 @@ def firmness(w, k, j, h):
 
 @njit(**OPTIONS)
 def bend(table, h, w, k, j, z):
-    """Deflection and force of a hold's bristles in the stages, from the speeds and g at its nodes; z: before the step
-    h."""
+    """Deflection and force of bristles in the stages, from the speeds and g at the nodes; z: before the step h."""
     apart()
     one, two, three = k + NODES + 4, k + NODES + 8, k + NODES + 12
     d_0 = laws.bristle_decay(w, j, w[one + 1], w[one])
@@ -111,7 +108,7 @@ def bent_at_end(table, h, w, k, j, z):
 
 @njit(**OPTIONS)
 def minds(w, k, j, step):
-    """Deflection of a hold's bristles per 1 m or rad of slip in a step, as a share of their largest one.
+    """Deflection of a friction's bristles per 1 m or rad of slip in a step, as a share of their largest one.
 
     For a contact, the largest since it closed: at separation the normal force vanishes.
     """

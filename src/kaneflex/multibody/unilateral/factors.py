@@ -1,0 +1,221 @@
+"""Unilateral and frictional rows in the factors of a step or an instant, beside the rows of cut joints.
+
+A closed contact, and slipping friction with a slope, have the compliance of their law. Sticking friction is rigid. The
+row of bristles is their law. The factors also contain the friction forces caused by the reactions.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import friction as laws
+from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.model.layout import (
+    ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE, NOW,
+    OPTIONS, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN,
+    VISCOUS, WANTED, WHAT, apart, larger, smaller,
+)  # fmt: skip
+from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.rows import (
+    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, normal_force, row_at, row_of, virtual_inertia,
+)  # fmt: skip
+
+_SOFT = 1e-9
+"""Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
+_SOFTEST = 1e3
+"""Factor on it at a small force limit."""
+
+
+@njit(**OPTIONS)
+def row_in(m, r):
+    """Contact or friction of a factors' row after those of cut joints."""
+    return m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
+
+
+@njit(**OPTIONS)
+def reaction_of(m, r):
+    """Index of the reaction of a factors' row: of a cut joint, or a friction; -1 for others."""
+    if r < m.plan[KEPT]:
+        return m.plan[m.plan[ROW_OF] + r]
+    return row_at(m, row_in(m, r)) if row_in(m, r) < 0 else -1
+
+
+@njit(**OPTIONS)
+def memory_place(m, n):
+    """Place of MEMORY in a row of the integration."""
+    plan = m.plan
+    return 2 + 3 * plan[COORDINATES] + plan[REACTIONS] + MODE_SIZE * (n + frictions(m))
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def rows_now(m, first):
+    """Add sticking friction to the rows of factors at an instant, after ``first`` others; returns their number."""
+    apart()
+    found = 0
+    for n in range(-frictions(m), 0):
+        w, k = m.w, at(m, n)
+        if w[k + MODE] == STICKING or w[k + MODE] == BENDING or virtual_inertia(m, n) > 0.0:
+            m.pivots[m.plan[TOUCHING] + first + found] = n
+            found += 1
+            w[k + VISCOUS] = 0.0
+        if w[k + MODE] == BENDING:
+            lugre.know(w, k, law_at(m, n), normal_force(m, n), w[k + SLIP], w[k + MEMORY], 0.0)
+    return found
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def rows_of_step(m, first, h, state):
+    """Add frictions to the rows of a step's factors, with the state halfway from ``here``, after ``first`` contacts;
+    returns their number."""
+    apart()
+    plan, w, found = m.plan, m.w, 0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = state[1 + 3 * plan[COORDINATES] + r]
+    for n in range(-frictions(m), 0):
+        k, j = row_of(m, n), law_at(m, n)
+        mode, w[k + VISCOUS] = w[k + MODE], 0.0
+        if mode == BENDING:
+            lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], state[memory_place(m, n)], 0.5 * h)
+        elif mode == FLOWING:
+            w[k + VISCOUS] = w[j + VISCOUS_AT]
+        elif mode == SLIPPING:
+            w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), w[k + SLIP]), 0.0)
+        if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0 or virtual_inertia(m, n) > 0.0:
+            m.pivots[plan[TOUCHING] + first + found] = n
+            found += 1
+    return found
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def largest_limit(m, rows, A):
+    """Largest force limit of sticking rows of the factors, as its square times the row's response to a unit force."""
+    largest = 0.0
+    for r in range(m.plan[KEPT], rows):
+        n = row_in(m, r)
+        if n < 0 and m.w[at(m, n) + MODE] == STICKING:
+            largest = larger(largest, m.w[at(m, n) + LIMIT] ** 2 * abs(A[m.plan[SCHUR] + (rows + 1) * r]))
+    return largest
+
+
+@njit(**OPTIONS)
+def compliance(m, n, h, own, largest):
+    """Compliance of a row in the factors; ``largest``: see :func:`largest_limit`.
+
+    Almost zero for sticking friction, and without effect after iterative refinement. For redundant rows it determines
+    the distribution of force: in proportion to their limits.
+    """
+    k = at(m, n)
+    if n < 0 and virtual_inertia(m, n) > 0.0:
+        return 0.0 * h - 1.0 / virtual_inertia(m, n)
+    if n >= 0 or m.w[k + VISCOUS] > 0.0:
+        return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
+    share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
+    return _SOFT * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
+
+
+@of_holds(False)
+@njit(**OPTIONS)
+def by_force(m, n, r, size, h, A):
+    """Replace a bristle's row of the factors by its force law; True if the row is one.
+
+    dF + h slope (row) - (normal force) = missing force, where a contact's row is by its compliance: in uniform sliding
+    the compliance is infinite.
+    """
+    plan, w, k = m.plan, m.w, at(m, n)
+    if n >= 0 or w[k + MODE] != BENDING:
+        return False
+    firm = lugre.firmness(w, k, law_at(m, n), h)
+    d, row = h * (w[k + VISCOUS] + firm * w[k + BY_SPEED]), plan[SCHUR] + size * r
+    A[plan[WANTED] + frictions(m) - 1 - n] = d
+    for q in range(size):
+        A[row + q] = d * A[row + q]
+        if presses(m, n, q):
+            A[row + q] += firm * w[k + BY_PRESS] * normal_force_by_reaction(m, n, q)
+    A[row + r] += 1.0
+    return True
+
+
+@of_holds(1.0)
+@njit(**OPTIONS)
+def weight(m, A, r):
+    """Weight of a row's opening: 1, except for bristles, whose row is a force."""
+    n = row_in(m, r) if r >= m.plan[KEPT] else 0
+    bends = n < 0 and m.w[at(m, n) + MODE] == BENDING
+    return A[m.plan[WANTED] + frictions(m) - 1 - n] if bends else 1.0 + 0.0 * A[0]
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def prescribed(m, A, r):
+    """Acceleration prescribed to a sticking row of the factors; for bristles the missing force."""
+    n = row_in(m, r) if r >= m.plan[KEPT] else 0
+    return A[m.plan[WANTED] - 1 - n] if n < 0 else 0.0 * A[0]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def prescribe_nothing(m, A):
+    """Set prescribed accelerations of all rows to zero."""
+    for n in range(frictions(m)):
+        A[m.plan[WANTED] + n] = 0.0 * A[0]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def prescribe_now(m, A):
+    """Prescribe zero acceleration to sticking friction at the current state, and to bristles their force law."""
+    w = m.w
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        A[m.plan[WANTED] - 1 - n] = -w[k + SLIP_RATE] if w[k + MODE] == STICKING else 0.0
+        if w[k + MODE] == BENDING:
+            A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n))[0] - w[k + FORCE]
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def slips_by(m, r):
+    """Slipping friction whose force depends on the reaction of a factors' row; 0: none."""
+    apart()
+    for n in range(-frictions(m), 0):
+        if m.w[at(m, n) + MODE] == SLIPPING and presses(m, n, r):
+            return n
+    return 0
+
+
+@njit(**OPTIONS)
+def presses(m, n, r):
+    """True if the reaction of a factors' row is the normal force of a friction."""
+    plan = m.plan
+    of = plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]] if r < plan[KEPT] else act_of(m, row_in(m, r))
+    return int(m.w[law_at(m, n) + OF_AT]) == of
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def force_by_reaction(m, n, r):
+    """Derivative of a slipping friction's force with respect to the reaction of a factors' row."""
+    w, k, j = m.w, at(m, n), law_at(m, n)
+    by_normal = laws.dry(w, j, 1.0, w[k + SLIP]) - laws.dry(w, j, 0.0, w[k + SLIP])
+    return -w[k + MEMORY] * by_normal * normal_force_by_reaction(m, n, r)
+
+
+@njit(**OPTIONS)
+def normal_force_by_reaction(m, n, r):
+    """Derivative of a friction's normal force with respect to the reaction of a factors' row."""
+    apart()
+    plan, w, j, what = m.plan, m.w, law_at(m, n), m.acts[act_of(m, n), WHAT]
+    if r >= plan[KEPT] or what == ALONG:
+        return 1.0
+    first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
+    one, two, own = w[plan[NOW] + first], w[plan[NOW] + first + 1], w[plan[NOW] + row]
+    if what == TURN:
+        return arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
+    if (abs(one) >= arm * abs(two)) != (row == first):
+        return 0.0
+    return (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)

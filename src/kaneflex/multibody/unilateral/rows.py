@@ -1,0 +1,264 @@
+"""Unilateral and frictional rows: each has a gap or slip, its rate, a law, a mode, a force and a record.
+
+Row n is a contact or a switch of loads' laws from n = 0 on, and a friction below, -1 the last one. Its rates are linear
+in the motion of two sections, as those of a joint's row, so the same text serves plane and space. MODE is OPEN without
+force; a contact is CLOSED, or RELEASED after it has let go; friction is SLIPPING with a force by its law
+(:mod:`kaneflex.generated.friction`), or STICKING: then its force is an unknown, a rigid row of the factors, and a
+reaction of NOW and of the stages like those of cut joints. FLOWING friction is a function of the state. The force of
+BENDING bristles is an unknown, too, whose row of the factors is their law (``lugre``). MEMORY belongs to the mode.
+
+The interactions of frictions precede those of the drives, their rows of CUT follow those of the cut joints, their
+numbers precede the contacts'. To add a kind of friction: a number after ALONG in ``model.layout`` with its kernel in
+:func:`row_of`, and its interaction in ``model.interactions``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.generated import friction as laws
+from kaneflex.generated import joints
+from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.mechanism.friction import LAWS
+from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.model.layout import (
+    ACTS, ALLOWED, ALONG, AT, BENDING, CONTACT, CONTACTS, CONTACT_SIZE, CUT, CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING,
+    FORCE, GAP, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOSING, MEMORY, MODE, NORMAL, NOW, NUMBERS_AT, ON, OPEN, OPTIONS,
+    PEAK, PLACE, PRECISION, ROW_AT, ROW_SIZE, SEC, SECTION, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, STORED,
+    SWITCH, TOUCH, TURN, WHAT, apart, larger, shifted,
+)  # fmt: skip
+from kaneflex.multibody.unilateral import lugre
+
+ROUNDING = 1e-14
+"""Rounding error of a gap, in sizes of the mechanism."""
+EPS = 2.3e-16
+"""Relative rounding error of numbers."""
+MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10, 11
+"""Places among the numbers of a friction law: both coefficients, viscous part, preload, arm, number of the law, and the
+interaction that it belongs to."""
+VISCOUS_LAW, LUGRE = float(LAWS.index("viscous")), float(LAWS.index("lugre"))
+"""Numbers of laws that neither stick nor slip; a number below zero has no law: the row removes virtual inertia."""
+
+
+@njit(**OPTIONS)
+def contacts(m):
+    """Number of contacts and switches."""
+    return m.plan[ACTS] - m.plan[CONTACTS]
+
+
+@njit(**OPTIONS)
+def frictions(m):
+    """Number of frictions, and of rows that remove virtual inertia."""
+    return m.plan[DRIVES] - m.plan[HOLDS]
+
+
+@njit(**OPTIONS)
+def at(m, n):
+    """Place of the numbers of a row."""
+    return m.plan[CONTACT] + CONTACT_SIZE * n
+
+
+@njit(**OPTIONS)
+def act_of(m, n):
+    """Interaction of a row."""
+    return (m.plan[CONTACTS] if n >= 0 else m.plan[DRIVES]) + n
+
+
+@njit(**OPTIONS)
+def law_at(m, n):
+    """Place of the numbers of a row's law."""
+    return m.acts[act_of(m, n), NUMBERS_AT]
+
+
+@njit(**OPTIONS)
+def row_at(m, n):
+    """Index of a row among those of the cut joints."""
+    return m.plan[CUT_ROWS] + n
+
+
+@njit(**OPTIONS)
+def rigid(m, n):
+    """True if a contact follows Newton's law."""
+    return m.acts[act_of(m, n), LAW] == NEWTON
+
+
+@njit(**OPTIONS)
+def switches(m, n):
+    """True for a switching argument of laws instead of a contact."""
+    return m.acts[act_of(m, n), WHAT] == SWITCH
+
+
+@njit(**OPTIONS)
+def on_contact(m, n):
+    """Contact that a friction belongs to; below zero if it belongs to a joint."""
+    return int(m.w[law_at(m, n) + OF_AT]) - m.plan[CONTACTS] if m.acts[act_of(m, n), WHAT] == ALONG else -1
+
+
+@njit(**OPTIONS)
+def extent(m, n):
+    """Reference size of a row's value: size of the mechanism [m]; for flanks their angle, for turns 1 rad."""
+    act = act_of(m, n)
+    if n < 0 and m.acts[act, WHAT] == TURN:
+        return 1.0
+    if n >= 0 and m.acts[act, WHAT] == FLANK:
+        return 1.0 + abs(m.w[m.plan[SECTION] + SEC * m.acts[act, ON] + 2])
+    return m.w[m.plan[TOUCH] + EXTENT]
+
+
+@njit(**OPTIONS)
+def near(m, n, t, rate):
+    """Gap of a contact [m or rad], or switching argument, that counts as zero."""
+    size = m.w[at(m, n) + LARGEST] if switches(m, n) else extent(m, n)
+    return ROUNDING * size + 4.0 * EPS * abs(t * rate)
+
+
+@njit(**OPTIONS)
+def depth_of(w, own, mass, speed):
+    """Depth of an elastic impact of a mass [m]."""
+    power = w[own + 4] + 1.0
+    return (power * mass * speed * speed / (2.0 * w[own + 3])) ** (1.0 / power)
+
+
+@njit(**OPTIONS)
+def no_force(m, n):
+    """Force [N] of a contact that counts as zero."""
+    w, k = m.w, at(m, n)
+    if rigid(m, n):
+        return w[k + ALLOWED] + 1e-11 * w[k + PEAK]
+    return 1e-9 * (w[k + PEAK] + touching.elastic(w, law_at(m, n), -w[k + ALLOWED] / w[m.plan[TOUCH] + PRECISION]))
+
+
+@njit(**OPTIONS)
+def product(w, row, values, count):
+    """Product of a row of the tables and a column of values."""
+    total = 0.0
+    for i in range(count):
+        total += w[row + i] * values[i]
+    return total
+
+
+@njit(**OPTIONS)
+def virtual_inertia(m, n):
+    """Virtual inertia [kg m^2] that a row removes, see ``model.interactions``; 0 for friction."""
+    j = law_at(m, n)
+    return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def row_of(m, n):
+    """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
+    apart()
+    plan, w, act, k, j = m.plan, m.w, act_of(m, n), at(m, n), law_at(m, n)
+    first, second, row, sec = m.acts[act, AT], m.acts[act, ON], plan[CUT] + ROW_SIZE * row_at(m, n), plan[SECTION]
+    if m.acts[act, WHAT] == ALONG:
+        of = int(w[j + OF_AT])
+        touching.along(
+            m.acts[of, WHAT], w, sec + SEC * first, sec + SEC * second, w, m.acts[of, NUMBERS_AT], w, row
+        )
+    elif m.acts[act, WHAT] == TURN:
+        joints.turn(shifted(w, sec), first, second, w[j], w[j + 1], w[j + 2], w, row)
+    else:
+        joints.slide(shifted(w, sec), first, second, w[j], w[j + 1], w[j + 2], w, row)
+    w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = w[row], w[row + 1], w[row + 2]
+    w[k + SPEED_SIZE] = size_of(m, n, 3)
+    return k
+
+
+@njit(**OPTIONS)
+def size_of(m, n, rate):
+    """Sum of the sizes of the products of a row with velocities (3) or accelerations (6) of its sections."""
+    size = 0.0
+    for side in range(2):
+        of = m.plan[SECTION] + SEC * m.acts[act_of(m, n), AT + side] + rate
+        own = m.plan[CUT] + ROW_SIZE * row_at(m, n) + 3 + 3 * side
+        for i in range(3):
+            size += abs(m.w[own + i] * m.w[of + i])
+    return size
+
+
+@njit(**OPTIONS)
+def stick(m, n):
+    """Let a friction stick where it is."""
+    m.w[at(m, n) + MODE], m.w[at(m, n) + MEMORY] = STICKING, m.w[at(m, n) + PLACE]
+
+
+@njit(**OPTIONS)
+def slip(m, n, direction):
+    """Let a friction slip, by the sign of the direction."""
+    m.w[at(m, n) + MODE], m.w[at(m, n) + MEMORY] = SLIPPING, 1.0 if direction >= 0.0 else -1.0
+
+
+@njit(**OPTIONS)
+def normal_force(m, n):
+    """Normal force of a friction [N or N m]: its contact's force, or its joint's reactions in NOW."""
+    w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
+    if what == ALONG:
+        return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
+    row = m.plan[NOW] + m.acts[int(w[law_at(m, n) + OF_AT]), ROW_AT]
+    if what == TURN:
+        return arm * math.sqrt(w[row] * w[row] + w[row + 1] * w[row + 1])
+    return larger(abs(w[row]), arm * abs(w[row + 1]))
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def exert(m):
+    """Force of every friction at the current state, also at NOW, with its energy; contacts are evaluated before."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m), 0):
+        k, j = row_of(m, n), law_at(m, n)
+        place, v, mode = m.plan[NOW] + row_at(m, n), w[k + SLIP], w[k + MODE]
+        if virtual_inertia(m, n) > 0.0:
+            w[place] = virtual_inertia(m, n) * w[k + SLIP_RATE]
+            continue
+        N = normal_force(m, n)
+        w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
+        if mode == OPEN:
+            w[place] = 0.0
+        elif mode == FLOWING:
+            w[place] = -w[j + VISCOUS_AT] * v
+        elif mode == SLIPPING:
+            w[place] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
+        w[k + FORCE], w[k + STORED] = w[place], 0.0
+        w[k + LOSING] = power(m, n)
+        if mode == BENDING:
+            w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]
+            w[k + LOSING] -= w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * lugre.by_now(w, k, j)[1]
+
+
+@njit(**OPTIONS)
+def power(m, n):
+    """Power [W] that a row takes; zero while sticking, whatever its rounding slip."""
+    k = at(m, n)
+    return -m.w[k + FORCE] * m.w[k + GAP_RATE] if m.w[k + MODE] != STICKING else 0.0
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def virtual_energy(m):
+    """Kinetic energy [J] of virtual inertia."""
+    total = 0.0
+    for n in range(-frictions(m), 0):
+        total += 0.5 * virtual_inertia(m, n) * m.w[at(m, n) + SLIP] * m.w[at(m, n) + SLIP]
+    return total
+
+
+RESULTS, STORED_AT = 8, 4
+"""Number of a row's :func:`results`, and place of its stored energy."""
+
+
+@njit(**OPTIONS)
+def results(m, out):
+    """Results of every row, frictions first: gap or position, rate, force, normal force, stored energy, lost power,
+    MODE and MEMORY."""
+    w, i = m.w, 0
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        out[i], out[i + 1], out[i + 2] = w[k + GAP], w[k + GAP_RATE], w[k + FORCE]
+        out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
+        out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
+        i += RESULTS

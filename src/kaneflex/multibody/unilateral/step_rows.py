@@ -1,0 +1,226 @@
+"""Unilateral and frictional rows in a step: their share of its Newton matrix, of its stages and of its error estimate.
+
+A contact has the stiffness and damping of its law in the middle of the step; its gap may be wrong by a share of its
+depth.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.dynamics.arrays import PHI
+from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.forces import meet
+from kaneflex.multibody.dynamics.interactions import gradient
+from kaneflex.multibody.dynamics.kinematics import move
+from kaneflex.multibody.model.layout import (
+    ACCEL, ALLOWED, ALONG, BENDING, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS, JAMS,
+    KEPT, LAW, MEMORY, MODE, NODES, OPTIONS, PIVOTS, PRECISION, RATE, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
+    SPEED_SIZE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VISCOUS, WANTED, WHAT, YIELDING, apart, larger,
+    shifted,
+)  # fmt: skip
+from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
+from kaneflex.multibody.unilateral.rows import (
+    EPS, act_of, at, contacts, extent, frictions, law_at, product, rigid, row_at,
+)  # fmt: skip
+
+_NO_JAM = 1e-9
+"""Share of a contact's compliance that counts as rounding."""
+
+
+@njit(**OPTIONS)
+def gradient_at(m, n):
+    """Place of the gradient of a row, those of frictions last."""
+    return m.plan[TOUCH] + SHARED + m.plan[COORDINATES] * (n if n >= 0 else contacts(m) - 1 - n)
+
+
+@njit(**OPTIONS)
+def derivatives(m, n):
+    """Derivatives of a row's value by all coordinates; returns their place.
+
+    Its row by the twists of its sections is known.
+    """
+    apart()
+    out = gradient_at(m, n)
+    for i in range(m.plan[COORDINATES]):
+        m.w[out + i] = 0.0
+    gradient(m, row_at(m, n), m.counts[PHI] > 0, out)
+    return out
+
+
+@njit(**OPTIONS)
+def along(m, n):
+    """The same by all but prescribed coordinates."""
+    out = derivatives(m, n)
+    leave_out(m, out)
+    return out
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def let_yield(m, h, state):
+    """Collect closed contacts, by their slopes in the middle of the step, and frictions for the factors; positions are
+    those there."""
+    apart()
+    plan, w, size, count = m.plan, m.w, m.plan[COORDINATES], 0
+    for n in range(contacts(m)):
+        if w[at(m, n) + MODE] == CLOSED and not rigid(m, n):
+            m.pivots[plan[TOUCHING] + count] = n
+            count += 1
+    m.pivots[YIELDING] = count
+    if count == 0 and plan[HOLDS] == plan[DRIVES]:
+        return
+    for i in range(size):
+        w[plan[RATE] + i] = state[1 + size + i] + 0.5 * h * state[1 + 2 * size + i]
+    move(m, 0)
+    for r in range(count):
+        n = m.pivots[plan[TOUCHING] + r]
+        k, law = meet(m, act_of(m, n)), m.acts[act_of(m, n), LAW]
+        by_gap, by_rate = touching.normal_slopes(law, w, law_at(m, n), w[k + MEMORY], w[k + GAP], w[k + GAP_RATE])
+        w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
+        along(m, n)
+    more = rows_of_step(m, count, h, state)
+    m.pivots[YIELDING] = count + more
+    for r in range(count, count + more):
+        along(m, m.pivots[plan[TOUCHING] + r])
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def notice_jams(m, t, step, A):
+    """Record the first time at which friction jams a contact, by the factors of a step that is taken.
+
+    A separating force with its friction then brings the sides closer: rigid sides would have no consistent force, or
+    several (Painleve's paradox); these are compliant.
+    """
+    apart()
+    plan, w, x = m.plan, m.w, m.plan[REACTION]
+    count = plan[KEPT] + m.pivots[YIELDING]
+    for r in range(plan[KEPT], count):
+        c = row_in(m, r)
+        for n in range(-frictions(m) if c >= 0 else 0, 0):
+            since = at(m, n) + JAMS
+            if w[since] == w[since] or not presses(m, n, r):
+                continue
+            for q in range(count):
+                A[x + q] = 0.0
+            A[x + r] = 1.0
+            dense_lu.substitute(A, plan[SCHUR], count, m.pivots, plan[PIVOTS], x)
+            soft = 1.0 / (step * (w[at(m, c) + VISCOUS] + step * w[at(m, c) + STIFF]))
+            if 1.0 / A[x + r] < (1.0 - _NO_JAM) * soft:  # opening by a unit force, and the contact's compliance
+                w[since] = t
+
+
+@of_contacts(0.0)
+@njit(**OPTIONS)
+def change_of_gaps(m, h, real, pair, one, two, A, B):
+    """Largest change of a gap by an iteration of one stage, in errors allowed."""
+    apart()
+    plan, w, largest = m.plan, m.w, 0.0
+    step, steps = h * real, h * pair
+    for r in range(plan[KEPT], plan[KEPT] + m.pivots[YIELDING]):
+        n, x = row_in(m, r), plan[REACTION] + r
+        if n < 0:
+            continue
+        k = at(m, n)
+        c, s = w[k + VISCOUS], w[k + STIFF]
+        d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
+        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * extent(m, n)) / w[k + ALLOWED])
+    return largest
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def resist_defect(m, step, A, answer):
+    """Subtract the effect of the rows on a defect, at ACCEL, from the forces: see ``collocation._error``."""
+    apart()
+    plan, w, size = m.plan, m.w, m.plan[COORDINATES]
+    for r in range(m.pivots[YIELDING]):
+        n = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, n), gradient_at(m, n)
+        slope = w[k + VISCOUS] + step * w[k + STIFF]
+        if w[k + MODE] == BENDING:
+            slope += lugre.firmness(w, k, law_at(m, n), step) * w[k + BY_SPEED]
+        share = step * slope * product(w, g, shifted(w, plan[ACCEL]), size)
+        for i in range(size):
+            A[answer + i] -= share * w[g + i]
+
+
+@of_contacts(0.0)
+@njit(**OPTIONS)
+def error_of_gaps(m, h, step, A, answer):
+    """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
+    acceleration in errors allowed: of bristles a share of the deflection before slip."""
+    apart()
+    plan, w, size, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
+    for r in range(m.pivots[YIELDING]):
+        n = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, n), gradient_at(m, n)
+        error = abs(product(w, g, shifted(w, plan[ACCEL]), size) + product(w, g, shifted(A, answer), size))
+        if n >= 0:
+            largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
+        elif w[k + MODE] == BENDING:
+            error -= 16.0 * EPS * w[k + SPEED_SIZE] / h
+            largest = larger(largest, error * lugre.minds(w, k, law_at(m, n), step) / w[plan[TOUCH] + PRECISION])
+    return largest
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def store_stage(m, i):
+    """Store results of frictions in a stage: accelerations of all, and forces of slipping ones."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(-frictions(m), 0):
+        w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = w[at(m, n) + SLIP_RATE]
+        w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[at(m, n) + FORCE]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def prescribe_in_stages(m, into, A, B):
+    """Prescribe zero accelerations of sticking friction to an iteration of the stages; for bristles the missing
+    force."""
+    apart()
+    plan, w, count = m.plan, m.w, frictions(m)
+    for n in range(-count, 0):
+        own = plan[STAGE_H] + count + n
+        a_0, a_1, a_2 = w[own], w[own + count], w[own + 2 * count]
+        stuck = w[at(m, n) + MODE] == STICKING or w[at(m, n) + MODE] == BENDING
+        one = -(into[0].real * a_0 + into[1].real * a_1 + into[2].real * a_2)
+        two = -(into[3] * a_0 + into[4] * a_1 + into[5] * a_2)
+        A[plan[WANTED] - 1 - n] = one if stuck else 0.0
+        B[plan[WANTED] - 1 - n] = two if stuck else 0.0 * two
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def bend(m, table, h, state):
+    """Deflection of bristles in the stages of a step h; STAGE_H gets their force minus the stages'."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        if w[k + MODE] == BENDING:
+            lugre.bend(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
+            for i in range(3):
+                has = w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)]
+                w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = has - w[k + NODES + 7 + 4 * i]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def bent_at_end(m, table, h, state):
+    """Set the bristles' deflection at the end of a step h."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        if w[k + MODE] == BENDING:
+            for i in range(3 if m.acts[act_of(m, n), WHAT] == ALONG else 0):
+                w[k + FIRMEST] = larger(w[k + FIRMEST], w[k + NODES + 5 + 4 * i])
+            w[k + MEMORY] = lugre.bent_at_end(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
