@@ -1,6 +1,7 @@
-"""Error stages of a run of preset ``coupled`` by richer models, and the effect of that preset on a one-way run.
+"""Error stages of a run whose joints or links are integrated together, and the effect of preset ``coupled`` on others.
 
-Coupled equations are integrated again with the richer model, over the same time from the same start.
+Equations of preset ``coupled``, and those of rigid bodies with free joints, are integrated again with the richer model,
+over the same time from the same start.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ by its elements."""
 
 
 def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
-    """Values of a run of preset ``coupled``, and stages of successively richer models."""
+    """Values of a run of preset ``coupled`` or of rigid bodies, and stages of successively richer models."""
     read = Read.of(solution, solution.model.options.start == "periodic")
     richer, stages = list(_richer(solution.model)), list[Stage]()
 
@@ -76,7 +77,9 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
     reached = len(read.run.times) - 1
     if reached < read.model.options.steps:  # an event stopped the run
         options = replace(options, steps=2 * reached, duration=read.model.step * reached)
-    model = refined(read.model, scene.seen(events={}), options)
+    scene = scene.seen(events={})
+    coupled = options.dynamics == "coupled"
+    model = refined(read.model, scene, options) if coupled else replace(load(scene), options=options)
     as_before = options.start in ("given", "periodic") or read.times[0] != 0.0
     return _run(model, progress, _embedded(read, model) if as_before else None).motion.taken(2 * read.stored)
 

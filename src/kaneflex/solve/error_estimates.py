@@ -76,7 +76,7 @@ def error_estimates(
 
 
 def _stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
-    if solution.model.options.dynamics == "coupled":
+    if solution.model.options.dynamics == "coupled" or _is_rigid(solution.model):
         from kaneflex.solve.coupled_corrections import coupled_stages
 
         return coupled_stages(solution, progress)
@@ -136,7 +136,14 @@ def _impossible(solution: RunResult) -> str:
         return f": the run is {solution.outcome.value}"
     if len(solution.times) < 3:
         return ": the run has too few instants"
-    return _too_long(solution) if options.dynamics == "coupled" else _impossible_one_way(model)
+    if options.dynamics == "coupled" or (_is_rigid(model) and model.module.FREE):
+        return _too_long(solution)
+    return _impossible_one_way(model)
+
+
+def _is_rigid(model: Model) -> bool:
+    """True if no body deforms."""
+    return not any(body.elastic for body in model.scene.bodies.values())
 
 
 def _too_long(solution: RunResult) -> str:
@@ -148,8 +155,8 @@ def _too_long(solution: RunResult) -> str:
 
 
 def _impossible_one_way(model: Model) -> str:
-    if not any(body.elastic for body in model.scene.bodies.values()):
-        return ": no body is elastic"
+    if _is_rigid(model):
+        return ": no body is elastic, and drives prescribe the motion"
     if model.module.FREE and model.options.errors != "all":
         return f": the effect of the deformation on free joints is not known; {REQUEST}"
     return ""

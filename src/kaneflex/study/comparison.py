@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.scene.parts import PRESETS
-from kaneflex.scene.read import SceneLike, scene_from
+from kaneflex.scene.read import SceneLike, scene_from, with_settings
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.study.differences import Difference, check_sensors, difference
 from kaneflex.support.arguments import takes
@@ -131,8 +131,7 @@ def compare(
         If a preset does not exist, the scene has no sensors or the other program can't build it, the reference
         failed, or fewer than two models ran.
     """
-    from kaneflex.solve.variants import Variant
-    from kaneflex.study.runs import Runs
+    from kaneflex.study.runs import run
 
     scene, progress = scene_from(scene), progress or silent
     if presets is None:
@@ -144,13 +143,13 @@ def compare(
         program.check(scene)
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
-    runs = Runs(scene, progress)
     for model in (*presets, *peers):
         try:
             if model == peer:
                 found[model] = programs[0].solve(scene, resolution, progress)
             else:
-                found[model] = runs.run(Variant(model, (f"solve.preset={model}",))).judged
+                own = run(with_settings(scene, [f"solve.preset={model}"]), progress, model)
+                found[model] = replace(own.curves, notes=own.solution.warnings)
         except SceneError as error:
             left_out[model] = str(error)
     return side_by_side(scene, found, left_out, against)

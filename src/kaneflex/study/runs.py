@@ -7,7 +7,7 @@ import math
 import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -66,11 +66,6 @@ class Run:
     curves: Curves
     timing: Timing
     solution: Solution
-
-    @property
-    def judged(self) -> Curves:
-        """Curves with all warnings of the run, which may need a second one, not only the model's."""
-        return replace(self.curves, notes=self.solution.warnings)
 
 
 def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", most: float = math.inf) -> Run:

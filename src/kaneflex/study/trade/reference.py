@@ -174,8 +174,9 @@ def _refined(
                 break
         coarse = curves
     _check(scene, model.name, curves, changes, tolerance)
-    curves = curves if model not in runs.kept else runs.run(model).judged
-    return Reference(scene, model, curves, changes, {}, "; ".join(curves.notes))
+    plain = runs.kept.get(levels[0])  # warnings of the finest model are the same, and take longer
+    notes = curves.notes if plain is None else plain.solution.warnings
+    return Reference(scene, model, curves, changes, {}, "; ".join(notes))
 
 
 def _changes(scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves) -> dict[str, float]:
