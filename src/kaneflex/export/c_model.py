@@ -16,8 +16,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load
-from kaneflex.solve.one_way import one_way_cure
-from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of
+from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of, one_way_cure
 from kaneflex.solve.simulation import solve
 from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError

@@ -19,7 +19,7 @@ from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_start import Begun, begun
 from kaneflex.solve.loading import load
-from kaneflex.solve.one_way import one_way_cure
+from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import c_comment, c_literal

@@ -26,7 +26,7 @@ from kaneflex.export.c_text import Arrays, shared_texts, structure_in_c
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.one_way import one_way_cure
+from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.arguments import takes
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import SceneError

@@ -16,33 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, SiteMotions, from_start, selector, to_link_axes
+from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Placed, Sites, to_link_axes
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.planar import GROUND, Vector
-from kaneflex.mechanism.rigid_bodies import Site
+from kaneflex.mechanism.planar import Vector
 from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
 
 _MATRICES = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
-
-
-class Placed(NamedTuple):
-    """Part with its map L from the mechanism's coordinates.
-
-    ``at``: sites on which the part acts, with the matrices (size, dofs) from the displacement and rotation there to the
-    part's coordinates; these are global in the plane, those of a rigid body are of its start; none of a link.
-    """
-
-    part: Part
-    L: Affine
-    at: tuple[tuple[Site, Affine], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -136,47 +121,12 @@ def with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
     return replace(part, matrices={**part.matrices, "F": total})
 
 
-@dataclass(frozen=True)
-class Sites:
-    """Sites of a planar mechanism on which parts act."""
-
-    links: Mapping[str, Link]
-    motions: SiteMotions
-
-    def place(self, part: Part, *points: tuple[str, Vector, Affine]) -> Placed:
-        """Part with coordinates that are sums of matrices times the global displacement and rotation of points, given
-        by body and place in its axes."""
-        at: list[tuple[Site, Affine]] = []
-        L = Affine.zero(part.size, len(self.motions.names))
-        for body, where, rows in points:
-            if body != GROUND:
-                node = self.links[body].node_at(where[0]) if body in self.links else None
-                at.append(((body, node), rows if body in self.links else rows @ from_start(body, where)))
-                L += at[-1][1] @ self.motion((body, node))
-        return Placed(part, L, tuple(at))
-
-    def motion(self, site: Site) -> Affine:
-        """Global displacement and rotation of a node or of a rigid body's start, (3, n)."""
-        (name, node), known = site, self.motions.found
-        if site in known or node is None:
-            return known.get(site, Affine.zero(3, len(self.motions.names)))
-        part = self.motions.links[name]
-        rows = selector(3, [0, 1, 2], part.place[node], part.size) @ self.motions.frame.maps[name]
-        return (SHIFT.T @ to_link_axes(name).T @ SHIFT + TURN.T @ TURN) @ rows
-
-    def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
-        """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
-        a first."""
-        signs = zip(sides, (-1.0, 1.0), strict=True)
-        return self.place(part, *((side.body, self.motions.scene.point(side), sign * rows) for side, sign in signs))
-
-
 def place_rigid(sites: Sites) -> Iterator[Placed]:
     """Add rigid bodies, lumped masses, and the loads on rigid bodies."""
-    scene, shared = sites.motions.scene, sites.motions.interfaces.shared
-    for tie in sites.motions.interfaces.ties:
+    scene, shared = sites.scene, sites.interfaces.shared
+    for tie in sites.interfaces.ties:
         if tie.site[1] is None:
-            centre = sites.motions.arm(tie, tie.site) if tie.joint else (0.0, 0.0)
+            centre = sites.arm(tie, tie.site) if tie.joint else (0.0, 0.0)
             turning = _turning_part(scene, tie.site[0], centre if tie.joint not in shared else None)
             yield sites.place(turning, (tie.site[0], (0.0, 0.0), WHOLE))
     for name, *inertia in _inertias(scene):
@@ -207,7 +157,7 @@ def _pushes(scene: Scene, body: str) -> Iterator[tuple[str, Affine, Vector]]:
 
 def place_torques(sites: Sites) -> Iterator[Placed]:
     """Add torques at joints, which act on the rotation of the second side relative to the first."""
-    scene = sites.motions.scene
+    scene = sites.scene
     for name, load in scene.torques.items():
         torque = sparse_part(name, 1, F=Affine.term((name,), [[1.0]]))
         yield sites.between(torque, scene.joints[load.torque_at].addresses, TURN)
@@ -252,7 +202,7 @@ def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, f
 
 def place_springs(sites: Sites) -> Iterator[Placed]:
     """Springs as parts, see :func:`spring_part` and :func:`torsion_part`, with the sites of their ends."""
-    scene = sites.motions.scene
+    scene = sites.scene
     for name, spring in scene.springs.items():
         if spring.torsional_at is not None:
             part = torsion_part(name, spring.stiffness, spring.damping)

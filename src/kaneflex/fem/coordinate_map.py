@@ -7,15 +7,17 @@ rotation. All other coordinates belong to one link, in its axes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.planar import GROUND, Vector
 from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie, carried_bodies, prescribed_bodies, spanning_tree
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -136,22 +138,39 @@ def guide_direction(scene: Scene, joint_name: str) -> Affine:
     return Affine.constant(t) if carrier == "ground" else to_link_axes(carrier).T @ Affine.constant(t)
 
 
-class SiteMotions:
-    """Global displacement and rotation of every site, (3, n), from the coordinates.
+class Placed(NamedTuple):
+    """Part with its map L from the mechanism's coordinates.
+
+    ``at``: sites on which the part acts, with the matrices (size, dofs) from the displacement and rotation there to the
+    part's coordinates; these are global in the plane, those of a rigid body are of its start; none of a link.
+    """
+
+    part: Part
+    L: Affine
+    at: tuple[tuple[Site, Affine], ...] = ()
+
+
+class Sites:
+    """Sites of a planar mechanism, and their global displacement and rotation from the coordinates, (3, n).
 
     Attributes
     ----------
+    parts : mapping of str to Part
+        Links as assembled.
     names : list of str
         The coordinates, in the order of their first use by the links.
     found : mapping of Site to Affine
+        Motions of the sites that joints tie together.
     """
 
-    def __init__(self, scene: Scene, links: Mapping[str, Part], interfaces: Interfaces) -> None:
-        self.scene, self.links, self.interfaces = scene, links, interfaces
+    def __init__(
+        self, scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], interfaces: Interfaces
+    ) -> None:
+        self.scene, self.links, self.parts, self.interfaces = scene, links, parts, interfaces
         self.names: list[str] = []
         self._columns: dict[object, list[int]] = {}
         self._ties = {tie.site: tie for tie in interfaces.ties}
-        self.alone = {name: self._name(part) for name, part in links.items()}
+        self.alone = {name: self._name(part) for name, part in parts.items()}
         for site in self._ties:
             if site[1] is None:
                 self._name_body(site)
@@ -219,25 +238,48 @@ class SiteMotions:
     def frame(self) -> Frame:
         """Names of the coordinates, and L of every link from the motions of its nodes at joints."""
         size, maps = len(self.names), {}
-        for name, part in self.links.items():
+        for name, part in self.parts.items():
             rows, columns = zip(*self.alone[name], strict=True) if self.alone[name] else ((), ())
             total = selector(part.size, rows, columns, size)
             for node, (u, v, theta) in part.place.items():
                 moved = self.found.get((name, node))
                 if moved is not None:
-                    total += _lift(part.size, [u, v]) @ to_link_axes(name) @ SHIFT @ moved
+                    total += selector(part.size, [u, v], [0, 1], 2) @ to_link_axes(name) @ SHIFT @ moved
                     if theta is not None:
-                        total += _lift(part.size, [theta]) @ TURN @ moved
+                        total += selector(part.size, [theta], [0], 1) @ TURN @ moved
             maps[name] = total
         bodies = {name: moved for (name, node), moved in self.found.items() if node is None}
         return Frame(tuple(self.names), maps, bodies)
+
+    def place(self, part: Part, *points: tuple[str, Vector, Affine]) -> Placed:
+        """Part with coordinates that are sums of matrices times the global displacement and rotation of points, given
+        by body and place in its axes."""
+        at: list[tuple[Site, Affine]] = []
+        L = Affine.zero(part.size, len(self.names))
+        for body, where, rows in points:
+            if body != GROUND:
+                node = self.links[body].node_at(where[0]) if body in self.links else None
+                at.append(((body, node), rows if body in self.links else rows @ from_start(body, where)))
+                L += at[-1][1] @ self.motion((body, node))
+        return Placed(part, L, tuple(at))
+
+    def motion(self, site: Site) -> Affine:
+        """Global displacement and rotation of a node or of a rigid body's start, (3, n)."""
+        (name, node), known = site, self.found
+        if site in known or node is None:
+            return known.get(site, Affine.zero(3, len(self.names)))
+        part = self.parts[name]
+        rows = selector(3, [0, 1, 2], part.place[node], part.size) @ self.frame.maps[name]
+        return (SHIFT.T @ to_link_axes(name).T @ SHIFT + TURN.T @ TURN) @ rows
+
+    def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
+        """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
+        a first."""
+        signs = zip(sides, (-1.0, 1.0), strict=True)
+        return self.place(part, *((side.body, self.scene.point(side), sign * rows) for side, sign in signs))
 
 
 def selector(rows: int, at: Sequence[int], columns: Sequence[int], size: int) -> Affine:
     """Matrix (rows, size) that takes some columns to rows ``at``."""
     return Affine.constant(from_entries((rows, size), list(at), list(columns), np.ones(len(at))))
 
-
-def _lift(rows: int, at: list[int]) -> Affine:
-    """Matrix that puts len(at) components into rows ``at`` of a longer vector."""
-    return selector(rows, at, range(len(at)), len(at))

@@ -270,7 +270,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     SceneError
         If the elastic stage can't be set up for the scene.
     """
-    from kaneflex.fem.coordinate_map import SiteMotions, find_interfaces
+    from kaneflex.fem.coordinate_map import Sites, find_interfaces
     from kaneflex.mechanism.floating_frames import shapes_given
     from kaneflex.mechanism.rigid_bodies import check_elastic
     from kaneflex.scene.options import resolve_options
@@ -286,8 +286,8 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
         if body.elastic
     }
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
-    motions = SiteMotions(scene, {name: link.part for name, link in links.items()}, interfaces)
-    return (*motions.names, *given)
+    sites = Sites(scene, links, {name: link.part for name, link in links.items()}, interfaces)
+    return (*sites.names, *given)
 
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:

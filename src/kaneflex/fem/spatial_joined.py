@@ -20,10 +20,10 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from kaneflex.fem.assembly import Site
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
 from kaneflex.mechanism.spatial_frame import at_point
@@ -115,8 +115,8 @@ class Joined:
         """Indices of some coordinates within :attr:`tied`."""
         return np.searchsorted(self.tied, columns)
 
-    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
-        """J and its rates at the instants of a motion, (3, n_times, rows, tied), and which rows are a joint's.
+    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> Rates3:
+        """J and its rates at the instants of a motion, (3, n_times, rows, tied).
 
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
@@ -128,7 +128,7 @@ class Joined:
                     point = self.point(side)
                     if point is not None:
                         J[:, :, self.where[name], self.places(point[0])] += each @ point[1]
-        return J, self.where
+        return J
 
     @cached_property
     def where(self) -> dict[str, slice]:
@@ -282,7 +282,7 @@ class Joined:
 
     def _scaled_rows(self, motion: RigidMotion) -> np.ndarray:
         """The rows at the instants of a motion, (n_times, rows, tied), each by its largest entry."""
-        J = self.rows(motion)[0][0] * self.measure[self.tied]
+        J = self.rows(motion)[0] * self.measure[self.tied]
         return J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
 
     def _named(self, rows: np.ndarray) -> list[str]:
@@ -294,7 +294,7 @@ class Joined:
         these independent coordinates, (3, n_times, rows, columns)."""
         independent, tied = choice.independent[columns], self.tied
         rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
-        J, measure = self.rows(motion, self._named(rows))[0], self.measure[tied]
+        J, measure = self.rows(motion, self._named(rows)), self.measure[tied]
         L = np.zeros((3, len(motion.times), len(tied), len(columns)))
         at = np.flatnonzero(np.isin(independent, tied))
         L[0][:, self.places(independent[at]), at] = 1.0

@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from kaneflex.fem.assembly import Placed, Site
+from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Part
 from kaneflex.fem.spatial_joined import ZERO, Choice, Joined
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 
 _VARY = 1e-9

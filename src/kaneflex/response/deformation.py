@@ -9,10 +9,12 @@ from typing import Self
 
 import numpy as np
 
-from kaneflex.fem.assembly import Placed, Site, in_own_axes, load_on_link, spin_or_euler
+from kaneflex.fem.assembly import in_own_axes, load_on_link, spin_or_euler
+from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model, keep_terms
 from kaneflex.response.section_forces import carried, growing, rate_of_momentum, spread_loads

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import Site
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.response.deformation import Deformation, attached_forces, deform, demanded, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside

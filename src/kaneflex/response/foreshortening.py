@@ -126,7 +126,7 @@ def _with_rates(affine: Affine) -> tuple[Affine, Affine, Affine]:
 
 def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
     """L, shapes, and stiffness condensed to the joints (rows, rows) of a link."""
-    part, held = link.part, _held(model, link)
+    part, held = link.part, sorted(model.interfaces.held_rows(link.part))
     assembled = model.parts[link.name].coordinates
     pick = np.zeros((len(held), len(assembled)))
     pick[np.arange(len(held)), [assembled.index(part.coordinates[row]) for row in held]] = 1.0
@@ -136,14 +136,9 @@ def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
     return Affine.constant(pick) @ model.frame.maps[link.name], shapes, shapes.T @ (stiffness @ shapes)
 
 
-def _held(model: Model, link: Link) -> list[int]:
-    """Rows of a link's part at its joints."""
-    return sorted(model.interfaces.held_rows(link.part))
-
-
 def _shortening(model: Model, found: Deformation) -> Rates:
     """Shortening between the link's start and each joint, in the rows along the link; (rows, n_times)."""
-    link, held = found.link, _held(model, found.link)
+    link, held = found.link, sorted(model.interfaces.held_rows(found.link.part))
     s = np.zeros((3, len(held), found.q.shape[1]), found.q.dtype)
     for name, node in model.interfaces.displaced:
         if name == link.name:

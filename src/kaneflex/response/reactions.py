@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.fem.assembly import Site
 from kaneflex.mechanism.joints import derivatives_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import GROUND, Number, Pose
+from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation
@@ -152,13 +152,12 @@ def spatial_reactions(
             residual[:, joined.tied] += np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
         else:
             residual[:, joined.columns(at)] += force.T
-    J, where = joined.rows(rigid)
-    rows, scale = found.rows, joined.measure[joined.tied]
-    multipliers = np.zeros_like(J[0][:, :, 0])
+    J, rows, scale = joined.rows(rigid)[0], found.rows, joined.measure[joined.tied]
+    multipliers = np.zeros_like(J[:, :, 0])
     solve = solver or by_reflections
-    multipliers[:, rows] = solve((J[0][:, rows] * scale).transpose(0, 2, 1), residual[:, joined.tied] * scale)
+    multipliers[:, rows] = solve((J[:, rows] * scale).transpose(0, 2, 1), residual[:, joined.tied] * scale)
     exerted: dict[str, np.ndarray] = {}
-    for name, own in where.items():
+    for name, own in joined.where.items():
         wrench, drive = joined.exerted(rigid, name, multipliers[:, own])
         parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
         exerted |= dict(zip(parts, wrench, strict=True))

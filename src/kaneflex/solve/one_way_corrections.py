@@ -46,10 +46,6 @@ def one_way_stages(solution: RunResult) -> tuple[Read, list[Stage]]:
     return read, [*stages, *_by_steps(read, richer, stages)]
 
 
-def _motion(read: Read) -> ElasticMotion:
-    return cast(ElasticMotion, read.motion)
-
-
 def _motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
     """Motion of a model with these coordinates at the compared instants."""
     return ElasticMotion(richer, richer.motion.at(read.times), coordinates)
@@ -100,15 +96,16 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
     by_radau = isinstance(trajectory, Trajectory) and trajectory.solver.startswith("radau")
     same_steps = by_radau or options.integrator == "radau" or options.dynamics != "dynamic"
     before, values = (richer[len(done) - 1][1], done[-1][1]) if done else (read.model, read.values)
-    motion = _motion(read) if same_steps and not done else None
+    own = cast(ElasticMotion, read.motion)
+    motion = own if same_steps and not done else None
     for kind, model in richer[len(done) :]:
         if kind == "time":
             if options.integrator == "scipy":  # its tolerance is finer than these steps
                 continue
             of_second_order = method_named(options.integrator).order == 2
-            values = values_of(_stepped(read, model, _motion(read), 1 if of_second_order else 2))
+            values = values_of(_stepped(read, model, own, 1 if of_second_order else 2))
         else:
-            motion = motion or _stepped(read, before, _motion(read))
+            motion = motion or _stepped(read, before, own)
             now = _stepped(read, model, motion)
             old = values_of(motion)
             values = {name: values[name] + new - old[name] for name, new in values_of(now).items()}

@@ -180,8 +180,5 @@ def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
         if len(values) > 4:
             inner[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
         return inner
-    body = values[:-1]
-    rate = (np.roll(body, 2, 0) - 8 * np.roll(body, 1, 0) + 8 * np.roll(body, -1, 0) - np.roll(body, -2, 0)) / (
-        12 * step
-    )
-    return np.concatenate([rate, rate[:1]])
+    body = np.pad(values[:-1], ((2, 3), (0, 0)), mode="wrap")
+    return (body[:-4] - 8 * body[1:-3] + 8 * body[3:-1] - body[4:]) / (12 * step)

@@ -1,4 +1,5 @@
-"""Fourier series of a periodic rigid motion's scalars, for mechanisms in space exported as C.
+"""Scenes whose one-way equations can be exported, and Fourier series of a periodic rigid motion's scalars for C in
+space.
 
 The loops of such mechanisms are closed by a compiled engine, which is not printed as C. The harmonics of a smooth
 periodic motion decay faster than any power, so that the series are accurate almost to rounding.
@@ -12,9 +13,13 @@ from typing import NoReturn
 
 import numpy as np
 
+from kaneflex.fem.mobility import check_determined, elastic_coordinates
+from kaneflex.mechanism.closure_continuation import check_free
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import Scene
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.options import resolve_options
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError
 
@@ -24,6 +29,7 @@ _NEAR, _ROUNDING = 1e-11, 1e-14
 """Accepted error: relative to a scalar's own peak, and to the largest in its unit."""
 _NEGLIGIBLE = 1e-3
 """Share of that error below which the highest harmonics are left out."""
+_PRESET = "stiffened"
 _ONLY = "in space only periodic motions can be exported as C"
 
 
@@ -65,6 +71,30 @@ def check_cycle(scene: Scene, asked: str) -> None:
         _refuse(asked, scene, f"{_ONLY}, and {', '.join(free)} is free")
     if scene.period is None:
         _refuse(asked, scene, f"{_ONLY}, and none of its drives has a cycle")
+
+
+def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
+    """Advice which preset has exportable equations, or why none has and what to use instead.
+
+    ``asked``: entry that needs them; ``integrated``: whether they must be integrated ones.
+    """
+    try:
+        other = with_settings(scene, [f"solve.preset={_PRESET}"])
+        dynamics = resolve_options(other).dynamics
+        if scene.is_spatial:
+            check_cycle(other, asked)
+        elif dynamics != "rigid":
+            check_determined(mechanism_of(other))
+            check_free(other)
+            elastic_coordinates(other)
+    except SceneError as refusal:
+        if refusal.key.startswith("solve."):
+            return f"Use --preset {_PRESET}, and change {refusal.key}: {refusal.cure}"
+        key = "" if refusal.key == asked else f"{refusal.key}: "
+        return f"No linear preset supports this scene: {key}{refusal.reason}. Use results.csv of a run instead"
+    if integrated and dynamics == "rigid":
+        return "Give a body a beam: rigid bodies have no elastic equations"
+    return f"Use another preset, for example --preset {_PRESET}"
 
 
 def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: RigidKinematics | None = None) -> Harmonics:

@@ -168,7 +168,8 @@ def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
     if other.outcome is not Outcome.COMPLETED:
         return []
     worth = {name: apart.max(initial=0.0) for name, apart in _apart(solution, other).items()}
-    zero = _zero(solution)  # with the changed stiffness a pin's moment would not be zero
+    # with the changed stiffness a pin's moment would not be zero
+    zero = {name for name, (peak, least) in zip(solution.series, _peaks(solution), strict=True) if peak <= least}
     worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING and name not in zero}
     if not worth:
         return []
@@ -285,30 +286,16 @@ def _apart(solution: RunResult, other: RunResult) -> dict[str, np.ndarray]:
     """
     count = min(len(solution.times), len(other.times))
     shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
-    found, peaks, least = {}, _peaks(solution), _least_peaks(solution)
-    for name, series in solution.series.items():
-        largest = max(peaks[name], least[series.unit]) or 1.0
-        found[name] = abs(other.series[name].values[:count] - series.values[:count])[shared] / largest
+    found = {}
+    for (name, series), peak in zip(solution.series.items(), _peaks(solution), strict=True):
+        found[name] = abs(other.series[name].values[:count] - series.values[:count])[shared] / (max(peak) or 1.0)
     return found
 
 
-def _zero(solution: RunResult) -> set[str]:
-    """Sensors that may be zero up to rounding."""
-    peaks, least = _peaks(solution), _least_peaks(solution)
-    return {name for name, series in solution.series.items() if peaks[name] <= least[series.unit]}
-
-
-def _peaks(solution: RunResult) -> dict[str, float]:
-    return {name: float(abs(series.values).max()) for name, series in solution.series.items()}
-
-
-def _least_peaks(solution: RunResult) -> dict[str, float]:
-    """Peak by unit below which a sensor may be rounding error: a share of the largest."""
-    found: dict[str, float] = {}
-    for name, peak in _peaks(solution).items():
-        unit = solution.series[name].unit
-        found[unit] = max(found.get(unit, 0.0), ZERO * peak)
-    return found
+def _peaks(solution: RunResult) -> list[tuple[float, float]]:
+    """Peak of each series, and that below which it may be rounding error: a share of the largest in its unit."""
+    peaks = [(series.unit, float(abs(series.values).max())) for series in solution.series.values()]
+    return [(peak, ZERO * max(other for of, other in peaks if of == unit)) for unit, peak in peaks]
 
 
 def _part_by(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> list[str]:

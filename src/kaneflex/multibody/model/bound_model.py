@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.fem.assembly import ElasticEquations, Placed, spin_or_euler
-from kaneflex.fem.coordinate_map import Frame, Interfaces
+from kaneflex.fem.assembly import ElasticEquations, spin_or_euler
+from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem

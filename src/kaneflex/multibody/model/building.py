@@ -11,15 +11,13 @@ import numpy as np
 
 from kaneflex.fem.assembly import (
     ElasticEquations,
-    Placed,
-    Sites,
     assemble,
     load_on_link,
     place_rigid,
     place_springs,
     place_torques,
 )
-from kaneflex.fem.coordinate_map import Frame, Interfaces, SiteMotions, find_interfaces
+from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed, Sites, find_interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
@@ -113,8 +111,8 @@ def _planar_stage(
     links = _links(scene, options, motion)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, frozen)
-    sites = Sites(links, SiteMotions(scene, parts, interfaces))
-    frame = sites.motions.frame
+    sites = Sites(scene, links, parts, interfaces)
+    frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
     return Stage(motion, links, parts, bases, interfaces, frame, placed, [*place_springs(sites)])

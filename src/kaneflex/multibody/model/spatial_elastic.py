@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 
 from kaneflex.fem.assembly import (
-    Placed,
     load_on_link,
     pushed_nodes,
     sparse_part,
@@ -18,7 +17,7 @@ from kaneflex.fem.assembly import (
     torsion_part,
     with_pushes,
 )
-from kaneflex.fem.coordinate_map import Frame, Interfaces
+from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
 from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
@@ -279,7 +278,7 @@ def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
     As :func:`kaneflex.multibody.model.spatial_reactions.open_reactions`, of a mechanism whose links deform.
     """
     joined, names = found.joined, set[str]()
-    J, where = joined.rows(motion)
+    J, where = joined.rows(motion), joined.where
     for instant in range(len(motion.times)):
         here = J[0, instant] * joined.measure[joined.tied]
         scale = np.maximum(abs(here).max(axis=1), 1e-300)
