@@ -7,7 +7,7 @@ stress of both. Not valid at load introductions, at notches and with restrained 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -105,7 +105,7 @@ def _outline_of(shape: Shape, dimensions: tuple[float, ...]) -> tuple[Outline, S
     return _OUTLINES[shape.kind](numbers, *dimensions), numbers
 
 
-def _in_space(forces: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def _in_space(forces: Iterable[np.ndarray]) -> tuple[np.ndarray, ...]:
     """Planar N, V, M as six section forces."""
     N, V, M = forces
     none = np.zeros_like(N)
@@ -113,7 +113,7 @@ def _in_space(forces: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 
 def _of_section(
-    outline: Outline, numbers: SectionNumbers, forces: tuple[np.ndarray, ...], spatial: bool
+    outline: Outline, numbers: SectionNumbers, forces: Iterable[np.ndarray], spatial: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Greatest and least normal stress (upper and lower in the plane), and von Mises stress [Pa], (n_times,) each."""
     N, V_y, V_z, T, M_y, M_z = forces
