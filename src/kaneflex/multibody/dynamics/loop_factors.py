@@ -154,7 +154,7 @@ def solve_closed(m, A, pivots):
     solve(t)
     if count:
         for r in range(count):
-            A[x + r] = factors.prescribed(m, A, r) - factors.weight(m, A, r) * opening(m, t, r)
+            A[x + r] = factors.missing(m, A, r, opening(m, t, r))
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         for r in range(count):
             for i in range(n):

@@ -76,20 +76,13 @@ def listed(m):
 
 @njit(**OPTIONS)
 def moved(m, i, x, rows):
-    """Rate of a row by forces x: W x."""
-    total = 0.0
+    """Rate of a row by forces x, W x, and the sum of the sizes of its terms."""
+    total = size = 0.0
     for j in range(rows):
-        total += m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[x + j]
-    return total
-
-
-@njit(**OPTIONS)
-def moves(m, i, x, rows):
-    """Sum of the sizes of the terms of :func:`moved`."""
-    total = 0.0
-    for j in range(rows):
-        total += abs(m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[x + j])
-    return total
+        term = m.w[m.plan[COMPLEMENT] + rows * i + j] * m.w[x + j]
+        total += term
+        size += abs(term)
+    return total, size
 
 
 @njit(**OPTIONS)
@@ -111,7 +104,7 @@ def complement(m, x, u, gaps, slips):
             row, sign = _row(k, gaps)
             w[x + row] += sign * largest * w[vector(m, SCALES) + row] * w[end + (2 * size + 2) * i]
     for i in range(rows):
-        w[u + i] = w[vector(m, WANTED) + i] + moved(m, i, x, rows)
+        w[u + i] = w[vector(m, WANTED) + i] + moved(m, i, x, rows)[0]
     return True
 
 
@@ -131,7 +124,6 @@ def _scale(m, gaps, rows):
     for i in range(rows):
         own = abs(w[m.plan[COMPLEMENT] + (rows + 1) * i])
         w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0
-    for i in range(rows):
         if w[vector(m, MAY) + i] != 0.0:
             largest = larger(largest, abs(_wanted(m, i)))
             if i >= gaps:

@@ -140,21 +140,16 @@ def by_force(m, n, r, size, h, A):
     return True
 
 
-@of_holds(1.0)
 @njit(**OPTIONS)
-def weight(m, A, r):
-    """Weight of a row's opening: 1, except for bristles, whose row is a force."""
+def missing(m, A, r, opening):
+    """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
+    bristles, whose row is a force, the missing force less the weighted opening."""
     n = row_in(m, r) if r >= m.plan[KEPT] else 0
-    bends = n < 0 and m.w[at(m, n) + MODE] == BENDING
-    return A[m.plan[WANTED] + frictions(m) - 1 - n] if bends else 1.0 + 0.0 * A[0]
-
-
-@of_holds(0.0)
-@njit(**OPTIONS)
-def prescribed(m, A, r):
-    """Acceleration prescribed to a sticking row of the factors; for bristles the missing force."""
-    n = row_in(m, r) if r >= m.plan[KEPT] else 0
-    return A[m.plan[WANTED] - 1 - n] if n < 0 else 0.0 * A[0]
+    if n >= 0:
+        return -opening
+    if m.w[at(m, n) + MODE] == BENDING:
+        opening *= A[m.plan[WANTED] + frictions(m) - 1 - n]
+    return A[m.plan[WANTED] - 1 - n] - opening
 
 
 @of_holds(None)

@@ -36,7 +36,7 @@ from kaneflex.multibody.unilateral import rigid_friction
 from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
 from kaneflex.multibody.unilateral.complementarity import (
     ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED, complement, listed,
-    moved, moves, vector,
+    moved, vector,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.factors import prescribe_nothing, rows_now
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, near, no_force, rigid, row_at
@@ -213,7 +213,7 @@ def _jump(m, state, A, count, slips):
         turn += 1
     copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
     for i in range(rows):
-        w[new + i] = w[old + i] + moved(m, i, p, rows)
+        w[new + i] = w[old + i] + moved(m, i, p, rows)[0]
     for k in range(size):
         w[plan[RATE] + k] = state[1 + size + k]
     _apply_impulses(m, A)
@@ -286,7 +286,7 @@ def _press(m, t, count, slips):
         others = False
         for i in range(count if turn == 0 else 0):
             n, v = m.pivots[listed(m) + i], abs(w[new + i])
-            noise = NOISE * (abs(w[vector(m, OLD) + i]) + moves(m, i, p, rows))
+            noise = NOISE * (abs(w[vector(m, OLD) + i]) + moved(m, i, p, rows)[1])
             pressing = abs(w[W + (rows + 1) * i]) * w[f + i]
             if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * motion_size(m, n, 6):  # or others keep it closed
                 pressing = larger(pressing, -w[vector(m, WANTED) + i])

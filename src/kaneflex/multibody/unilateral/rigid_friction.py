@@ -21,7 +21,7 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.complementarity import (
-    ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, moves, vector,
+    ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, moved, vector,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.factors import force_by_reaction
 from kaneflex.multibody.unilateral.rows import (
@@ -29,7 +29,7 @@ from kaneflex.multibody.unilateral.rows import (
     normal_force, on_contact, rigid, row_of, slip, stick,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import derivatives
-from kaneflex.multibody.unilateral.stick_slip import LET_GO, no_rate, no_speed, opens
+from kaneflex.multibody.unilateral.stick_slip import LET_GO, STILL, no_rate, no_speed, opens
 
 _AGREE = 1e-12
 """Tolerance of a joint's friction impulse between two iterations, relative to it."""
@@ -189,7 +189,7 @@ def modes_after_impact(m, t, touching, slips):
         k, speed = row_of(m, n), w[vector(m, NEW) + r]
         if jumped:
             w[k + DUE] = 0.0
-        none = no_speed(m, n, t) + _ROUNDING * moves(m, r, p, rows)
+        none = no_speed(m, n, t) + _ROUNDING * moved(m, r, p, rows)[1]
         w[vector(m, MAY) + r] = w[k + DUE] != 0.0 or abs(speed) <= none
         if w[vector(m, MAY) + r] == 0.0:
             slip(m, n, speed)
@@ -237,4 +237,4 @@ def settle(m, state, touching, slips):
             w[k + MODE] = STICKING
         else:
             stick(m, n)
-        w[k + DUE] = smaller(w[k + DUE], -1.0)
+        w[k + DUE] = smaller(w[k + DUE], STILL)

@@ -35,9 +35,9 @@ _WRONG = 1e-9
 """Share of neighbouring accelerations above which one against the slip is not rounding."""
 _SHORT, _ALIKE = 1e-6, 1e-9
 """Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
-LET_GO = -2.0
-"""Value of DUE for sticking friction that is to slip; -1 for all others without speed."""
-_STILL = 1e-11
+STILL, LET_GO = -1.0, -2.0
+"""Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
+_SLOWEST = 1e-11
 """Speed that counts as zero, in sizes of the mechanism, or rad, a second."""
 _CANDIDATES = 6
 """Largest number of frictions without speed of which all combinations are tried."""
@@ -82,7 +82,7 @@ def extrapolate_to_end(m, table, last):
 def no_speed(m, n, t):
     """Speed of a friction that counts as zero."""
     w, k = m.w, at(m, n)
-    return _STILL * extent(m, n) + 8.0 * EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
+    return _SLOWEST * extent(m, n) + 8.0 * EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
 
 
 @njit(**OPTIONS)
@@ -224,7 +224,7 @@ def _first_mode(m, n, t):
     if before != STICKING and not shifts and abs(v) > no_speed(m, n, t):
         slip(m, n, v)
         return 0
-    w[k + DUE] = -1.0
+    w[k + DUE] = STILL
     if before == STICKING:
         if shifts:
             w[k + DUE], w[k + BORE] = LET_GO, abs(w[k + FORCE])
@@ -252,7 +252,7 @@ def _share(m, t, A):
             bears, share = abs(w[k + FORCE]), abs(w[k + FORCE]) / (w[k + LIMIT] + no_force(m, n))
             if w[k + DUE] >= 0.0 or w[k + MODE] != STICKING:
                 continue
-            lets = w[k + DUE] <= LET_GO and bears >= (1.0 - _SHORT) * w[k + BORE]
+            lets = w[k + DUE] == LET_GO and bears >= (1.0 - _SHORT) * w[k + BORE]
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
@@ -302,7 +302,7 @@ def _least_consistent(m):
         if w[k + MODE] == STICKING:
             off = (abs(w[k + FORCE]) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
-            unsure = _SHORT / _WRONG if w[k + DUE] <= LET_GO else 1.0  # as its load
+            unsure = _SHORT / _WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
             off = -w[k + MEMORY] * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
         if off > larger(worst, 1.0):
             worst, found = off, n
