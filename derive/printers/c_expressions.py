@@ -7,7 +7,6 @@ import builtins
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from inspect import isfunction
 from types import ModuleType
 from typing import Any, NoReturn
 
@@ -127,11 +126,7 @@ class Expressions:
             return f"{text}[{bare(index[0])}]", dtype
         if len(index) == 2 and isinstance(kind, Square):
             return f"{text}[{bare(index[0])}][{bare(index[1])}]", types.float64
-        if len(index) == 2 and not isinstance(kind, types.CPointer) and kind not in WIDTH:
-            if hasattr(kind, "d"):
-                text, width = f"(({self.printer.declared(types.CPointer(dtype))}){text})", kind.d
-            elif width is None:  # a view
-                text, width = f"{text}.at", f"{text}.width"
+        if len(index) == 2 and width:
             return f"{text}[{index[0]} * {width} + {index[1]}]", dtype
         self.refuse(node)
 
@@ -233,7 +228,8 @@ class Expressions:
                 self.read = read
                 return ("", types.void) if otherwise is None else constant(otherwise)
             called = function
-        name, returned = self.printer.function(self._chosen(node, called, kinds), kinds)
+        called = called.choose(kinds) if hasattr(called, "choose") else called
+        name, returned = self.printer.function(called if hasattr(called, "py_func") else self.refuse(node), kinds)
         return f"{name}({', '.join(texts)})", returned
 
     def _mathematics(self, called: Callable[..., Any], node: ast.Call) -> Expression:
@@ -242,20 +238,6 @@ class Expressions:
             self.refuse(node)
         text = f"{_MATHEMATICS[called]}({', '.join(texts)})"
         return (f"(int64_t){text}", types.int64) if called in _WHOLE else (text, types.float64)
-
-    def _chosen(self, node: ast.Call, called: Any, kinds: Sequence[Any]) -> Any:
-        """The compiled function of these types of arguments: of several of one name the one that numba chooses."""
-        if hasattr(called, "choose"):
-            return called.choose(kinds)
-        if hasattr(called, "py_func"):
-            return called
-        key, context = (called, *kinds), cpu_target.typing_context
-        if key not in self.printer.choices:
-            context.refresh()  # reads what was registered since
-            templates = getattr(context._get_global_type(called), "templates", ()) if isfunction(called) else ()
-            made = (each._overload_func(*kinds) for each in templates if hasattr(each, "_overload_func"))
-            self.printer.choices[key] = next(filter(None, made), None) or self.refuse(node)
-        return self.printer.choices[key]
 
     def _kernel(self, chosen: ast.Call, node: ast.Call) -> Expression:
         """A call of ``kernel(table, WHICH)``."""
@@ -274,18 +256,16 @@ class Expressions:
         return "", types.void
 
     def _addressed(self, node: ast.Call) -> Expression:
-        """Numbers, vectors or a view that begin at an address; numba says of which type they are."""
+        """Numbers or vectors that begin at an address; numba says of which type they are."""
         texts, kinds = self.expressions(node.args)
         of = self.object_of(node.func)._defn(cpu_target.typing_context, *kinds)[0].return_type
-        if not hasattr(of, "d") and not isinstance(of, types.CPointer):
-            return self._record(of, texts)
         return f"(({self.printer.declared(of)}){grouped(texts[-1])})", of
 
     def _count(self, node: ast.Call) -> Expression:
         read = set(self.read)
         kind = self.expression(node.args[0])[1]
         self.read = read  # only its type counts
-        found = (getattr(kind, name) for name in ("d", "dimension", "count") if hasattr(kind, name))
+        found = (getattr(kind, name) for name in ("d", "count") if hasattr(kind, name))
         return str(next(found, None) or self.refuse(node)), types.int64
 
     def _absolute(self, node: ast.Call) -> Expression:
@@ -345,7 +325,7 @@ def _is_special(called: Any) -> bool:
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,
-    "vectors": Expressions._addressed, "twists": Expressions._addressed, "view": Expressions._addressed,
+    "vectors": Expressions._addressed, "twists": Expressions._addressed,
     "width": Expressions._count, "len": Expressions._count, "abs": Expressions._absolute,
     "int": Expressions._converted, "float": Expressions._converted, "complex": Expressions._converted,
     "bool": Expressions._converted, "min": Expressions._extreme, "max": Expressions._extreme,

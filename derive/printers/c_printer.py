@@ -6,16 +6,15 @@ the type of a variable is the widest type assigned to it. The subset of Python:
 
 - Values: bool, int, float and complex; tuples and named tuples of values; addresses of numbers, ``w[k]``, and
   ``shifted(w, k)`` or ``after(w, k)``. Of other types those with ``parts`` (a record, by its address), ``width`` (whole
-  numbers in rows, ``f[k]``, ``f[row, k]``), ``d`` (vectors of d numbers: ``v[j]`` is a tuple, ``v[j, k]`` a number), or
-  none of these (a view, by two indices).
+  numbers in rows, ``f[k]``, ``f[row, k]``) or ``d`` (vectors of d numbers: ``v[j]`` is a tuple).
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
   ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
   not``, ``a if b else c``; ``math``'s functions; ``abs min max int float complex bool``; ``len`` of a tuple; modules'
   numbers.
-- Calls of compiled functions by position. Of several functions of one name (numba's ``overload``, or an object with
-  ``choose``) that of the arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
-- Intrinsics ``vectors``, ``view`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
+- Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
+  arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
+- Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
 - ``unpacked``, ``pack`` and ``fill`` of ``generated/packs.py``; the marks ``apart``, ``together`` and ``inside``.
 
 C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
@@ -72,7 +71,6 @@ class Printer:
         self.kernels, self.own = kernels, own
         self.texts: dict[str, str] = {}
         self.asked: set[str] = set()
-        self.choices: dict[tuple[Any, ...], Any] = {}
         self.functions: dict[tuple[Any, tuple], tuple[str, Any]] = {}
         self.taken: set[str] = set()
         self.structures = Structures(self.taken)

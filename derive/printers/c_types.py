@@ -69,10 +69,7 @@ class Structures:
         if isinstance(of, types.BaseTuple):
             letters = "".join(_LETTERS.get(kind) or re.sub(r"\W", "", self._name(kind)) for kind in of.types)
             return self._defined(f"several_{letters}", parts_of(of))
-        if hasattr(of, "d"):
-            return f"{self._name(types.UniTuple(of.dtype, of.d))} *"
-        pointer = types.CPointer(of.dtype)
-        return self._defined(f"view_{_LETTERS[of.dtype]}", (("at", pointer), ("width", types.int64)))
+        return f"{self._name(types.UniTuple(of.dtype, of.d))} *"
 
     def _defined(self, stem: str, parts: Iterable[tuple[str, Any]]) -> str:
         inside = "".join(f"    {self.declared(kind, part)};\n" for part, kind in parts)

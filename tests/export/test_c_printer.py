@@ -8,28 +8,29 @@ from types import FunctionType
 import numpy as np
 import pytest
 from numba import njit, types
-from numba.extending import overload
 from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
+from kaneflex.derive.printers.c_types import Square
+from kaneflex.multibody.compile.values import Vectors, by_size
 
 D, Z = types.float64, types.complex128
 Body = namedtuple("Body", "n place mass")
 
 
-def dot(a, b):
-    """a . b of two vectors of 3 or of 6 numbers, which numba chooses by their types."""
+@njit
+def plane(a, b):
+    """a . b of two vectors of 3 numbers."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@overload(dot)
-def _dot(a, b):
-    def plane(a, b):
-        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+@njit
+def space(a, b):
+    """a . b of two vectors of 6 numbers."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
-    def space(a, b):
-        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
-    return plane if len(a) == 3 else space
+dot = by_size(plane, space)
 
 
 @njit
@@ -83,25 +84,16 @@ def test_vectors_and_complex_numbers_are_those_of_numba(compiler, tmp_path):
         assert library.pairs(x, y, s) == pytest.approx(pairs(complex(x, y), s), rel=1e-13)
 
 
-class Vectors(types.Type):
-    """Vectors of d numbers at an address, or without d a matrix by two indices."""
-
-    def __init__(self, dtype, **more):
-        self.dtype = dtype
-        vars(self).update(more)
-        super().__init__(f"Vectors({dtype}, {more})")
-
-
 @njit
 def factorised(v, z, A, n):
     """Rows of vectors stored whole, real ones among complex ones, and an elimination in a matrix."""
     for j in range(n):
         v[j] = axpy(2.0, v[j], v[0])
         z[j] = v[j]
-        z[j] = axpy(z[j, 1], z[j], v[j])
+        z[j] = axpy(z[j][1], z[j], v[j])
     for i in range(n):
         for k in range(i):
-            A[i, i] -= A[i, k] * v[k, 0]
+            A[i, i] -= A[i, k] * v[k][0]
         if A[i, i] == 0.0:
             return False
         A[i, i] = 1.0 / A[i, i]
@@ -123,13 +115,12 @@ class Rows:
 
 def test_vectors_and_matrices_at_addresses_are_those_of_python(compiler, tmp_path):
     printer, n = Printer(), 4
-    printer.function(factorised, (Vectors(D, d=3), Vectors(Z, d=3), Vectors(D), types.int64), "", "factorised")
-    text = HEADS + printer.text() + "bool call(several_ddd *v, several_zzz *z, double *A, int64_t n);\n"
-    text += "bool call(several_ddd *v, several_zzz *z, double *A, int64_t n)\n"
-    text += "{ return factorised(v, z, (view_d){A, n}, n); }\n"
+    printer.function(factorised, (Vectors(D, 3), Vectors(Z, 3), Square(), types.int64), "", "factorised")
+    arguments = "(several_ddd *v, several_zzz *z, double A[6][6], int64_t n)"
+    text = f"{HEADS}{printer.text()}bool call{arguments};\nbool call{arguments}\n{{ return factorised(v, z, A, n); }}\n"
     library = ctypes.CDLL(str(built({"vectors.c": text}, tmp_path, compiler, *SHARED)))
     random = np.random.default_rng(2)
-    given = random.normal(size=(n, 3)), np.zeros((n, 3), complex), random.normal(size=(n, n))
+    given = random.normal(size=(n, 3)), np.zeros((n, 3), complex), random.normal(size=(6, 6))
     expected, found = ([each.copy() for each in given] for _ in range(2))
     of_python = FunctionType(factorised.py_func.__code__, {"axpy": axpy.py_func})
     assert of_python(*(Rows(each) for each in expected), n)

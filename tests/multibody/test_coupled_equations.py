@@ -5,13 +5,11 @@ import re
 
 import numpy as np
 import pytest
-import sympy as sm
 from places import DATA
 from runs import gaps, moments
 
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
-from kaneflex.derive.bodies.proof import planar_equations
 from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
@@ -19,52 +17,6 @@ from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.time.linearisation import prepare
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest
-
-
-def symbols(text):
-    return sm.symbols(text)
-
-
-def test_a_body_without_shapes_is_the_rigid_body():
-    """Mass matrix and forces of a rigid body about a point that is not its centre (Shabana 2013, eq. 3.4)."""
-    m, m_X, m_Y, m_XX, m_YY, J, w = symbols("mass mass_X mass_Y mass_X_X mass_Y_Y inertia omega")
-    a_x, a_y, epsilon = symbols("along across epsilon")  # less gravity, in the body's axes
-    M = sm.Matrix([[m, 0, -m_Y], [0, m, m_X], [-m_Y, m_X, m_XX + m_YY + J]])
-    f = sm.Matrix([w**2 * m_X, w**2 * m_Y, 0])
-    assert (planar_equations(0, 0) - (M * sm.Matrix([a_x, a_y, epsilon]) - f)).expand() == sm.zeros(3, 1)
-
-
-def linear_part():
-    """d(M q'' - f)/d(q, q', q'') of the two modal rows about a rigid motion, at phi = 0 and without deformation."""
-    residual = planar_equations(1, 1)[3:, :]
-    modal, rates, accelerations = (symbols(f"{letter}_0 {letter}_1") for letter in "qvb")
-    still = dict.fromkeys((*modal, *rates, *accelerations, *symbols("inertia_psi_0 inertia_psi_0_psi_0")), 0)
-    return [
-        sm.Matrix(residual).jacobian(unknowns).xreplace(still).applyfunc(sm.expand)
-        for unknowns in (modal, rates, accelerations)
-    ]
-
-
-def test_linearised_about_a_prescribed_motion_it_is_the_stiffened_link():
-    """K = -omega^2 M + epsilon G + K_g with P of the link's own inertia, C = 2 omega G, M: term by term."""
-    K, C_, M = linear_part()
-    ss, ww, sw, H, XH = symbols("mass_s_0_s_0 mass_w_0_w_0 mass_s_0_w_0 mass_H_0_0 mass_X_H_0_0")
-    a_x, w, e = symbols("along omega epsilon")
-    G = sm.Matrix([[0, -sw], [sw, 0]])
-    K_g = sm.Matrix([[0, 0], [0, -a_x * H + w**2 * XH]])  # P = omega^2 int_X^L rho A x dx - a_x int_X^L rho A dx
-    assert M == sm.diag(ss, ww)
-    assert C_ - 2 * w * G == sm.zeros(2, 2)
-    assert (K - (-(w**2) * M + e * G + K_g)).expand() == sm.zeros(2, 2)
-
-
-def test_rotary_inertia_turns_with_the_section():
-    """A section carries 1/2 rho I (omega + psi')^2: mass beside translation, and nothing in K."""
-    equations = planar_equations(0, 1)
-    ww, psi, psi2 = symbols("mass_w_0_w_0 inertia_psi_0 inertia_psi_0_psi_0")
-    assert equations[3].coeff(sm.Symbol("b_0")) == ww + psi2
-    assert equations[3].coeff(sm.Symbol("epsilon")) == symbols("mass_X_w_0") + psi
-    still = equations.xreplace(dict.fromkeys(symbols("epsilon b_0"), 0))
-    assert not still.free_symbols & {psi, psi2}
 
 
 @pytest.fixture(scope="module")
