@@ -120,10 +120,9 @@ class Setup:
 
 
 def advance(
-    setup: Setup, state: State, load_factor: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool,
-    begin: int = 0,
-) -> Advance:  # fmt: skip
-    """Take `n_steps` steps after step `begin` with all columns of `state`, in place; store the first one in `stored`.
+    setup: Setup, state: State, load_factor: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool
+) -> Advance:
+    """Take `n_steps` steps from the beginning with all columns of `state`, in place; store the first one in `stored`.
 
     load_factor: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
@@ -132,14 +131,13 @@ def advance(
     # one cycle of a unit state may well grow beyond what forces cause: it only has to stay a number
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup, state.z.shape[1])
-    done, spent, outcome = begin, 0.0, Outcome.COMPLETED
-    end = begin + n_steps
-    while done < end and outcome is Outcome.COMPLETED:
-        scalars, period, position, steps = setup.stream.piece(done, min(most, end - done))
+    done, spent, outcome = 0, 0.0, Outcome.COMPLETED
+    while done < n_steps and outcome is Outcome.COMPLETED:
+        scalars, period, position, steps = setup.stream.piece(done, min(most, n_steps - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
         at = (scalars, period, position)
         rest = (setup.coefficients, load_factor, state, done, every, limit, stored)
-        if done == begin:
+        if done == 0:
             loop(*at, 0, *rest)  # compiles, outside the clock
         started = time.perf_counter()
         taken, status = loop(*at, steps, *rest)
@@ -147,8 +145,8 @@ def advance(
         done += taken
         outcome = _OUTCOMES[status]
         if setup.progress:
-            setup.progress((done - begin) / n_steps)
-    return Advance(done, outcome, 1e9 * spent / max(done - begin, 1))
+            setup.progress(done / n_steps)
+    return Advance(done, outcome, 1e9 * spent / max(done, 1))
 
 
 class _Bound:
