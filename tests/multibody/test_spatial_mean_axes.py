@@ -142,7 +142,6 @@ def test_springs_and_laws_at_a_pin_along_and_across_a_strip_know_how_its_section
 
 
 CROSS = "axes = [[0.48, 0.6, 0.64], [0.8, 0, -0.6]]"
-SOFT = 'beam = {{material = "steel", section = {{circle = "6 mm"}}, elements = 2}}'
 FLUNG = """
 schema = 1
 gravity = [0, 0, -9.81]
