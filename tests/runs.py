@@ -15,9 +15,11 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
 from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model import spatial_layout as of
+from kaneflex.multibody.model import tree_layout as of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
+from kaneflex.multibody.model.interactions import side_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
 from kaneflex.solve.simulation import solve
@@ -53,42 +55,42 @@ def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Sta
     have the sections by these frames."""
     engine, bodies = system.engine, system.engine.tables.bodies
     engine.part()
-    for body, (first, count) in zip(engine.layout.bodies, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
+    layout = engine.layout
+    for body, (first, count) in zip(layout.node_of, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
         for part, given in zip(engine.motion, (q, v), strict=False):
             part[first : first + count] = given[system.modal(body)]
     engine.openings(t)  # deforms the bodies
     places, rates, *_ = engine.motion
-    for body, (name, side), fields in zip(engine.layout.bodies, engine.layout.inboard, bodies, strict=True):
-        sign, angle, *along = engine.tables.w[fields[at.NUMBERS] :][:4]
+    for body, name, fields in zip(layout.node_of, layout.inboard, bodies, strict=True):
         moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
         if name is None:
-            places[moves], rates[moves] = np.split(np.array(_section(system, (body, "start"), q, v)), 2)
+            places[moves], rates[moves] = np.split(np.array(_section(system, Side(body, (0.0, 0.0, 0.0)), q, v)), 2)
             continue
-        sides = system.mechanism.joints[name].sides
-        own, up = (np.array(_section(system, (each.body, each.name), q, v)) for each in (sides[side], sides[1 - side]))
-        if fields[at.JOINT] == at.REVOLUTE:
+        (node,), sign = layout.tree[name]
+        sides = system.mechanism.joints[name].sides[::sign]  # the outer one is the second
+        up, own = (np.array(_section(system, side_of(side), q, v)) for side in sides)
+        (_, _, angle), (along, across, _) = (engine.parts["numbers"][node, columns] for columns in (of.PLACE, of.AXIS))
+        if engine.parts["nodes"][node, of.KIND] == of.TURN:
             places[moves], rates[moves] = sign * (own[2] - up[2] - angle), sign * (own[5] - up[5])
-        elif fields[at.JOINT] == at.PRISMATIC:
-            guide = complex(*along) * np.exp(1j * up[2])
+        elif engine.parts["nodes"][node, of.KIND] == of.SLIDE:
+            guide = complex(along, across) * np.exp(1j * (up[2] + angle))
             apart, parting = (complex(*(own - up)[k : k + 2]) * guide.conjugate() for k in (0, 3))
             places[moves], rates[moves] = apart.real, parting.real + up[5] * apart.imag
     return engine.state(t, engine.choice)
 
 
-def _section(system: CoupledSystem, point: tuple[str, str], q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
+def _section(system: CoupledSystem, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
     """Pose and twist of a section by its body's frame, (size,), as it is deformed; vectors are complex numbers."""
-    node, place = system.engine.layout.carriers[point]
+    (node, place), arrays, body = system.engine.layout.on(side), system.engine.arrays, side.body
     if node < 0:
-        return *place, 0.0, 0.0, 0.0, 0.0
-    arrays, body, w = system.engine.arrays, point[0], system.engine.tables.w
-    start, modal, pose, twist = system.start[body], system.modal(body), np.zeros(3), np.zeros(3)
-    pose[:2] = place
+        return *place, 0.0, 0.0, 0.0
+    start, modal, pose, twist = system.start[body], system.modal(body), place.copy(), np.zeros(3)
     if modal.stop > modal.start:
         station = arrays["nodes"][node, of.KIND] == of.STATION
         row, numbers = (arrays[name][node if station else node + 1] for name in ("nodes", "numbers"))
-        pose, phi = numbers[0 if station else 2].copy(), np.zeros(3 * (modal.stop - modal.start))
+        pose, phi = numbers[of.PLACE if station else of.SHIFT].copy(), np.zeros(3 * (modal.stop - modal.start))
         if row[of.AT] >= 0:
-            pose += kernels.displace.py_func(w, row[of.AT], q[modal], 0, phi, 0)
+            pose += kernels.displace.py_func(arrays["block"], row[of.AT], q[modal], 0, phi, 0)
             twist = v[modal] @ phi.reshape(-1, 3)
     turn, omega, arm = np.exp(1j * q[start + 2]), v[start + 2], complex(*pose[:2])
     at_point = complex(*q[start : start + 2]) + turn * arm
@@ -105,7 +107,7 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
         ends = [BodyPoint(f"{name}.{side}", "", (0.0, 0.0)) for side in range(2)]
         joints[name] = replace(joint, first=ends[0], second=ends[1])
         for side, end in zip(joint.sides, ends, strict=True):
-            poses[end.body] = np.array(_section(system, (side.body, side.name), q, 0.0 * q)[:3])
+            poses[end.body] = np.array(_section(system, side_of(side), q, 0.0 * q)[:3])
     drives = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3].tolist(), strict=True))
     constraints = Constraints(replace(system.mechanism, joints=joints), drives)
     names = [row for joint in joints.values() for row, *_ in reactions(joint)]

@@ -18,9 +18,11 @@ from kaneflex import read_scene, scene_of
 from kaneflex.derive.bodies import proof, space_proof
 from kaneflex.derive.bodies.proof import NotKane
 from kaneflex.generated import body, spatial, spatial_shapes
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.shape_moments import ShapeMoments
 from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.model.topology import build_tables
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 S, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
@@ -320,8 +322,9 @@ def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
     c, s = np.cos(0.7), np.sin(0.7)
     p, weight = blocks.body("rod"), np.zeros(3 + len(q))
     force = blocks.scene.bodies["rod"].rho_A * blocks.scene.bodies["rod"].length / 2 * gravity
-    for half in range(2):
-        (x, _), numbers = blocks.point("rod", f"loads.on_rod.{half}")
+    for weights in ((1.0, 0.0), (0.0, 1.0)):
+        share, x, rows, G = blocks.shapes["rod"].spread(*weights)
+        x, numbers = x / share, blocks.station("rod", rows / share, G / share)
         twists = np.zeros(3 * len(q))
         moved = body.displace(numbers, 0, q, 0, twists, 0)
         along, across = c * force[0] + s * force[1], c * force[1] - s * force[0]
@@ -335,14 +338,12 @@ def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
     assert weight[:2] == pytest.approx(blocks.scene.bodies["rod"].mass * gravity, rel=1e-12)
 
 
-def test_points_of_rigid_and_elastic_bodies(blocks):
-    bodies = blocks.scene.bodies
-    length = bodies["crank"].length
-    for name, place in (("end", length), ("loads.on_crank.0", length / 3), ("loads.on_crank.1", 2 * length / 3)):
-        at, numbers = blocks.point("crank", name)
-        assert at == pytest.approx((place, 0.0), rel=1e-15) and numbers.tolist() == [0.0, 0.0]
-    at, middle = blocks.point("rod", "mid")
-    assert at == pytest.approx((bodies["rod"].length / 2, 0.0), rel=1e-15)
+def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(blocks):
+    scene, length = blocks.scene, blocks.scene.bodies["crank"].length
+    sections = build_tables(mechanism_of(scene), blocks).layout.sections
+    assert {("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
+    rod = blocks.shapes["rod"]
+    middle = blocks.station("rod", *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))
     axial, transverse = blocks.counts["rod"]
     assert middle[:2].tolist() == [axial, axial + transverse]
     assert len(middle) == 2 + axial + transverse * (2 + transverse)

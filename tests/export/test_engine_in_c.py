@@ -15,7 +15,6 @@ from kaneflex.multibody.compile import addresses, library
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model import spatial_layout as of
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU
 from kaneflex.solve.coupled_start import begun
@@ -117,9 +116,6 @@ def memory(run, random):
     """Arrays of the engine with random numbers near a state, and arrays for other arguments."""
     engine = run.engine
     near = engine.tables.w * (1.0 + 1e-3 * random.normal(size=len(engine.tables.w)))
-    points = engine.parts["nodes"][:, of.AT]
-    for first in (*points[points >= 0], *(engine.tables.bodies[:, at.BLOCK] + 4)):  # numbers of shapes
-        near[first : first + 2] = engine.tables.w[first : first + 2]
     for part in (at.RATE, at.ACCEL):  # at rest most of these functions find nothing
         near[engine.tables.plan[part] :][: engine.size] += 0.1 * random.normal(size=engine.size)
     real, pair = (random.normal(size=max(1, len(each))) + 2.0 for each in (engine.real, engine.pair))
@@ -134,7 +130,7 @@ def called(run, function, kinds, arrays, kernels, given):
     arrays, engine = [each.copy() for each in arrays], run.engine
     plan, w, real, pair, *spare, out = arrays
     own = {"plan": plan, "w": w, "pivots": plan, "kernels": kernels, "real": real, "pair": pair}
-    own |= {name: w[first : first + count] for name, (first, count) in engine.views.items()}
+    own |= {name: w[first : first + np.prod(shape, dtype=int)] for name, (first, shape) in engine.views.items()}
     handle = at.Handle(*(engine.arrays | own).values())
     method, values = at.Handle(*RADAU), iter(given)
     free = {kind: iter([each for each in spare if each.dtype == dtype])

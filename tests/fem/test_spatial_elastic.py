@@ -21,8 +21,8 @@ from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.multibody.model.bound_model import keep_terms
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_layout import COORDINATE, SPEED
 from kaneflex.multibody.model.spatial_system import build_spatial_system
+from kaneflex.multibody.model.tree_layout import COORDINATE, SPEED
 from kaneflex.plots.sensors import grouped
 
 STEEL = 'E = "200 GPa", nu = 0.3, rho = "7850 kg/m^3"'

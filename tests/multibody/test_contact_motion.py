@@ -14,8 +14,8 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import BodyPoint
-from kaneflex.multibody.engine import build_engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.model.system import CoupledSystem

@@ -62,8 +62,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     engine, printer, texts = start.engine, Printer(start.engine.kernels, name), BY_SIZE[start.engine.handed.d]
     entries = {**start.entries, "integrate": (collocation.integrate, ENTRIES[collocation.integrate])}
     called = {key: printer.function(each, (engine.handed, *of.args[1:]))[0] for key, (each, of) in entries.items()}
-    arrays, numbers = _arrays(engine, name, printer)
-    sizes = _sizes(start, numbers)
+    sizes = _sizes(start)
     given = {
         "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS,
         "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped, "free": sizes["FREE"],
@@ -73,8 +72,8 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     }  # fmt: skip
     given |= {key: text.format(**given) for key, text in texts.items()}
     given |= {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in ABOUT.items()} | {
-        "arrays": ",\n".join(f"        {each}" for each in arrays), "engine": printer.text(),
-        "data": "\n".join(_data(start, numbers, name)),
+        "arrays": ",\n".join(f"        {each}" for each in _arrays(engine, name, printer)), "engine": printer.text(),
+        "data": "\n".join(_data(start, name)),
         "enumerated": _enumerated(sizes, SAID[engine.handed.d], name.upper()),
     }  # fmt: skip
     run = {key: text.format(**given) for key, text in RUN_PARTS.items()}
@@ -103,11 +102,11 @@ def _check_untouched(scene: Scene, model: Model) -> None:
     raise SceneError(key, None, reason, cure)
 
 
-def _sizes(start: Begun, numbers: np.ndarray) -> dict[str, int]:
+def _sizes(start: Begun) -> dict[str, int]:
     """Lengths of the C arrays, by the names of the enumeration."""
     engine, names = start.engine, start.names
     return {
-        "PLAN": len(engine.tables.plan), "NUMBERS": len(numbers), "REAL": max(1, len(engine.real)),
+        "PLAN": len(engine.tables.plan), "NUMBERS": len(engine.tables.w), "REAL": max(1, len(engine.real)),
         "PAIR": max(1, len(engine.pair)), "ROW": len(start.row), "FREE": len(start.free),
         "COORDINATES": len(names["coordinate"]), "FORCES": len(names["force"]), "TREE": engine.size, **start.sizes,
     }  # fmt: skip
@@ -118,28 +117,19 @@ def _enumerated(sizes: dict[str, int], comments: dict[str, str], NAME: str) -> s
     return "\n".join([*shown, *(f"    {NAME}_{key} = {size}," for key, size in sizes.items() if key not in comments)])
 
 
-def _arrays(engine: Engine, name: str, printer: Any) -> tuple[list[str], np.ndarray]:
-    """C expressions of the engine's arrays, and the numbers of a state: those of the tables, then other workspaces."""
-    w, places, numbers, size = engine.tables.w, dict[int, int](), [engine.tables.w], len(engine.tables.w)
-    found = []
-    for key, array in engine.arrays.items():
-        where, address = _OF_STATE.get(key, f"{name}_table_{key}"), array.ctypes.data
-        if key in engine.workspaces:
-            if np.may_share_memory(array, w):
-                places[address] = (address - w.ctypes.data) // w.itemsize
-            elif address not in places:
-                places[address] = size
-                numbers.append(array.ravel())
-                size += array.size
-            where = f"state->numbers + {places[address]}"
-        found.append(f"({printer.declared(engine.handed.parts[key])})({where})")
-    return found, np.concatenate(numbers)
+def _arrays(engine: Engine, name: str, printer: Any) -> Iterator[str]:
+    """C expressions of the engine's arrays."""
+    for key, kind in engine.handed.parts.items():
+        where = _OF_STATE.get(key, f"{name}_table_{key}")
+        if key in engine.views:
+            where = f"state->numbers + {engine.views[key][0]}"
+        yield f"({printer.declared(kind)})({where})"
 
 
-def _data(start: Begun, numbers: np.ndarray, name: str) -> Iterator[str]:
+def _data(start: Begun, name: str) -> Iterator[str]:
     """Tables of the mechanism at the initial state."""
-    engine = start.engine
-    fixed = {f"table_{key}": each for key, each in engine.arrays.items() if key not in (*engine.workspaces, *_OF_STATE)}
+    engine, numbers = start.engine, start.engine.tables.w
+    fixed = {f"table_{key}": each for key, each in engine.arrays.items() if key not in (*engine.views, *_OF_STATE)}
     there = np.flatnonzero((numbers != 0.0) | ~np.isfinite(numbers))
     unknown = np.array([each in start.undetermined for each in start.names["force"]], int)
     tables = {**fixed, "table_plan": engine.tables.plan, "places": there, "numbers": numbers[there], "row": start.row,

@@ -21,11 +21,12 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, whole_turns, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model.body_parameters import PointShapes
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import BODY, CoupledSystem
-from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection, PointShapes
+from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 

@@ -1,16 +1,13 @@
-"""Arrays of compiled functions of a mechanism, and in space the stored part of every instant."""
+"""Arrays of compiled functions of a mechanism, and the stored part of every instant."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba.types import float64
+from numba.types import Type, float64
 
 from kaneflex.multibody.compile.values import Vectors
-from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.interactions import Numbers
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
     HOLD_MECHANISM,
@@ -22,49 +19,37 @@ from kaneflex.multibody.model.layout import (
     Fixed,
     N,
 )  # fmt: skip
-from kaneflex.multibody.model.places import Counts, assign
-from kaneflex.multibody.model.spatial_layout import SHIFT, Tables
 
 SECTION = 15
-"""Numbers of a section, and of a cut's row."""
+"""Numbers of a section, and of a cut's row, in space."""
 (
     NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN,
 ) = range(11)  # fmt: skip
 """Places of ``counts``; KEPT: numbers of a row; PHI: rows of phi; GEOMETRY: place in ``w`` of the first of four
-geometries of factors, of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of coordinates."""
+geometries of factors in space, of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of
+coordinates."""
 
-_V, _W = Vectors(float64, 3), Vectors(float64, 6)
-_TABLES = {
-    "counts": Fixed(1), "nodes": Fixed(10), "numbers": _V, "frames": Fixed(4), "block": N, "on": Fixed(1), "at": _V,
-    "axis_on": Fixed(1), "axis_at": _V, "twisting": Fixed(1), "gravity": _V,
-    "K": N, "virtual_inertia": N, "row_measure": N,
-    "balls": Fixed(2), "own": Fixed(2),
-}  # fmt: skip
-_WORK = {
-    "kept": N, "q": N, "u": N, "du": N, "R": _V, "r": _V, "twist": _W, "rate": _W,
-    "wrenches": _W, "multipliers": N, "along": N, "rows": _V, "deforming": N,
-    "y": N, "J": N, "h": N, "I": _W, "E": _W, "L": N, "P": _V, "slow": _W, "moved": _V, "offset": _V, "bent": _V,
-    "S": _W, "phi": _W, "sections": _V, "axes": _V, "M": N, "F": _W, "alpha": N, "x": N, "x3": _V, "now": N,
-    "mass_0": N, "mass_1": N, "mass_2": N,
-}  # fmt: skip
-for _each in (SPACE, RIGID_SPACE, SWITCHED_SPACE):
-    _each.parts.update({"bodies": Fixed(8)} | _TABLES | _WORK)
-"""All numbers of a mechanism in space for compiled code: those of every mechanism, its tables and working arrays.
 
-``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation vector
-in y; ``own``: of all other coordinates.
-"""
-PLANAR_TABLES = {
-    "counts": Fixed(1), "nodes": Fixed(10), "numbers": _V, "frames": Fixed(4), "on": Fixed(1), "at": _V,
-}  # fmt: skip
-PLANAR_WORK = {
-    **dict.fromkeys(("y", "u", "du", "h"), N),
-    **dict.fromkeys(("R", "r", "P", "slow", "moved", "offset", "twist", "rate", "wrenches"), _V),
-    **dict.fromkeys(("S", "phi", "sections", "I", "E"), _V), "L": N,
-}  # fmt: skip
-for _each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM):
-    _each.parts.update(PLANAR_TABLES | PLANAR_WORK)
-"""The same in the plane, where an axis is an angle, and a twist has three numbers."""
+def _parts(d: int) -> dict[str, Type]:
+    """Arrays of a mechanism by their names: its tables, then those that compiled functions fill.
+
+    ``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation
+    vector in y; ``own``: of all other coordinates.
+    """
+    numbers = ("block", "K", "virtual_inertia", "row_measure", "kept", "q", "u", "du", "multipliers", "along",
+               "deforming", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0", "mass_1", "mass_2")  # fmt: skip
+    vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "rows", "sections",
+               "axes", "x3")  # fmt: skip
+    twists = ("twist", "rate", "wrenches", "slow", "I", "E", "S", "phi", "F")
+    return {
+        "nodes": Fixed(10), "frames": Fixed(5), "balls": Fixed(2), "own": Fixed(2),
+        **dict.fromkeys(("counts", "on", "axis_on", "twisting"), Fixed(1)), **dict.fromkeys(numbers, N),
+        **dict.fromkeys(vectors, Vectors(float64, 3)), **dict.fromkeys(twists, Vectors(float64, d)),
+    }  # fmt: skip
+
+
+for _each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM, SPACE, RIGID_SPACE, SWITCHED_SPACE):
+    _each.parts.update(_parts(_each.d))
 
 
 @dataclass(eq=False)
@@ -77,17 +62,17 @@ class Instants:
         Coordinates, speeds, and rates of these. A ball's four coordinates are the unit quaternion of its axes where
         its rotation vector in ``y`` is zero.
     R, r : ndarray (n, 3, 3), (n, 3)
-        Axes and origins.
-    twist, rate : ndarray (n, 6)
+        Axes and origins; in the plane cosine, sine and angle of the axes, and the origin with the angle of its section.
+    twist, rate : ndarray (n, d)
         Velocity of the origin and angular velocity; their rates.
-    wrenches : ndarray (n, 6)
+    wrenches : ndarray (n, d)
         Force and moment about its origin that a node's joint exerts on it.
     multipliers : ndarray (n_rows,)
         Of the cuts' rows.
     along : ndarray (s,)
         Generalised forces along every speed beyond loads, springs and cuts.
-    rows : ndarray (n_rows, 15)
-        Of the cuts, see ``kaneflex.generated.spatial``.
+    rows : ndarray (n_rows, 3 + 2 d)
+        Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of holds and contacts.
     springs : ndarray (n_springs, 7)
         Length or angle, tension or torque, force, energy, dissipated power; then of bushings, see
         :mod:`kaneflex.multibody.dynamics.bushings`.
@@ -144,7 +129,7 @@ class Instants:
 
 @dataclass(eq=False)
 class Work(Instants):
-    """Arrays filled by the compiled functions, b bodies. Most are views of the tables' numbers w.
+    """Arrays filled by the compiled functions, b bodies: views of the tables' numbers w.
 
     Attributes
     ----------
@@ -156,26 +141,30 @@ class Work(Instants):
         Rates of the rows by the speeds, filled on request.
     h : ndarray (s,)
         Generalised inertia forces less applied ones and those of the cuts.
-    I, E, L : ndarray (6 b, 6), (n_shapes, 6), (n_square,)
+    I, E, L : ndarray (d b, d), (n_shapes, d), (n_square,)
         Inertia of every body, coupling to its shapes, and the shapes' own, see
         :mod:`kaneflex.multibody.dynamics.articulated`.
     P : ndarray (n, 3)
         Position of the joint's point.
-    slow : ndarray (n, 6)
+    slow : ndarray (n, d)
         Twist relative to the parent.
     moved, bent : ndarray (n, 3), (n, 3, 3)
         Displacement and rotation of a section by shapes, in the body's axes.
     offset : ndarray (n, 3)
         Place of the joint in the node's axes.
-    S : ndarray (s, 6)
+    S : ndarray (s, d)
         Twist of its node's origin for a unit of every speed of a joint.
-    phi : ndarray (n_phi, 6)
+    phi : ndarray (n_phi, d)
         Twist of a section for a unit of every shape of its body, in the body's axes.
-    sections : ndarray (n_sections, 15)
+    sections : ndarray (n_sections, 3 + 2 d)
     axes : ndarray (n_axes, 3)
+    virtual_inertia : ndarray (s,)
+        Virtual inertia of dependent speeds.
+    row_measure : ndarray (n_rows,)
+        Unit of every row of the cuts: the mechanism's size [m] or 1 rad.
     M : ndarray (s, s)
         Mass matrix, filled on request.
-    F : ndarray (n, 6)
+    F : ndarray (n, d)
         Twists of the nodes, then momenta of their bodies, for the mass matrix.
     alpha : ndarray (3 s,)
         Angular accelerations of balls in their axes at the stages of a step.
@@ -201,63 +190,11 @@ class Work(Instants):
     phi: np.ndarray
     sections: np.ndarray
     axes: np.ndarray
+    virtual_inertia: np.ndarray
+    row_measure: np.ndarray
     M: np.ndarray
     F: np.ndarray
     alpha: np.ndarray
     x: np.ndarray
     x3: np.ndarray
     now: np.ndarray
-
-
-def arrays_of(
-    tables: Tables, counts: Counts, coordinates: int
-) -> tuple[np.ndarray, np.ndarray, Work, dict[str, int], int]:
-    """Plan, numbers w and working arrays of a mechanism; places in w of the factors' geometries and of springs'
-    stiffness and damping; length of factors."""
-    n, b, s, rows = len(tables.nodes), counts.bodies, counts.coordinates, counts.joint_rows
-    springs = counts.ranges[5] - counts.ranges[4]
-    parts = {
-        "q": (coordinates,), "u": (s,), "du": (s,), "R": (n, 3, 3), "r": (n, 3),
-        **dict.fromkeys(("twist", "rate", "wrenches"), (n, 6)), "multipliers": (rows,),
-        "along": (s,), "rows": (rows, SECTION), "springs": (springs, 7), "deforming": (4,),
-        "sizes": (counts.loads,),
-    }  # fmt: skip
-    numbers = Numbers()
-    plan, size = assign(counts, numbers)
-    lengths = [math.prod(shape) for shape in parts.values()]
-    first = numbers.room(sum(lengths) + 2 * counts.switches)  # those follow the sizes of the loads
-    places = dict(zip(parts, np.cumsum([first, *lengths]).tolist(), strict=False))
-    for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.CUT: "rows", at.SPRING: "springs",
-                       at.SIZE: "sizes"}.items():  # fmt: skip
-        plan[what] = places[name]
-    plan[at.MEASURE] = numbers.room(s)
-    plan[at.DAMPED] = numbers.room(counts.square)
-    plan[[at.PUSHES, at.PUSHED]] = counts.ranges[6], len(tables.acts)
-    stiffness = numbers.room(3 * springs)
-    of_sections = 3 * len(tables.on) + SECTION * rows
-    geometry = numbers.room(4 * (6 * (s + counts.twists + b) + of_sections))
-    w = np.concatenate(numbers.parts)
-
-    def view(where: int, *shape: int) -> np.ndarray:
-        return w[where : where + math.prod(shape)].reshape(shape)
-
-    found = {name: view(places[name], *shape) for name, shape in parts.items()}
-    x = np.zeros(max(64, (6 + max(counts.shapes, default=0)) ** 2))
-    found |= {
-        "y": view(plan[at.Y], s), "J": view(plan[at.GRADIENT], rows, s), "h": view(plan[at.DEMAND], s),
-        "I": view(plan[at.INERTIAS], 6 * b, 6), "E": view(plan[at.COUPLINGS], counts.coupling, 6),
-        "L": view(plan[at.MASSES], counts.square), "P": np.zeros((n, 3)), "slow": np.zeros((n, 6)),
-        "moved": np.zeros((n, 3)), "bent": np.zeros((n, 3, 3)), "offset": tables.numbers[:, SHIFT:].copy(),
-        "S": np.zeros((s, 6)), "phi": np.zeros((counts.twists, 6)), "sections": _on_ground(tables),
-        "axes": np.zeros((len(tables.axis_on), 3)), "M": np.zeros((s, s)), "F": np.zeros((n, 6)),
-        "alpha": np.zeros(3 * s), "x": x, "x3": x, "now": np.zeros(3),
-    }  # fmt: skip
-    work = Work(kept=view(first, sum(lengths)), **found)
-    return plan, w, work, {"geometry": geometry, "springs": stiffness}, size
-
-
-def _on_ground(tables: Tables) -> np.ndarray:
-    """Numbers of all sections, with the places of those on the ground."""
-    found, held = np.zeros((len(tables.on), SECTION)), tables.on < 0
-    found[held, :3] = tables.at[held]
-    return found

@@ -25,7 +25,7 @@ from kaneflex.multibody.dynamics.algebra import (
 from kaneflex.multibody.dynamics.arrays import AXES
 from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
 from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, apart
-from kaneflex.multibody.model.spatial_layout import (
+from kaneflex.multibody.model.tree_layout import (
     AXED,
     BALL,
     COORDINATE,

@@ -11,7 +11,7 @@ from kaneflex.multibody.dynamics.arrays import SECTION as ROW
 from kaneflex.multibody.dynamics.forces import rest_rows
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
-from kaneflex.multibody.model.spatial_layout import COINCIDE, PERPENDICULAR
+from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
 
 
 @njit(**OPTIONS)

@@ -15,7 +15,7 @@ from kaneflex.multibody.compile.values import after, by_size, numbers_of
 from kaneflex.multibody.dynamics.algebra import axpy, first, joined, last, plus, scaled, twist_at
 from kaneflex.multibody.dynamics.arrays import NODES
 from kaneflex.multibody.model.layout import OPTIONS, apart
-from kaneflex.multibody.model.spatial_layout import AT, COUNT, KIND, ROW_OF, SHAPES, SPEED
+from kaneflex.multibody.model.tree_layout import AT, COUNT, KIND, ROW_OF, SHAPES, SPEED
 from kaneflex.support.inner import once
 
 
@@ -34,7 +34,7 @@ def _shift_in_space(m, n):
 def displace(m, n):
     """Displacement and rotation of a section; sets its twists for a unit of every shape."""
     apart()
-    return body.displace(m.w, m.nodes[n, AT], m.y, m.nodes[n, SPEED], numbers_of(m.phi), 3 * m.nodes[n, ROW_OF])
+    return body.displace(m.block, m.nodes[n, AT], m.y, m.nodes[n, SPEED], numbers_of(m.phi), 3 * m.nodes[n, ROW_OF])
 
 
 @njit(**OPTIONS)
@@ -99,7 +99,7 @@ def _of_x(m, k, a):
 def growth(m, n):
     """Acceleration of a section at constant speeds of the shapes: G u u and T' theta'."""
     apart()
-    return body.growth(m.w, m.nodes[n, AT], m.u, m.nodes[n, SPEED]), 0.0, 0.0
+    return body.growth(m.block, m.nodes[n, AT], m.u, m.nodes[n, SPEED]), 0.0, 0.0
 
 
 @njit(**OPTIONS)

@@ -36,7 +36,6 @@ from kaneflex.multibody.dynamics.kinematics import relative
 from kaneflex.multibody.model.layout import (
     COUPLING,
     COUPLINGS,
-    GRAVITY,
     INERTIAS,
     MASSES,
     MODAL,
@@ -45,7 +44,7 @@ from kaneflex.multibody.model.layout import (
     apart,
 )
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
-from kaneflex.multibody.model.spatial_layout import (
+from kaneflex.multibody.model.tree_layout import (
     BODY,
     COUNT,
     KIND,
@@ -67,9 +66,9 @@ def demand_of_body(m, n):
     shapes to h."""
     apart()
     c, s, _ = m.R[n]
-    x, y, epsilon = m.rate[n]
-    x, y, k = x - m.w[m.plan[GRAVITY]], y - m.w[m.plan[GRAVITY] + 1], m.nodes[n, SPEED]
-    return body.inverse(m.w, m.nodes[n, BODY], m.y, m.u, m.du, k, c, s, m.twist[n][2], x, y, epsilon, m.h, k)
+    x, y, epsilon = minus(m.rate[n], m.gravity[0])
+    k = m.nodes[n, SPEED]
+    return body.inverse(m.block, m.nodes[n, BODY], m.y, m.u, m.du, k, c, s, m.twist[n][2], x, y, epsilon, m.h, k)
 
 
 @njit(**OPTIONS)
@@ -150,7 +149,7 @@ def inertias(m):
         n = m.frames[b, 0]
         c, s, _ = m.R[n]
         body.inertia(
-            w, m.nodes[n, BODY], m.y, m.bodies[b, MODAL], c, s, w, plan[INERTIAS] + 9 * b,
+            m.block, m.nodes[n, BODY], m.y, m.bodies[b, MODAL], c, s, w, plan[INERTIAS] + 9 * b,
             plan[COUPLINGS] + 3 * m.bodies[b, COUPLING], plan[MASSES] + m.bodies[b, SQUARE],
         )  # fmt: skip
 

@@ -37,7 +37,7 @@ from kaneflex.multibody.dynamics.axes import (
 from kaneflex.multibody.dynamics.deformation import growth
 from kaneflex.multibody.dynamics.arrays import NODES, SECTIONS
 from kaneflex.multibody.model.layout import OPTIONS, apart
-from kaneflex.multibody.model.spatial_layout import (
+from kaneflex.multibody.model.tree_layout import (
     COUNT,
     KIND,
     PARENT,

@@ -11,11 +11,11 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, GRAVITY, LOADS, LOSING, MODAL, NOW, ON,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, LOADS, LOSING, MODAL, NOW, ON,
     OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, STORED, SUMS,
     WORKS, apart, shifted,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_layout import BODY
+from kaneflex.multibody.model.tree_layout import BODY
 
 
 @njit(**OPTIONS)
@@ -27,14 +27,16 @@ def energies(m):
     for k in range(4):
         w[at + k] = 0.0
     sums = shifted(w, at)
+    g_x, g_y, _ = m.gravity[0]
     for b in range(plan[BODIES]):
         n = m.frames[b, 0]
         o = m.nodes[n, BODY]
         c, s, _ = m.R[n]
         r_x, r_y, _ = m.r[n]
         v_x, v_y, omega = m.twist[n]
-        x, z = body.energy(w, o, m.y, m.u, m.bodies[b, MODAL], c, s, v_x, v_y, omega, sums)
-        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * r_x + x) + w[plan[GRAVITY] + 1] * (w[o] * r_y + z)
+        mass = m.block[o]
+        x, z = body.energy(m.block, o, m.y, m.u, m.bodies[b, MODAL], c, s, v_x, v_y, omega, sums)
+        w[at + 3] -= g_x * (mass * r_x + x) + g_y * (mass * r_y + z)
     for n in range(plan[CONTACTS] - plan[SPRINGS]):
         k = plan[SPRING] + spring_size(m) * n
         w[at + 1] += w[k + 4]

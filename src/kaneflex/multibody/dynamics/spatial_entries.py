@@ -293,7 +293,7 @@ PRESCRIBED_ENTRIES = {
     place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
     advance: void(SPACE, N, int64, N), mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
     near: int64(SPACE, N, int64, N, int64, N),
-    **reduction.ENTRIES, independent_speeds.choose: independent_speeds.ENTRIES[independent_speeds.choose],
+    **reduction.ENTRIES, **independent_speeds.ENTRIES,
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],

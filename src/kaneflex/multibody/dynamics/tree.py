@@ -71,7 +71,7 @@ from kaneflex.multibody.model.layout import (
     apart,
     shifted,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
+from kaneflex.multibody.model.tree_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 
 PLANE = 3

@@ -18,11 +18,11 @@ from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, BODIES, COORDINATES, COURSE, COURSES, CUT, DEPENDENT, ENTRY, EXTENT, JOINT, JOINT_ROWS, KEPT, MAGNITUDES,
-    MEASURE, MECHANISM, MODAL, MODE, N, NOW, NUMBERS, OPEN, OPTIONS, POWER, PRISMATIC, RATE, REACTIONS, SHAPES, SHUT,
+    ACCEL, BODIES, COORDINATES, COURSE, COURSES, CUT, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES,
+    MEASURE, MECHANISM, MODAL, MODE, N, NOW, OPEN, OPTIONS, POWER, RATE, REACTIONS, SHAPES, SHUT,
     SUMS, TOUCH, WORKS, Y, apart, kernel, shifted,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_layout import JOINT_NODE, SPEED
+from kaneflex.multibody.model.tree_layout import JOINT_NODE, KIND, SIGN, SLIDE, SPEED
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
 
@@ -171,12 +171,12 @@ def states(m, rows, count, first, held):
 def _exerted(m, b):
     """Force of a body's inboard joint on the joint's second body, by the joint's rows, then along its coordinate.
 
-    ``NUMBERS`` has a sign of -1 if the body is the first one: then its normal force has the guide's arm besides.
+    If the body is the first one, its normal force has the guide's arm besides.
     """
     n = m.frames[b, JOINT_NODE]
     x, z, turn = force_at(m.wrenches[n], minus(m.r[n], m.P[n]))
-    sign = m.w[m.bodies[b, NUMBERS]]
-    if m.bodies[b, JOINT] != PRISMATIC:
+    sign = float(m.frames[b, SIGN])
+    if m.nodes[n, KIND] != SLIDE:
         return sign * x, sign * z, sign * turn
     d_x, d_y, _ = m.S[m.nodes[n, SPEED]]
     normal, along = d_x * z - d_y * x, d_x * x + d_y * z

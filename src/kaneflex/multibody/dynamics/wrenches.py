@@ -9,7 +9,7 @@ from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes
 from kaneflex.multibody.dynamics.kinematics import section_place
 from kaneflex.multibody.model.layout import CUT, OPTIONS, apart, shifted
-from kaneflex.multibody.model.spatial_layout import COUNT, PARENT, ROW_OF, SPEED
+from kaneflex.multibody.model.tree_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.support.inner import once
 
 

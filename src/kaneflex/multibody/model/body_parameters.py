@@ -1,18 +1,18 @@
-"""Parameter blocks of bodies and points for the kernels of ``kaneflex.generated.body``."""
+"""Numbers of planar bodies and their sections for the kernels of ``kaneflex.generated.body``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from kaneflex.generated.body import BODY, POINT
-from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.model.inertia_integrals import body_data, body_moments, mean_section
+from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.tree_layout import Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
 
@@ -21,7 +21,7 @@ Arrays = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Blocks of a scene's bodies, points and distributed loads.
+    """Numbers of a scene's bodies and their sections.
 
     Attributes
     ----------
@@ -47,27 +47,59 @@ class Blocks:
         return body_block(self._moments(name), *self._counts(name))
 
     def elastic(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness of every shape of a body, and their damping matrix."""
+        """Stiffness and damping matrices of the shapes of a body, (count, count)."""
         found, count = self._moments(name), sum(self._counts(name))
-        return found.get("stiffness", np.zeros(count)), found.get("damping", np.zeros((count, count)))
+        if not count:
+            return np.zeros((0, 0)), np.zeros((0, 0))
+        return np.diag(found["stiffness"]), found["damping"]
 
     def _moments(self, name: str) -> dict[str, np.ndarray]:
         return body_moments(self.scene, name, self._data[name])
 
-    def point(self, body: str, point: str) -> tuple[tuple[float, float], np.ndarray]:
-        """Place X, Y of a named point of a body [m], and its numbers; loads.NAME.0: mean section of the part of a
-        distributed load that falls, loads.NAME.1: of the part that rises; contacts.NAME: a contact's corner."""
-        found: Arrays
-        data, (table, *rest) = self._data[body], point.split(".")
-        if table == "loads":
-            found = mean_section(self.scene, body, self.shapes.get(body), rises=rest[-1] == "1")
-        elif table == "contacts":
-            found = dict(zip("XY", mechanism_of(self.scene).contacts[rest[0]].second.at, strict=True))
-        elif data is not None:
-            found = data.at_point(point)
-        else:
-            found = dict(zip("XY", self.scene.bodies[body].points_all[point], strict=True))
-        return (float(found["X"]), float(found.get("Y", 0.0))), point_block(found, *self._counts(body))
+    @cached_property
+    def flexible(self) -> Flexible:
+        """Bodies that deform with their shapes, wherever these are held."""
+        found: dict[str, Any] = {}
+        for name, counts in self.counts.items():
+            if any(counts):
+                data, link = self.scene.bodies[name].modal, self.shapes.get(name)
+                found[name] = PointShapes(data) if data is not None else link
+        return {name: partial(_as_given, shapes) for name, shapes in found.items()}
+
+    def station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+        """Numbers of a section by the rows u, v, theta of its body's shapes (3, count), and G (3, count, count)."""
+        axial, transverse = self._counts(body)
+        s, w = slice(axial), slice(axial, None)
+        return point_block({"s": rows[0, s], "w": rows[1, w], "psi": rows[2, w], "H": -G[0, w, w]}, axial, transverse)
+
+
+def _as_given(shapes: Any, held: Place | None, freed: str) -> Any:
+    """Shapes of a body, wherever they are held."""
+    return shapes
+
+
+@dataclass(frozen=True, eq=False)
+class PointShapes:
+    """Shapes of a planar body with modal data, which its points have."""
+
+    data: ModalData
+
+    @property
+    def count(self) -> int:
+        return sum(self.data.counts)
+
+    def carrier(self, at: Sequence[float]) -> Place:
+        """The point itself."""
+        return tuple(at)
+
+    def at(self, place: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Rows u, v and theta of the shapes, (3, count), and G (3, count, count)."""
+        k = self.data.at((place[0], 0.0))
+        s, w, psi, H = (self.data.arrays[key][k] for key in ("s", "w", "psi", "H"))
+        across, none = slice(len(s), None), np.zeros(len(s))
+        G = np.zeros((3, len(s) + len(w), len(s) + len(w)))
+        G[0, across, across] = -H
+        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), G
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.pivots import pivots
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.unilateral.rows import ARM, LAW_AT
 from kaneflex.scene import Scene
@@ -23,14 +23,14 @@ from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.engine import Engine
     from kaneflex.multibody.model.system import CoupledSystem
 
 _RANK, _NOTHING = 1e-9, 1e-7
 """Share of the largest singular value below which a combination of rows acts on nothing, and of the largest reaction
 below which it has no share in one."""
-_MASSLESS, _LENT = 1e-14, 1e-12
-"""Share of the inertia of all bodies at a distance of the mechanism's size that counts as zero, and of the largest
-inertia of a speed that counts as none."""
+_MASSLESS = 1e-14
+"""Share of the inertia of all bodies at a distance of the mechanism's size that counts as zero."""
 _LARGE = 1e8
 """Accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
 
@@ -43,7 +43,7 @@ def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
     engine, size, choice = system.engine, system.mechanism.size, system.choose(state)
     engine.openings(state.t)
     free, count = np.concatenate([choice.dependent, choice.independent]), engine.count(at.JOINT_ROWS)
-    units = np.where(engine.sides[:count, :2].any(axis=1), size, 1.0)
+    units = engine.work.row_measure
     J = engine.numbers(at.GRADIENT, count * engine.size).reshape(count, engine.size) * engine.measure / units[:, None]
     combinations = self_equilibrated(J[:, free]).T
     rows = np.tile(engine.row(state.t), (1 + len(combinations), 1))
@@ -136,7 +136,7 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     q = np.concatenate([placement.poses[body] for body in system.start])[None]
     (state,) = system.undeformed(np.zeros(1), q, 0.0 * q)
     A = _open_mass(engine, state) * np.outer(engine.measure, engine.measure)
-    bodies, masses = engine.tables.bodies, engine.tables.w[engine.tables.bodies[:, at.BLOCK]]
+    bodies, masses = engine.tables.bodies, engine.masses
     least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2
     free = np.isin(np.arange(engine.size), engine.open_speeds) & ~engine.shapes
     carried, virtual = masses.copy(), np.zeros(len(masses))
@@ -147,10 +147,10 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     for b in range(len(bodies) - 1, -1, -1):
         if bodies[b, at.PARENT_BODY] >= 0:
             carried[bodies[b, at.PARENT_BODY]] += carried[b]
-    for b, s in _pivots(A, bodies, free):
+    for b, s in pivots(A, bodies, free):
         A[s, s] += virtual[b] * engine.turns[s]
         if A[s, s] <= least:
-            raise _missing(layout.bodies[b], layout.inboard[b][0], carried[b] <= 0.0 or not engine.turns[s])
+            raise _missing([*layout.node_of][b], layout.inboard[b], carried[b] <= 0.0 or not engine.turns[s])
 
 
 def _open_mass(engine: Engine, state: State) -> np.ndarray:
@@ -174,33 +174,3 @@ def _missing(body: str, joint: str | None, massless: bool) -> SceneError:
         f"carries have a {'mass' if massless else 'moment of inertia'} along that freedom",
         "Give it one, however small, or a length and a mass" if massless else "Give it one, however small",
     )  # fmt: skip
-
-
-def virtual_inertia(
-    dependent: np.ndarray, M: np.ndarray, measure: np.ndarray, bodies: np.ndarray, free: np.ndarray
-) -> np.ndarray:
-    """Virtual inertia of dependent speeds whose pivot in a recursion over the tree would vanish, (s,).
-
-    M: mass matrix; free: mask of speeds without drives.
-    """
-    inertia = np.zeros(len(measure))
-    A = M * np.outer(measure, measure)
-    most = A.diagonal().max(initial=0.0)
-    for _, s in _pivots(A, bodies, free):
-        if A[s, s] <= _LENT * most and s in dependent:
-            inertia[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
-    return inertia
-
-
-def _pivots(A: np.ndarray, bodies: np.ndarray, free: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Body and speed of every pivot of a recursion over the tree, which A then has on its diagonal; overwrites A.
-
-    The outermost body comes first, of each its shapes, then its joint.
-    """
-    for b in range(len(bodies) - 1, -1, -1):
-        own = bodies[b]
-        joint, shapes = (range(own[k], own[k] + own[count]) for k, count in ((at.FIRST, at.DOF), (at.MODAL, at.SHAPES)))
-        for s in filter(free.__getitem__, (*shapes, *joint)):
-            yield b, s
-            if A[s, s] > 0.0:
-                A -= np.outer(A[:, s], A[s]) / A[s, s]

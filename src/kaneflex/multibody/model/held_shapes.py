@@ -19,13 +19,13 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.multibody.model.shape_moments import ShapeMoments
-from kaneflex.multibody.model.spatial_layout import Place
+from kaneflex.multibody.model.tree_layout import Place
 from kaneflex.scene.modal_data import CROSS, ModalData
 
 
 @dataclass(frozen=True, eq=False)
 class HeldShapes:
-    """Shapes of a body's modal data in its axes, :class:`kaneflex.multibody.model.spatial_layout.Deformable`.
+    """Shapes of a body's modal data in its axes, :class:`kaneflex.multibody.model.tree_layout.Deformable`.
 
     ``moments``, and of the points of the data ``rows``, N and psi (n_points, 6, count), and ``G`` (n_points, 3, count,
     count).

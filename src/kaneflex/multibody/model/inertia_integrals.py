@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import reduce
-from typing import Any
 
 import numpy as np
 
@@ -93,14 +92,3 @@ def _spatial_data(shapes: Shapes, points: tuple[str, ...], of_points: Mapping[st
         "mass_N": m.N, "mass_r_N": m.r_N, "mass_N_N": m.N_N, "mass_G": m.G, "mass_r_G": m.r_G,
         "stiffness": np.diag(shapes.stiffness), "damping": shapes.damping, "cubic": shapes.cubic, **of_points,
     })  # fmt: skip
-
-
-def mean_section(scene: Scene, body: str, shapes: Shapes | None, rises: bool) -> dict[str, Any]:
-    """Mean place X [m] of a load along a body that rises from zero at its start, or falls to zero at its end, and of an
-    elastic one the means of s, w and H: a load's power equals that of its resultant there, as shapes are affine."""
-    if shapes is None:
-        length = scene.bodies[body].length
-        assert length is not None  # the body of a distributed load
-        return {"X": length * (1 + rises) / 3}
-    (share, X, rows, G), s = shapes.spread(1.0 - rises, float(rises)), shapes.counts[0]
-    return {"X": X / share, "s": rows[0, :s] / share, "w": rows[1, s:] / share, "H": -G[0, s:, s:] / share}

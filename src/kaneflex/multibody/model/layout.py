@@ -38,13 +38,10 @@ SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 45
 the two twists. A unilateral or frictional row: see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
-"""First columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
+"""Columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
 coordinate of the joint, and of the shapes; the parent, or -1; first row in ``phi`` of the section of the parent that
 the body hangs on, or -1 where no shape moves it; first row in ``E``; place in ``L``. See
 :mod:`kaneflex.multibody.dynamics.articulated`."""
-BLOCK, JOINT, NUMBERS = range(8, 11)
-"""Further columns in the plane: place of its block of numbers; kind of its joint; its joint's numbers: sign, angle, and
-direction in the parent section's axes."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
 """Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections, the first that of the
@@ -55,7 +52,7 @@ load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kane
 (:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has
 two."""
 
-WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
+WELD, REVOLUTE, PRISMATIC, TURN, SLIDE, ALONG = range(6)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
 holds these two, or ALONG a contact's face."""
 FORCE_ALONG, FOLLOWER, STRAIGHT, BUSHING, ALONG_AXIS, TORQUE, TORSIONAL, ABOUT_AXIS = range(8)
@@ -119,7 +116,7 @@ them."""
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
     Y, RATE, ACCEL, SECTION, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
-    GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
+    STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
     INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
@@ -127,7 +124,7 @@ them."""
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
     MASS_ROWS, DAMPED, PUSHES, PUSHED, PLAN,
-) = range(106)  # fmt: skip
+) = range(105)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the
@@ -135,7 +132,7 @@ first ones, that no dependent coordinate moves. First places in ``acts`` of cuts
 contacts, and the end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by
 compiled code; 1 if the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations),
 sections, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts,
-residuals of coordinates, powers. Gravity, stiffness, damping and unit of every coordinate, the errors allowed in it,
+residuals of coordinates, powers. Stiffness, damping and unit of every coordinate, the errors allowed in it,
 its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
 kept rows, its dependent square, their right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
 row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
@@ -312,7 +309,7 @@ def _part(context, builder, handed, value, name):
 
 Z = CPointer(complex128)
 PARTS = {
-    "plan": Fixed(1), "bodies": Fixed(11), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "plan": Fixed(1), "bodies": Fixed(8), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
 MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
+from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.interactions import Numbers
+from kaneflex.multibody.model.tree_builder import Built, Numbers
+from kaneflex.multibody.model.tree_layout import COUNT, ROW_OF
 from kaneflex.multibody.unilateral.complementarity import room_of
+
+PLANE = 3
+"""D of a mechanism in the plane."""
+Views = dict[str, tuple[int, tuple[int, ...]]]
+"""Places in the numbers w, and shapes, of arrays by their names."""
 
 
 @dataclass(frozen=True)
@@ -22,10 +30,13 @@ class Counts:
         Numbers of a twist: 3 in the plane, 6 in space.
     shapes : sequence of int
         Number of shapes of every body.
-    coordinates, sections, twists : int
-        Coordinates of the tree; sections with nine numbers each, in the plane alone; rows of phi.
+    coordinates, positions : int
+        Speeds, and coordinates of a state, which have quaternions of balls.
+    nodes, sections, axes, twists : int
+        Nodes, sections, axes in space, rows of phi.
     ranges : sequence of int
-        First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, and the end.
+        First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, the end, and the end of the forces
+        and moments of loads.
     joint_rows, switches : int
         Rows of the cuts; switches of the loads' laws.
     driven : sequence of int
@@ -37,13 +48,45 @@ class Counts:
     d: int
     shapes: Sequence[int]
     coordinates: int
+    positions: int
+    nodes: int
     sections: int
+    axes: int
     twists: int
     ranges: tuple[int, ...]
     joint_rows: int
     driven: Sequence[int]
     switches: int
     rigid: bool
+
+    @classmethod
+    def of(cls, built: Built) -> Counts:
+        """Counts of the tables of a mechanism."""
+        t, layout = built.tables, built.layout
+        return cls(
+            PLANE if t.numbers.shape[1] == 3 * PLANE else 6, t.bodies[:, at.SHAPES].tolist(),
+            len(layout.coordinates), len(layout.positions), len(t.nodes), len(t.on), len(t.axis_on),
+            int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)),
+            max((rows.stop for rows in layout.cuts.values()), default=0), built.driven, built.switches, built.rigid,
+        )  # fmt: skip
+
+    @property
+    def in_space(self) -> bool:
+        return self.d != PLANE
+
+    @property
+    def row_size(self) -> int:
+        """Numbers of a cut's row."""
+        return 3 + 2 * self.d
+
+    @property
+    def rows(self) -> int:
+        """Rows of cuts, in the plane also of holds and contacts."""
+        return self.joint_rows if self.in_space else self.cut_rows + self.touching
+
+    @property
+    def springs(self) -> int:
+        return self.ranges[5] - self.ranges[4]
 
     @property
     def bodies(self) -> int:
@@ -52,7 +95,7 @@ class Counts:
     @property
     def speeds(self) -> int:
         """Speeds of all bodies, in the plane alone."""
-        return (3 * self.bodies + self.coupling) * (self.d == 3)
+        return (3 * self.bodies + self.coupling) * (not self.in_space)
 
     @property
     def coupling(self) -> int:
@@ -95,30 +138,30 @@ class Counts:
         return 1 + self.loads + self.courses + self.holds + self.touching
 
 
-def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
-    """Plan with counts and places, with room in ``numbers``; length of the arrays of factors."""
+def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, Views, int]:
+    """Plan with counts and places, with room in ``numbers``; arrays there; length of the arrays of factors."""
     plan = np.zeros(at.PLAN, np.int64)
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = c.bodies, c.coordinates, c.speeds, c.works
     plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
     plan[at.RIGID] = c.touching * c.rigid
-    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges
-    plan[[at.PUSHES, at.PUSHED]] = c.ranges[3:5]
+    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges[:-1]
+    plan[[at.PUSHES, at.PUSHED]] = c.ranges[-2:]
     for what, count in _of_motion(c).items():
         plan[what] = numbers.room(count)
     plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
-    n, d, pulls, in_space = c.coordinates, c.d, c.ranges[5] - c.ranges[3], c.d == 6
-    rows = c.cut_rows + c.touching + c.cut_rows * in_space  # in space rows may also remove virtual inertia
+    n, d, pulls = c.coordinates, c.d, c.ranges[5] - c.ranges[3]
+    rows = c.cut_rows + c.touching + c.cut_rows * c.in_space  # in space rows may also remove virtual inertia
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
         at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
         at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
-        at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * in_space,
-        at.GIVEN_REACTION: c.reactions * in_space,
+        at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * c.in_space,
+        at.GIVEN_REACTION: c.reactions * c.in_space,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
-    of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * in_space}
-    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.cut_rows * in_space
+    of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * c.in_space}
+    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.cut_rows * c.in_space
     of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS, at.CUT_OF), rows)
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
@@ -126,7 +169,43 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, int]:
     for k in filter(lambda each: each >= 0, c.driven):
         plan[plan[at.FREED] + k] = 0
     plan[plan[at.PRESCRIBED] : plan[at.PRESCRIBED] + c.courses] = c.driven
-    return plan, size
+    return plan, _views(c, plan, size, numbers), size
+
+
+def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
+    """Arrays in w by their names: those that are stored of an instant, see :class:`Instants`, then others.
+
+    ``size``: length of the arrays of factors.
+    """
+    n, d, b, s, in_space = c.nodes, c.d, c.bodies, c.coordinates, int(c.in_space)
+    stored = {
+        "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
+        **dict.fromkeys(("twist", "rate", "wrenches"), (n, d)), "multipliers": (c.reactions,), "along": (s,),
+        "rows": (c.rows, c.row_size), "springs": (c.springs, 5 + d // 3), "deforming": (4,), "sizes": (c.loads,),
+    }  # fmt: skip
+    views, first = Views(), numbers.size
+    for each in fields(Instants):
+        views[each.name] = numbers.room(math.prod(stored[each.name])), stored[each.name]
+    views["kept"] = first, (numbers.size - first,)
+    numbers.room(2 * c.switches)  # of loads' laws: they follow the sizes
+    at_plan = {
+        "y": (at.Y, (s,)), "J": (at.GRADIENT, (c.reactions, s)), "h": (at.DEMAND, (s,)),
+        "I": (at.INERTIAS, (d * b, d)), "E": (at.COUPLINGS, (c.coupling, d)), "L": (at.MASSES, (c.square,)),
+    }  # fmt: skip
+    views |= {name: (int(plan[what]), shape) for name, (what, shape) in at_plan.items()}
+    more = {
+        **dict.fromkeys(("P", "moved", "offset"), (n, 3)), "slow": (n, d), "bent": (n * in_space, 3, 3), "S": (s, d),
+        "phi": (c.twists, d), "sections": (c.sections, at.SEC + 6 * in_space), "axes": (c.axes, 3),
+        "M": (s * in_space, s), "F": (n * in_space, d), "alpha": (3 * s * in_space,),
+        "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
+        "row_measure": (c.joint_rows,), **{f"mass_{k}": (size * in_space,) for k in range(3)},
+        "geometry": (4 * (6 * (s + c.twists + b) + 3 * c.sections + c.row_size * c.rows) * in_space,),
+    }  # fmt: skip
+    views |= {name: (numbers.room(math.prod(shape)), shape) for name, shape in more.items()}
+    for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.CUT: "rows", at.SPRING: "springs",
+                       at.SIZE: "sizes", at.SECTION: "sections"}.items():  # fmt: skip
+        plan[what] = views[name][0]
+    return views | {"x3": views["x"]}
 
 
 def assign_rows(plan: np.ndarray, acts: np.ndarray) -> None:
@@ -137,24 +216,20 @@ def assign_rows(plan: np.ndarray, acts: np.ndarray) -> None:
 
 
 def _of_motion(c: Counts) -> dict[int, int]:
-    """Numbers of the motion at each place of the plan."""
+    """Numbers of the motion at each place of the plan, without those of :func:`_views`."""
     n, d, reactions, works, joints = c.coordinates, c.d, c.reactions, c.works, c.ranges[3] - c.ranges[2]
-    pulls, springs, rows = c.ranges[5] - c.ranges[3], c.ranges[5] - c.ranges[4], c.cut_rows + c.touching
-    row_size = 3 + 2 * d
+    pulls, rows, sections = c.ranges[5] - c.ranges[3], c.cut_rows + c.touching, c.sections * (not c.in_space)
     return {
-        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * c.sections, at.CUT: row_size * rows,
-        at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.SIZE: c.loads + 2 * c.switches,
-        at.INPUT: c.loads + c.courses,
-        at.SPRING: 6 * springs * (d == 3), at.SUMS: row_size, at.NOW: reactions,
-        at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
+        at.Y: n, at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.INPUT: c.loads + c.courses,
+        at.SUMS: c.row_size, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions,
         at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,
         at.PHI: d * c.twists, at.PLACES: 3 * c.bodies, at.ARMS: 3 * c.bodies,
-        at.MIDDLE: 3 * c.sections, at.MIDDLE_CUT: row_size * rows, at.STAGE_A: 3 * n,
+        at.MIDDLE: 3 * sections, at.MIDDLE_CUT: c.row_size * rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-        at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * (d == 6),
+        at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * c.in_space,
         at.CONTACT: at.CONTACT_SIZE * (c.holds + c.touching),
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
         at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,

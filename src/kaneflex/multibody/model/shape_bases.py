@@ -20,7 +20,7 @@ from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
 from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.spatial_layout import Place
+from kaneflex.multibody.model.tree_layout import Place
 from kaneflex.scene import Scene
 
 _TURNS = 1e-6

@@ -16,7 +16,7 @@ from numpy.polynomial import legendre
 from kaneflex.fem.links import GAUSS, Link
 from kaneflex.multibody.model.damping import against_axes, shape_damping
 from kaneflex.multibody.model.shape_moments import ShapeMoments
-from kaneflex.multibody.model.spatial_layout import Place
+from kaneflex.multibody.model.tree_layout import Place
 from kaneflex.scene import Scene
 
 _AT = legendre.legvander(GAUSS[0], 4)

@@ -14,9 +14,9 @@ from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.shape_bases import alike, spanned, spatial_shapes
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_layout import Deformable, Flexible, Place
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Place
 from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule

@@ -9,9 +9,9 @@ from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
-from kaneflex.multibody.model.spatial_layout import COORDINATE
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 

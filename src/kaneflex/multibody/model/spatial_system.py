@@ -15,24 +15,28 @@ from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
 from kaneflex.multibody.dynamics.arrays import Instants, Work
 from kaneflex.multibody.dynamics.spatial_entries import DONE, check
-from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model.assembly import engine_of
+from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, SWITCHED_SPACE
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.spatial_engine import SpatialEngine, spatial_engine
-from kaneflex.multibody.model.spatial_layout import (
+from kaneflex.multibody.model.spatial_topology import build_tables
+from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.tree_builder import Built
+from kaneflex.multibody.model.tree_layout import (
     BALL,
     COORDINATE,
     KIND,
     RIGID,
-    ROWS,
-    SLIDE,
     SPEED,
     Flexible,
     Layout,
     Tables,
+    leading,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_topology import build_tables
-from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene import Scene
+
+_LIGHT = 1e-9
+"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +51,7 @@ class SpatialSystem:
     parameters : ndarray
         Their argument p.
     mechanism : SpatialMechanism
-    tables : Tables
-    layout : Layout
+    built : Built
     coupled : bool
         True if it deforms, or belongs to a deforming one and shares its compiled functions.
     """
@@ -57,9 +60,16 @@ class SpatialSystem:
     module: ModuleType
     parameters: np.ndarray
     mechanism: SpatialMechanism
-    tables: Tables
-    layout: Layout
+    built: Built
     coupled: bool
+
+    @property
+    def tables(self) -> Tables:
+        return self.built.tables
+
+    @property
+    def layout(self) -> Layout:
+        return self.built.layout
 
     def compile(self) -> None:
         """Compile all functions, timed separately."""
@@ -153,8 +163,12 @@ class SpatialSystem:
         return self.layout.positions
 
     @cached_property
-    def engine(self) -> SpatialEngine:
-        return spatial_engine(self)
+    def engine(self) -> Engine:
+        stiff = self.coupled or (self.integrates and self.has_slopes)
+        kind = SWITCHED_SPACE if self.built.switches else SPACE if stiff else RIGID_SPACE
+        inertias = [(body.mass, *body.inertia[:3]) for body in self.mechanism.bodies.values()]
+        light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
+        return engine_of(self.built, self.module, self.parameters, shared=kind, integrates=self.integrates, light=light)
 
     @property
     def work(self) -> Work:
@@ -172,10 +186,10 @@ class SpatialSystem:
         """True if springs, or loads by the motion of joints, add to a step's matrix."""
         return bool(self.mechanism.springs or (self.mechanism.loads and self.told_joints))
 
-    @cached_property
+    @property
     def driven(self) -> tuple[str, ...]:
         """Joints whose courses are prescribed, in the order of the module's."""
-        return tuple(name for name, drive in self.scene.drives.items() if drive.kind != "free")
+        return self.layout.driven
 
     @cached_property
     def known_joints(self) -> tuple[str, ...]:
@@ -184,10 +198,7 @@ class SpatialSystem:
 
     def node(self, joint: str) -> int:
         """Number of the node with a joint's first coordinate; of a cylindrical joint, its rotation."""
-        nodes, sign = self.layout.tree[joint]
-        if self.mechanism.joints[joint].kind != "cylindrical":
-            return nodes[0 if sign > 0 else -1]
-        return next(node for node in nodes if self.tables.nodes[node, KIND] != SLIDE)
+        return leading(self.tables.nodes, self.layout.tree[joint])
 
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:
         """Places of the first coordinates (COORDINATE) or speeds (SPEED) of joints."""
@@ -197,13 +208,10 @@ class SpatialSystem:
         """Numbers of the speeds of a joint of the tree, or of a body that moves freely."""
         return [k for k, name in enumerate(self.layout.speeds) if name.rpartition(".")[0] == owner]
 
-    @cached_property
+    @property
     def row_measure(self) -> np.ndarray:
         """Unit of every row: 1 rad or the mechanism's size."""
-        found: list[float] = []
-        for what in self.tables.acts[: self.tables.ranges[1], at.WHAT].tolist():
-            found += [1.0 if what == 1 else self.mechanism.size] * ROWS[what]
-        return np.array(found)
+        return self.work.row_measure
 
     def courses(self, t: float) -> np.ndarray:
         """Coordinate, speed and acceleration of every prescribed drive, (drives, 3)."""
@@ -248,5 +256,6 @@ def build_spatial_system(
     """Bind a scene to its module; ``flexible``: shapes of the deforming bodies."""
     mechanism = spatial_mechanism_of(scene)
     in_laws, switches = (*scene.drives, *scene.observed), len(getattr(module, "SWITCHES", ()))
-    tables, layout = build_tables(mechanism, flexible, in_laws, switches)
-    return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout, coupled)
+    driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
+    built = build_tables(mechanism, flexible, in_laws, driven, switches)
+    return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, built, coupled)

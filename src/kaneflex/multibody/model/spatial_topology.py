@@ -9,41 +9,66 @@ import numpy as np
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism
 from kaneflex.multibody.model.interactions import list_spatial_acts
-from kaneflex.multibody.model.layout import DOF, MODAL, WHAT
-from kaneflex.multibody.model.layout import SHAPES as COUNTED
-from kaneflex.multibody.model.spatial_layout import (
-    AT, BALL, COINCIDE, COUNT, FIXED, KIND, ON_PLANE, OWNER, PARENT, PERPENDICULAR, RIGID, ROW_OF, ROWS, SHAPES,
-    SLIDE, SPEED, SPEEDS, STATION, TURN, Flexible, Layout, Tables,
+from kaneflex.multibody.model.layout import WHAT
+from kaneflex.multibody.model.tree_builder import ORIGIN, Built, Names, TreeBuilder
+from kaneflex.multibody.model.tree_layout import (
+    BALL, COINCIDE, FIXED, ON_PLANE, PERPENDICULAR, RIGID, ROWS, SLIDE, TURN, Flexible,
 )  # fmt: skip
-from kaneflex.multibody.model.tree_builder import TreeBuilder, whole
 from kaneflex.support.errors import SceneError
 
 _ALIGNED = 1e-9
 """Components of an axis that count as zero."""
 
 
+class SpatialBuilder(TreeBuilder):
+    """Rows of the tables of a mechanism in space in construction."""
+
+    d = 6
+
+    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
+        super().__init__(flexible)
+        self.mechanism = mechanism
+
+    def numbers_of_body(self, name: str) -> np.ndarray | None:
+        body = self.mechanism.bodies[name]
+        if not (body.mass or np.any(body.inertia)):
+            return None
+        shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
+        return np.concatenate([[body.mass], body.centre, body.inertia, shapes])
+
+    def numbers_of_station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+        """Rows of the shapes, and the columns of G that are not zero."""
+        i, j = np.nonzero(np.tril(G.any(axis=0)))
+        return np.concatenate([np.ravel(rows), [len(i)], np.column_stack([i, j, G[:, i, j].T]).ravel()])
+
+    def shape_names(self, body: str) -> tuple[Names, Names]:
+        units = ["rad" if twists else "m" for twists in self.shapes[body].twisting]
+        return ([(f"{body}.shapes.{k}", unit) for k, unit in enumerate(units)],
+                [(f"{body}.shape_{k}", unit) for k, unit in enumerate(units)])  # fmt: skip
+
+
 def build_tables(
-    mechanism: SpatialMechanism, flexible: Flexible = RIGID, in_laws: Sequence[str] = (), switches: int = 0
-) -> tuple[Tables, Layout]:
+    mechanism: SpatialMechanism, flexible: Flexible = RIGID, in_laws: Sequence[str] = (), driven: Sequence[str] = (),
+    switches: int = 0,
+) -> Built:  # fmt: skip
     """Tables of a mechanism at rest with open loops.
 
-    ``flexible``: shapes of its deforming bodies; ``in_laws``: joints whose coordinates may occur in laws; ``switches``:
-    number of switches of loads' laws.
+    ``flexible``: shapes of its deforming bodies; ``in_laws``: joints whose coordinates may occur in laws; ``driven``:
+    joints with prescribed courses; ``switches``: number of switches of loads' laws.
 
     Raises
     ------
     SceneError
         If a body is not connected, its initial position is given twice, or too many coordinates of a loop are used.
     """
-    builder, tree, cuts, closing = TreeBuilder(mechanism, flexible), {}, [], dict[str, slice]()
+    builder, cuts, closing, row = SpatialBuilder(mechanism, flexible), list[tuple[int, ...]](), dict[str, slice](), 0
     for name, child in spanning_tree(mechanism):
         if child < 0:
             _float(builder, name)
         else:
-            tree[name] = (_hang(builder, mechanism.joints[name], child), 1 if child == 1 else -1)
-    rows = 0
+            _hang(builder, mechanism.joints[name], child)
     for name, joint in mechanism.joints.items():
-        if name in tree:
+        if name in builder.tree:
             continue
         if name in mechanism.asked:
             raise SceneError(
@@ -51,13 +76,16 @@ def build_tables(
                 "drives, laws or springs use the coordinates of all joints of its loop",
                 "Leave out a drive, a spring or a coordinate in a law at one joint of this loop",
             )  # fmt: skip
-        found = _cut(builder, joint, rows)
+        found = _cut(builder, joint, row)
         cuts += found
-        closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
-    tables = _tables(builder, *list_spatial_acts(builder, cuts, tree, in_laws, switches))
-    nodes = {name: node for name, node in builder.node_of.items() if name != GROUND}
-    names = tuple(builder.speeds), tuple(builder.positions)
-    return tables, Layout(nodes, builder.stations, builder.shapes, tree, closing, *names)
+        closing[name] = slice(row, row := row + sum(ROWS[each[WHAT]] for each in found))
+    acts = list_spatial_acts(builder, mechanism, (cuts, closing), in_laws, switches)
+    shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
+    K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
+    return Built(
+        builder.tables(acts, mechanism.gravity), builder.layout(closing, driven), builder.w,
+        [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C,
+    )  # fmt: skip
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
@@ -109,16 +137,15 @@ def _check_hanging(mechanism: SpatialMechanism, group: Mapping[str, str]) -> Non
             raise SceneError(f"bodies.{bodies[0]}", None, "it has neither a joint nor a position", cure)
 
 
-def _hang(builder: TreeBuilder, joint: SpatialJoint, child: int) -> tuple[int, ...]:
-    """Nodes of a joint of the tree.
+def _hang(builder: SpatialBuilder, joint: SpatialJoint, child: int) -> None:
+    """Add the nodes of a joint of the tree, and its outer body.
 
     Traversed from the second body, a joint's freedoms come in reverse order and with opposite sign.
     """
-    bodies = builder.mechanism.bodies
-    inner, outer = joint.sides[1 - child], joint.sides[child]
-    relative = builder.mechanism.stands(inner.body).T @ bodies[outer.body].rotation
-    own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
     mechanism = builder.mechanism
+    inner, outer = joint.sides[1 - child], joint.sides[child]
+    relative = mechanism.stands(inner.body).T @ mechanism.bodies[outer.body].rotation
+    own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
     moves = [(TURN if name.startswith("angle") else BALL if name == "rotation" else SLIDE, name, own @ axis)
              for name, axis in joint.moves]  # fmt: skip
     if child == 0:
@@ -126,12 +153,12 @@ def _hang(builder: TreeBuilder, joint: SpatialJoint, child: int) -> tuple[int, .
     parent, at = builder.on(inner)
     nodes = list[int]()
     for k, (kind, name, axis) in enumerate(moves or [(FIXED, "", np.zeros(3))]):
-        names = _speed_names(joint.name, kind, name)
-        first = {"rotation": relative, "place": at} if k == 0 else {}
-        parent = builder.node(kind, parent, names, axis=axis, **first)
+        rotation, place = (relative, at) if k == 0 else (None, ORIGIN)
+        parent = builder.node(kind, parent, *_names(joint.name, kind, name), rotation, place, axis)
         nodes.append(parent)
-    builder.body(outer.body, parent, outer.at, "" if joint.name in mechanism.prescribed else _turned_about(moves))
-    return tuple(nodes)
+    builder.tree[joint.name] = tuple(nodes), 1 if child == 1 else -1
+    freed = "" if joint.name in mechanism.prescribed else _turned_about(moves)
+    builder.body(outer.body, parent, outer.at, outer.at, freed)
 
 
 def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
@@ -144,23 +171,25 @@ def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
     return about[0] if len(about) == 1 else "xyz"
 
 
-def _speed_names(owner: str, kind: int, name: str) -> list[str]:
+def _names(owner: str, kind: int, name: str) -> tuple[Names, Names]:
+    """Speeds and coordinates of a node of a joint or of a free body."""
     if kind == BALL:
-        return [f"{owner}.omega_{axis}" for axis in "xyz"]
-    return [] if kind == FIXED else [f"{owner}.{name}"]
+        return ([(f"{owner}.omega_{axis}", "rad") for axis in "xyz"],
+                [(f"{owner}.quaternion_{part}", "1") for part in "wxyz"])  # fmt: skip
+    found = [] if kind == FIXED else [(f"{owner}.{name}", "m" if kind == SLIDE else "rad")]
+    return found, found
 
 
-def _float(builder: TreeBuilder, name: str) -> None:
+def _float(builder: SpatialBuilder, name: str) -> None:
     """Nodes of a free body: three that slide along global axes, and a ball."""
     parent = -1
     for axis, row in zip("xyz", np.eye(3), strict=True):
-        parent = builder.node(SLIDE, parent, [f"{name}.{axis}"], axis=row)
-    stands = builder.mechanism.bodies[name].rotation
-    node = builder.node(BALL, parent, _speed_names(name, BALL, ""), rotation=stands)
-    builder.body(name, node, (0.0, 0.0, 0.0))
+        parent = builder.node(SLIDE, parent, *_names(name, SLIDE, axis), axis=row)
+    node = builder.node(BALL, parent, *_names(name, BALL, ""), builder.mechanism.bodies[name].rotation)
+    builder.body(name, node, ORIGIN, None)
 
 
-def _cut(builder: TreeBuilder, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
+def _cut(builder: SpatialBuilder, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
     """Elementary constraints of a joint that closes a loop, beginning with row ``row``."""
     first, second = (builder.section(side) for side in joint.sides)
     bodies, found = [side.body for side in joint.sides], list[tuple[int, ...]]()
@@ -184,51 +213,3 @@ def _cut(builder: TreeBuilder, joint: SpatialJoint, row: int) -> list[tuple[int,
     for one, other in parallel:
         add(PERPENDICULAR, min(axes([one], 0) + axes([other], 1)))
     return found
-
-
-def _tables(
-    builder: TreeBuilder, acts: np.ndarray, ranges: tuple[int, ...], stiffness: np.ndarray, twisting: np.ndarray
-) -> Tables:  # fmt: skip
-    bodies, frames = _bodies(builder)
-    return Tables(
-        whole(builder.nodes, 10), np.array(builder.numbers).reshape(-1, 18), bodies, frames,
-        np.concatenate([*builder.p, np.zeros(0)]),
-        *_carriers(builder.sections), *_carriers(builder.axes),
-        acts, ranges, stiffness, twisting, np.asarray(builder.mechanism.gravity, float),
-    )  # fmt: skip
-
-
-def _carriers(carried: Sequence[tuple[int, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n,) of points or axes, and these in the nodes' axes, (n, 3)."""
-    return np.array([node for node, _ in carried], int), np.array([each for _, each in carried]).reshape(-1, 3)
-
-
-def _bodies(builder: TreeBuilder) -> tuple[np.ndarray, np.ndarray]:
-    """Bodies with their joints, and their nodes. Sets ROW_OF and OWNER of all nodes."""
-    rows, frames, phi = list[list[int]](), list[list[int]](), 0
-    coupling = square = 0
-    begins, last = True, set(builder.node_of.values())
-    for n, node in enumerate(builder.nodes):
-        parent = node[PARENT]
-        if node[KIND] == STATION or node[AT] >= 0:
-            node[ROW_OF], phi = phi, phi + node[COUNT]
-        if node[KIND] == STATION:
-            node[OWNER] = builder.nodes[parent][OWNER]
-            continue
-        if begins:
-            up, outboard = -1, -1
-            if parent >= 0:
-                outboard = builder.nodes[parent][ROW_OF] if builder.nodes[parent][KIND] == STATION else -1
-                up = builder.nodes[parent][OWNER]
-            rows.append([0, 0, node[SPEED], node[SPEED], up, outboard, coupling, square])
-            frames.append([n, parent, n, n])
-        node[OWNER] = len(rows) - 1
-        shapes = node[COUNT] if node[KIND] == SHAPES else 0
-        rows[-1][DOF] += SPEEDS[node[KIND]]
-        if shapes:
-            rows[-1][COUNTED], rows[-1][MODAL] = shapes, node[SPEED]
-            coupling, square = coupling + shapes, square + shapes**2
-        if node[AT] < 0:
-            frames[-1][2] = n
-        frames[-1][0], begins = n, n in last
-    return whole(rows, 8), whole(frames, 4)

@@ -15,14 +15,17 @@ from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import course, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.interactions import side_of
 from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
 from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.tree_layout import SIGN
 from kaneflex.multibody.unilateral.rows import RESULTS
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
@@ -107,7 +110,7 @@ class CoupledSystem:
     @cached_property
     def order(self) -> np.ndarray:
         """Place in q of each coordinate of the bodies in the order of the tree."""
-        ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.bodies]
+        ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.node_of]
         return np.array([k for part in ranges for k in part], int)
 
     @cached_property
@@ -119,19 +122,12 @@ class CoupledSystem:
     def exerted(self) -> np.ndarray:
         """Number of each of ``reactions`` among those of the engine."""
         layout = self.engine.layout
+        first_of = {name: 3 * k for k, name in enumerate(layout.inboard) if name is not None}
+        first_of |= {name: 3 * len(layout.inboard) + rows.start for name, rows in layout.cuts.items()}
         place: dict[str, int] = {}
-        for k, (name, _) in enumerate(layout.inboard):
-            if name is not None:
-                joint = self.mechanism.joints[name]
-                rows = [row for row, *_ in reactions(joint)]
-                own = [3 * k, 3 * k + 1, 3 * k + 2]
-                place |= dict(zip([*rows, f"{name}.drive"], own, strict=False))
-        first, acts = 3 * len(layout.bodies), self.engine.tables.acts
-        for name, fields in zip(layout.cuts, acts, strict=False):
-            joint, row = self.mechanism.joints[name], first + int(fields[at.ROW_AT])
-            drives = fields[at.WHAT] in (at.TURN, at.SLIDE)
-            names = [f"{name}.drive"] if drives else [row_name for row_name, *_ in reactions(joint)]
-            place |= {each: row + j for j, each in enumerate(names)}
+        for name, first in first_of.items():
+            names = [*(row for row, *_ in reactions(self.mechanism.joints[name])), f"{name}.drive"]
+            place |= {each: first + j for j, each in enumerate(names)}
         return np.array([place[name] for name in self.constraints], int)
 
     @cached_property
@@ -149,7 +145,7 @@ class CoupledSystem:
         engine, layout, joints = self.engine, self.engine.layout, self.mechanism.joints
         found, moved = np.zeros((len(times), engine.size), complex), q + 1j * _STEP * v
         poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.start)}
-        for body, (name, _), fields in zip(layout.bodies, layout.inboard, engine.tables.bodies, strict=True):
+        for body, name, fields in zip(layout.node_of, layout.inboard, engine.tables.bodies, strict=True):
             own = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
             if name is None:
                 found[:, own] = poses[body].T
@@ -170,23 +166,24 @@ class CoupledSystem:
         engine.set(state)
         found = self.unfold(engine.row(state.t)[None])
         lost = np.where(engine.turns, whole_turns(state.q - engine.motion[0]), 0.0)  # drives now have their courses
-        index = engine.layout.bodies
-        for body, fields in zip(index, engine.tables.bodies, strict=True):
+        index, signs = [*engine.layout.node_of], engine.parts["frames"][:, SIGN]
+        for body, fields, sign in zip(index, engine.tables.bodies, signs, strict=True):
             own = lost[fields[at.FIRST] : fields[at.FIRST] + fields[at.DOF]].sum()
             base = fields[at.PARENT_BODY]
-            turned[body] = (turned[index[base]] if base >= 0 else 0.0) + engine.tables.w[fields[at.NUMBERS]] * own
+            turned[body] = (turned[index[base]] if base >= 0 else 0.0) + sign * own
             found.q[0, self.start[body] + 2] += turned[body]
         return found.q[0], found.v[0]
 
     def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
         """Joints, by how much a state opens them [m or rad], and the unit of that."""
-        engine, layout, size = self.engine, self.engine.layout, self.mechanism.size or 1.0
+        engine, layout, units = self.engine, self.engine.layout, self.engine.work.row_measure.tolist()
         engine.set(state)
         gaps = engine.openings(state.t)[: engine.count(at.JOINT_ROWS)].tolist()
         for k, (name, unit) in enumerate(layout.coordinates):  # the drives now have their positions
-            yield name.rpartition(".")[0], float(state.q[k] - engine.motion[0][k]), 1.0 if unit == "rad" else size
+            size = 1.0 if unit == "rad" else self.mechanism.size or 1.0
+            yield name.rpartition(".")[0], float(state.q[k] - engine.motion[0][k]), size
         for row, gap in enumerate(gaps):
-            yield engine.cut_of(row), gap, size if engine.sides[row, :2].any() else 1.0
+            yield engine.cut_of(row), gap, units[row]
 
     def choose(self, state: State, spared: Sequence[int] = ()) -> Choice:
         """Choice of the independent speeds at a state, see :meth:`kaneflex.multibody.engine.Engine.choose`."""
@@ -247,7 +244,7 @@ class CoupledSystem:
         for k, (name, _) in enumerate(layout.coordinates):
             if name.rpartition(".")[0] == joint:
                 return float(self.engine.motion[1][k])
-        first, second = (self.engine.sections[layout.sections[side.body, side.name], :6] for side in of.sides)
+        first, second = (self.engine.sections[layout.sections[side.body, side_of(side).at], :6] for side in of.sides)
         apart = second - first
         if not of.slides:
             return float(apart[5])

@@ -1,85 +1,176 @@
-"""Rows of the tables of a mechanism in space in construction: nodes, stations, sections, axes."""
+"""Rows of the tables of a mechanism in construction, in the plane and in space: nodes, stations, sections, axes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import cast
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import Side, SpatialMechanism
-from kaneflex.multibody.model.spatial_layout import (
-    AT, AXIS, BALL, BODY, COORDINATE, COUNT, PLACE, ROTATION, SHAPES, SHIFT, SLIDE, SPEED, STATION, Axis,
-    Deformable, Flexible, Place, carried,
+from kaneflex.mechanism.spatial import Side
+from kaneflex.multibody.model.layout import DOF, MODAL
+from kaneflex.multibody.model.layout import SHAPES as COUNTED
+from kaneflex.multibody.model.tree_layout import (
+    AT, AXED, AXES_NODE, AXIS, BODY, COORDINATE, COUNT, KIND, OWNER, PARENT, PLACE, ROW_OF, SHAPES, SHIFT, SPEED,
+    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, carried,
+    leading,
 )  # fmt: skip
 
+ORIGIN = (0.0, 0.0, 0.0)
+Names = Sequence[tuple[str, str]]
+"""Names and units of coordinates."""
 
-class TreeBuilder:
-    """Rows of the tables in construction."""
 
-    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
-        self.mechanism, self.flexible = mechanism, flexible
+class Numbers:
+    """Array of numbers during its construction."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.size = 0
+
+    def put(self, numbers: np.ndarray | Sequence[float]) -> int:
+        """Append numbers; returns their place."""
+        self.parts.append(np.asarray(numbers, float).ravel())
+        self.size += self.parts[-1].size
+        return self.size - self.parts[-1].size
+
+    def room(self, count: int) -> int:
+        return self.put(np.zeros(count))
+
+    @property
+    def whole(self) -> np.ndarray:
+        return np.concatenate([*self.parts, np.zeros(0)])
+
+
+class Interactions(NamedTuple):
+    """Rows of ``acts``, see :class:`Tables`, the rows of every joint that closes a loop, and which are angles."""
+
+    acts: np.ndarray
+    ranges: tuple[int, ...]
+    cuts: Mapping[str, slice]
+    angles: Sequence[bool]
+    twisting: np.ndarray
+
+
+class Built(NamedTuple):
+    """All that an engine is made of.
+
+    Attributes
+    ----------
+    w : Numbers
+        Those of interactions.
+    driven : sequence of int
+        The coordinate that each course prescribes, or -1 for that of a cut.
+    angles : sequence of bool
+        True for rows of cuts that are angles.
+    size : float
+        Unit of lengths [m].
+    switches : int
+        Number of switches of loads' laws.
+    K, C : sequence of ndarray
+        Stiffness and damping matrices of the shapes of every body, (count, count).
+    hold : ndarray (s, 2)
+        In the plane stiffness and damping of springs at the joints of the tree, by speeds.
+    rigid : bool
+        True if contacts are by Newton's law.
+    """
+
+    tables: Tables
+    layout: Layout
+    w: Numbers
+    driven: Sequence[int]
+    angles: Sequence[bool]
+    size: float
+    switches: int
+    K: Sequence[np.ndarray]
+    C: Sequence[np.ndarray]
+    hold: np.ndarray | None = None
+    rigid: bool = False
+
+
+class TreeBuilder(ABC):
+    """Rows of the tables in construction.
+
+    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions; ``own``: those of the bodies.
+    """
+
+    d: ClassVar[int]
+
+    def __init__(self, flexible: Flexible) -> None:
+        self.flexible = flexible
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, Place], int] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
-        self.p: list[np.ndarray] = []
-        self.sections: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
+        self.block, self.w = Numbers(), Numbers()
+        self.own: dict[str, np.ndarray] = {}
+        self.carriers: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
+        self.sections: dict[tuple[str, Place], int] = {(GROUND, ORIGIN): 0}
         self.axes: list[tuple[int, np.ndarray]] = []
         self.node_of = {GROUND: -1}
+        self.tree: dict[str, tuple[tuple[int, ...], int]] = {}
         self.speeds: list[tuple[str, str]] = []
         self.positions: list[tuple[str, str]] = []
 
-    def node(self, kind: int, parent: int, names: Sequence[str], rotation=None, place=None, axis=None) -> int:
-        """Add a node; ``names`` are those of its speeds, without shapes."""
-        row = np.zeros(18)
-        row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
-        row[PLACE:AXIS] = 0.0 if place is None else place
-        row[AXIS:SHIFT] = 0.0 if axis is None else axis
-        self.nodes.append([kind, parent, len(self.positions), len(self.speeds), -1, 0, -1, -1, -1, 1])
+    @abstractmethod
+    def numbers_of_body(self, name: str) -> np.ndarray | None:
+        """Numbers of a body; None if it has neither mass nor inertia."""
+
+    @abstractmethod
+    def numbers_of_station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+        """Numbers of a station by the shapes of its body there."""
+
+    @abstractmethod
+    def shape_names(self, body: str) -> tuple[Names, Names]:
+        """Speeds and coordinates of the shapes of a body."""
+
+    def node(
+        self, kind: int, parent: int, names: Names = (), positions: Names | None = None,
+        rotation: np.ndarray | None = None, place: Sequence[float] | np.ndarray = ORIGIN,
+        axis: Sequence[float] | np.ndarray = ORIGIN,
+    ) -> int:  # fmt: skip
+        """Add a node; ``names`` are those of its speeds, without shapes, ``positions`` of its coordinates."""
+        row = np.zeros(3 * (3 if self.d == 3 else 6))
+        if self.d == 6:
+            row[:9] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
+        row[PLACE], row[AXIS] = place, axis
+        self.nodes.append([kind, parent, len(self.positions), len(self.speeds), -1, 0, -1, -1, -1, self.d == 6])
         self.numbers.append(row)
-        found = [(name, "m" if kind == SLIDE else "rad") for name in names]
-        self.speeds += found
-        owner = found[0][0].rpartition(".")[0] if found else ""
-        self.positions += [(f"{owner}.quaternion_{part}", "1") for part in "wxyz"] if kind == BALL else found
+        self.speeds += names
+        self.positions += names if positions is None else positions
         return len(self.nodes) - 1
 
-    def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
+    def body(self, name: str, node: int, at: Place, held: Place | None, freed: str = "") -> None:
         """Add the body of the last node of a chain, joined at a point in its axes.
 
-        ``freed``: its axes, like "z", about which its section there turns relative to its floating axes.
+        ``held``: the place where shapes are held, None for a mean; ``freed``: its axes, like "z", about which its
+        section there turns relative to its floating axes.
         """
-        self.numbers[node][SHIFT:] = at
+        self.numbers[node][SHIFT] = at
         if name in self.flexible:
-            node = self.deforming(name, node, None if name in self.mechanism.floating else tuple(map(float, at)), freed)
+            node = self.deforming(name, node, held, freed)
         self.node_of[name] = node
-        body = self.mechanism.bodies[name]
-        if body.mass or np.any(body.inertia):
-            shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
-            self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
+        self.nodes[node][AXED] = 1
+        numbers = self.numbers_of_body(name)
+        if numbers is not None:
+            self.own[name] = numbers
+            self.nodes[node][BODY] = self.block.put(numbers)
 
     def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
         """Add the node of a body's axes and modal coordinates, joined at the place of its axes that is held."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
-        node = self.node(SHAPES, frame, ())
+        node = self.node(SHAPES, frame, *self.shape_names(name))
         self.nodes[node][COUNT] = shapes.count
-        units = ["rad" if twists else "m" for twists in shapes.twisting]
-        self.speeds += [(f"{name}.shapes.{k}", unit) for k, unit in enumerate(units)]
-        self.positions += [(f"{name}.shape_{k}", unit) for k, unit in enumerate(units)]
         if held is not None:
             place = shapes.carrier(held)
             self.stations[name, place] = frame  # its section there
-            self.numbers[frame][SHIFT:] -= place
-            self.numbers[node][SHIFT:] = place
+            self.numbers[frame][SHIFT] -= place
+            self.numbers[node][SHIFT] = place
             if any(part.any() for part in shapes.at(place)):
-                self.nodes[node][AT] = self.stored(_of_station(*shapes.at(place)))
+                self.nodes[node][AT] = self.block.put(self.numbers_of_station(name, *shapes.at(place)))
         return node
-
-    def stored(self, numbers: np.ndarray) -> int:
-        """Append numbers to p; returns their place."""
-        self.p.append(numbers)
-        return sum(map(len, self.p)) - len(numbers)
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node that carries a point of a body, and its place in that node's axes; on a deforming body a station."""
@@ -90,19 +181,22 @@ class TreeBuilder:
                 self.stations[side.body, place] = self.station(side.body, place, shapes.at(place))
         return carried(self, side)
 
-    def station(self, body: str, place: Place, numbers: Sequence[np.ndarray]) -> int:
+    def station(self, body: str, place: Place, shapes: tuple[np.ndarray, np.ndarray]) -> int:
         """Add the node of a place of a deforming body."""
         frame = self.node_of[body]
-        node = self.node(STATION, frame, (), place=place)
+        node = self.node(STATION, frame, place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        self.nodes[node][AT] = self.stored(_of_station(*numbers))
+        self.nodes[node][AT] = self.block.put(self.numbers_of_station(body, *shapes))
         return node
 
     def section(self, side: Side) -> int:
-        """Add the section at a point of a body; returns its number."""
-        self.sections.append(self.on(side))
-        return len(self.sections) - 1
+        """Number of the section at a point of a body, which is added if it is new."""
+        key = side.body, side.at
+        if key not in self.sections:
+            self.sections[key] = len(self.carriers)
+            self.carriers.append(self.on(side))
+        return self.sections[key]
 
     def mean(self, body: str, rises: bool) -> int:
         """Add the mean section of a body, weighted by a load along it that falls or rises; returns its number.
@@ -111,21 +205,70 @@ class TreeBuilder:
         """
         link = cast(Axis, self.shapes[body])  # loads are spread along axes only
         share, x, rows, G = link.spread(*((0.0, 1.0) if rises else (1.0, 0.0)))
-        self.sections.append((self.station(body, (x / share, 0.0, 0.0), (rows / share, G / share)), np.zeros(3)))
-        return len(self.sections) - 1
+        self.carriers.append((self.station(body, (x / share, 0.0, 0.0), (rows / share, G / share)), np.zeros(3)))
+        return len(self.carriers) - 1
 
     def axis(self, side: Side, vector: np.ndarray) -> int:
         """Add an axis in a body's axes that turns with the section at a point; returns its number."""
         self.axes.append((self.on(side)[0], np.asarray(vector, float)))
         return len(self.axes) - 1
 
+    def speed(self, joint: str) -> int:
+        """First speed of a joint of the tree."""
+        return self.nodes[leading(self.nodes, self.tree[joint])][SPEED]
 
-def _of_station(rows: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Numbers of a station: its rows of the shapes, and the columns of G that are not zero."""
-    i, j = np.nonzero(np.tril(G.any(axis=0)))
-    return np.concatenate([np.ravel(rows), [len(i)], np.column_stack([i, j, G[:, i, j].T]).ravel()])
+    def tables(self, found: Interactions, gravity: Sequence[float] | np.ndarray) -> Tables:
+        """Tables of all rows."""
+        bodies, frames = self._bodies()
+        return Tables(
+            whole(self.nodes, 10), np.array(self.numbers), bodies, frames, self.block.whole,
+            *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges, found.twisting,
+            np.array([*gravity, 0.0][:3]),
+        )  # fmt: skip
+
+    def layout(self, cuts: Mapping[str, slice], driven: Sequence[str]) -> Layout:
+        """Names of the tables' entries."""
+        nodes = {name: node for name, node in self.node_of.items() if name != GROUND}
+        return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, cuts, tuple(self.speeds),
+                      tuple(self.positions), tuple(driven))  # fmt: skip
+
+    def _bodies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bodies with their joints, and their nodes. Sets ROW_OF and OWNER of all nodes."""
+        rows, frames, phi = list[list[int]](), list[list[int]](), 0
+        coupling = square = 0
+        begins, last = True, set(self.node_of.values())
+        sign = {nodes[0]: side for nodes, side in self.tree.values()}
+        for n, node in enumerate(self.nodes):
+            parent = node[PARENT]
+            if node[KIND] == STATION or node[AT] >= 0:
+                node[ROW_OF], phi = phi, phi + node[COUNT]
+            if node[KIND] == STATION:
+                node[OWNER] = self.nodes[parent][OWNER]
+                continue
+            if begins:
+                up, outboard = -1, -1
+                if parent >= 0:
+                    outboard = self.nodes[parent][ROW_OF] if self.nodes[parent][KIND] == STATION else -1
+                    up = self.nodes[parent][OWNER]
+                rows.append([0, 0, node[SPEED], node[SPEED], up, outboard, coupling, square])
+                frames.append([n, parent, n, n, sign.get(n, 1)])
+            node[OWNER] = len(rows) - 1
+            shapes = node[COUNT] if node[KIND] == SHAPES else 0
+            rows[-1][DOF] += SPEEDS[node[KIND]]
+            if shapes:
+                rows[-1][COUNTED], rows[-1][MODAL] = shapes, node[SPEED]
+                coupling, square = coupling + shapes, square + shapes**2
+            if node[AT] < 0:
+                frames[-1][TWIST_NODE] = n
+            frames[-1][AXES_NODE], begins = n, n in last
+        return whole(rows, 8), whole(frames, 5)
 
 
 def whole(rows: Sequence, columns: int) -> np.ndarray:
     """Rows of integers as an array."""
     return np.array(rows, int).reshape(-1, columns)
+
+
+def _apart(carried: Sequence[tuple[int, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n,) of points or axes, and these in the nodes' axes, (n, 3)."""
+    return np.array([node for node, _ in carried], int), np.array([each for _, each in carried]).reshape(-1, 3)

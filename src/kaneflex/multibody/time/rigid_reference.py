@@ -18,8 +18,9 @@ from kaneflex.mechanism.parts import Drive, floating_coordinates
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.multibody.dynamics.unfolding import FAR
-from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State

@@ -209,16 +209,12 @@ class Run:
             return ""
         t = float(self.here[0])
         engine.stand(self.here)
-        apart = abs(engine.openings(t)[:rows]) / self._row_units(rows)
+        apart = abs(engine.openings(t)[:rows]) / engine.work.row_measure
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
         return (f"over-constrained after t = {t:.6g} s: a constraint of {engine.cut_of(row)} is redundant, "
                 f"and violated by {apart[row]:.2g} of the mechanism's size, or of 1 rad")  # fmt: skip
-
-    def _row_units(self, rows: int) -> np.ndarray:
-        """Unit of every row of the joints, at the state of the tables: the mechanism's size, or 1 rad."""
-        return np.where(self.engine.sides[:rows, :2].any(axis=1), self.system.mechanism.size, 1.0)
 
     def _is_in_doubt(self) -> bool:
         """True if steps are so short that friction may be inconsistent with its reactions.

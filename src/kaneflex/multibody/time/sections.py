@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self, cast
@@ -17,7 +17,6 @@ from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import ModalData
 from kaneflex.support.fingerprint import made_of
 
 
@@ -38,26 +37,6 @@ class Deformed:
     moved: Rates
     turned: np.ndarray
     turning: tuple[np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True, eq=False)
-class PointShapes:
-    """Shapes of a planar body with modal data, which its points have."""
-
-    data: ModalData
-
-    def carrier(self, at: Sequence[float]) -> Sequence[float]:
-        """The point itself."""
-        return at
-
-    def at(self, place: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-        """Rows u, v and theta of the shapes, (3, count), and G (3, count, count)."""
-        k = self.data.at((place[0], 0.0))
-        s, w, psi, H = (self.data.arrays[key][k] for key in ("s", "w", "psi", "H"))
-        across, none = slice(len(s), None), np.zeros(len(s))
-        G = np.zeros((3, len(s) + len(w), len(s) + len(w)))
-        G[0, across, across] = -H
-        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), G
 
 
 def deformed(shapes: Any, at: np.ndarray, amplitudes: Rates) -> Deformed:

@@ -72,9 +72,6 @@ class SpatialRun(run.Run, Curve):
             raise self._stopped(message)
         return outcome, message
 
-    def _row_units(self, rows: int) -> np.ndarray:
-        return self.system.row_measure
-
     def _turned(self) -> bool:
         far = overturned(self.system.mechanism, self.system.work.springs)  # in the last attempt
         try:

@@ -18,9 +18,9 @@ from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.spatial_layout import COORDINATE, Deformable
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.tree_layout import COORDINATE, Deformable
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing

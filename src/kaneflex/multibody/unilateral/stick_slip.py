@@ -16,11 +16,11 @@ from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frict
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
-    BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, GRAVITY, IN_A_ROW, KEPT,
+    BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
     LIMIT, MEMORY, MODE, NODES, NORMAL, NOW, OPEN, OPTIONS, PIVOTS, PLACE, RATE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE,
     STICKING, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart, larger,
 )  # fmt: skip
-from kaneflex.multibody.model.spatial_layout import BODY
+from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.time.coefficients import basis
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import rows_now
@@ -90,19 +90,19 @@ def no_force(m, n):
     """Force, or moment, of a friction that counts as zero: rounding error of the force that moves all bodies."""
     apart()
     plan, w, total = m.plan, m.w, 0.0
+    g_x, g_y, _ = m.gravity[0]
     for b in range(plan[BODIES]):
         node = m.frames[b, 0]
         x, z, _ = m.rate[node]
-        size = abs(w[plan[GRAVITY]]) + abs(w[plan[GRAVITY] + 1]) + abs(x) + abs(z)
-        total += w[m.nodes[node, BODY]] * size
+        total += m.block[m.nodes[node, BODY]] * (abs(g_x) + abs(g_y) + abs(x) + abs(z))
     return 1e-14 * total * (w[plan[TOUCH] + EXTENT] if m.acts[act_of(m, n), WHAT] == TURN else 1.0) + 1e-300
 
 
 @njit(**OPTIONS)
 def no_rate(m, n):
     """Acceleration of a friction that counts as zero."""
-    w, gravity = m.w, m.plan[GRAVITY]
-    return _WRONG * (size_of(m, n, 6) + abs(w[gravity]) + abs(w[gravity + 1])) + 1e-300
+    g_x, g_y, _ = m.gravity[0]
+    return _WRONG * (size_of(m, n, 6) + abs(g_x) + abs(g_y)) + 1e-300
 
 
 @of_holds(True)

@@ -1,16 +1,16 @@
-"""Tables of a mechanism in space for compiled loops.
+"""Tables of a mechanism's tree for compiled loops, in the plane and in space.
 
 Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball, or
 is fixed: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a free body has three that
-slide and a ball. The last node of a chain carries the body: a deforming one by its section at the joint. A further node
-has its axes and modal coordinates: about the axes that the joint leaves free, shapes rotate the section relative to the
-floating axes. A *station* for each place with a joint, spring or load moves with the section there. Joints outside the
-tree are *cuts*, which close its loops by elementary constraints.
+slide and a ball, in the plane a single node. The last node of a chain carries the body: a deforming one by its section
+at the joint. A further node has its axes and modal coordinates: about the axes that the joint leaves free, shapes
+rotate the section relative to the floating axes. A *station* for each place with a joint, spring or load moves with the
+section there. Joints outside the tree are *cuts*, which close its loops by constraints.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -24,17 +24,19 @@ FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
 KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER, AXED = range(10)
 """Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has mass
-begin in ``p``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE and
-SPEED; AT: where the numbers of a station begin in ``p``, N and psi, (3, COUNT) each, then of G the number of its
-columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its
+begin in ``block``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE and
+SPEED; AT: where the numbers of a station begin in ``block``, in space N and psi, (3, COUNT) each, then of G the number
+of its columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its
 joint's section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that
 shapes move, else -1. AXED: in the plane 1 if a point away from its origin or a direction has its axes, else these
 are not computed."""
-JOINT_NODE = 3
-"""Column of ``frames``."""
-ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
-"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis, and the joint's point
-in its own."""
+AXES_NODE, HUNG_ON, TWIST_NODE, JOINT_NODE, SIGN = range(5)
+"""Columns of ``frames``: node of a body's axes; the one that it hangs on, or -1; the one whose twist is the body's for
+:mod:`kaneflex.multibody.dynamics.articulated`, the last of its joint where shapes turn the axes back from it; the first
+of its joint; -1 where the tree passes through the joint from its second body to its first, else 1."""
+PLACE, AXIS, SHIFT = slice(-9, -6), slice(-6, -3), slice(-3, None)
+"""Columns of ``numbers``: joint's point in the parent's axes, in the plane with the angle there; axis; the joint's
+point in its own axes. In space the axes at zero in the parent's, (3, 3), precede them."""
 COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
 ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
@@ -47,30 +49,25 @@ class Tables(NamedTuple):
 
     Attributes
     ----------
-    nodes, numbers : ndarray (n_nodes, 10), (n_nodes, 18)
+    nodes, numbers : ndarray (n_nodes, 10), (n_nodes, 18), in the plane (n_nodes, 9)
     bodies : ndarray (n_bodies, 8)
         Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
-    frames : ndarray (n_bodies, 4)
-        Node of every body's axes, the one that it hangs on, or -1, the one whose twist is the body's for
-        :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where shapes turn the axes back from it,
-        and the first of its joint.
-    p : ndarray
-        Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
-        ``kaneflex.generated.spatial_shapes``; numbers of stations.
+    frames : ndarray (n_bodies, 5)
+    block : ndarray
+        Numbers of the bodies and their shapes, see ``kaneflex.generated.body``, in space ten of each body by
+        ``kaneflex.generated.spatial.BODY``, behind them those of ``kaneflex.generated.spatial_shapes``; numbers of
+        stations.
     on, at : ndarray (n_sections,), (n_sections, 3)
         Node (-1: the ground) of every section and the place of its point in that node's axes.
-    axis_on, axes : ndarray (n_axes,), (n_axes, 3)
-        The same of axes.
+    axis_on, axis_at : ndarray (n_axes,), (n_axes, 3)
+        The same of axes, in space.
     acts : ndarray (n_acts, 6)
-        Interactions, see ``acts`` in :mod:`kaneflex.multibody.model.layout`; numbers of a cut are its axis among
-        ``axes``, those of a spring are not placed yet.
+        Interactions, see ``acts`` in :mod:`kaneflex.multibody.model.layout`.
     ranges : tuple of int
-        First places in ``acts`` of cuts, holds, joints in laws, loads, springs and switches, and the end; forces and
-        moments of loads follow.
-    stiffness : ndarray (n, 3)
-        Stiffness, damping, free length or angle of every row of a spring: one, or six of a bushing.
-    twisting : ndarray (n,)
-        Speeds of the joints of torsional springs; -1 of straight ones.
+        First places in ``acts`` of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches,
+        and the end; forces and moments of loads follow.
+    twisting : ndarray (n_springs,)
+        In space the speed of the joint of every torsional spring, -1 of straight springs; without bushings.
     gravity : ndarray (3,)
     """
 
@@ -78,14 +75,13 @@ class Tables(NamedTuple):
     numbers: np.ndarray
     bodies: np.ndarray
     frames: np.ndarray
-    p: np.ndarray
+    block: np.ndarray
     on: np.ndarray
     at: np.ndarray
     axis_on: np.ndarray
-    axes: np.ndarray
+    axis_at: np.ndarray
     acts: np.ndarray
     ranges: tuple[int, ...]
-    stiffness: np.ndarray
     twisting: np.ndarray
     gravity: np.ndarray
 
@@ -149,37 +145,56 @@ class Layout:
     Attributes
     ----------
     node_of : mapping
-        Body -> its node.
+        Body -> its node, in the order of the tree.
     stations : mapping
         Carrier of points of a body that deforms, by the body and its place -> the node that stands there.
+    sections : mapping
+        Point of a body, by the body and its place -> number of its section.
     shapes : mapping
         Body that deforms -> its shapes.
     tree : mapping
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
-        Joint that closes a loop -> its rows.
+        Joint that closes a loop -> its rows, that of its drive in the plane last.
     coordinates : tuple of (str, str)
         Name and unit of the coordinate of every generalised speed, like ``shaft.angle`` or ``ball.omega_x``.
     positions : tuple of (str, str)
         Name and unit of every coordinate of a state: a ball has a unit quaternion.
+    driven : tuple of str
+        Joints whose courses are prescribed, those with given courses last.
     """
 
     node_of: Mapping[str, int]
     stations: Mapping[tuple[str, Place], int]
+    sections: Mapping[tuple[str, Place], int]
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
     coordinates: tuple[tuple[str, str], ...]
     positions: tuple[tuple[str, str], ...]
+    driven: tuple[str, ...]
 
     @cached_property
     def speeds(self) -> tuple[str, ...]:
         """Names of the generalised speeds."""
         return tuple(name for name, _ in self.coordinates)
 
+    @cached_property
+    def inboard(self) -> tuple[str | None, ...]:
+        """Joint of the tree of every body; None of free bodies."""
+        joint_at = {nodes[-1]: name for name, (nodes, _) in self.tree.items()}
+        deforms = self.shapes.keys()
+        return tuple(joint_at.get(node - (body in deforms)) for body, node in self.node_of.items())
+
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""
         return carried(self, side)
+
+
+def leading(nodes: Sequence[Sequence[int]] | np.ndarray, chain: tuple[tuple[int, ...], int]) -> int:
+    """Node with the first coordinate of a joint of the tree; of a cylindrical joint, its rotation."""
+    ordered = chain[0][:: chain[1]]
+    return next((node for node in ordered if nodes[node][KIND] != SLIDE), ordered[0])
 
 
 class Carrying(Protocol):

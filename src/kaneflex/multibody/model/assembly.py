@@ -1,0 +1,71 @@
+"""Engine of a mechanism from its tables, in the plane and in space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.places import Counts, assign, assign_rows
+from kaneflex.multibody.model.topology import build_tables
+from kaneflex.multibody.model.tree_builder import Built, Numbers
+from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SHIFT, SPEED
+
+
+def build_engine(mechanism: NumericMechanism, module: Any, blocks: Blocks, p: np.ndarray) -> Engine:
+    """Engine of a planar mechanism with its structure's module and the module's parameters."""
+    built = build_tables(mechanism, blocks, len(getattr(module, "SWITCHES", ())))
+    return engine_of(built, module, p)
+
+
+def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
+    """Engine of a mechanism at rest, loops not closed; ``more``: further attributes."""
+    t, layout, counts = built.tables, built.layout, Counts.of(built)
+    numbers = Numbers()
+    numbers.put(built.w.whole)
+    plan, views, size = assign(counts, numbers)
+    _put_elastic(built, plan, numbers)
+    w = numbers.whole
+    balls = t.nodes[t.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]] if counts.in_space else np.zeros((0, 2), int)
+    of_balls = zip((counts.positions, counts.coordinates), balls.T, (4, 3), strict=True)
+    own = np.column_stack([np.setdiff1d(np.arange(count), first[:, None] + np.arange(wide))
+                           for count, first, wide in of_balls])  # fmt: skip
+    parts = {name: part for name, part in t._asdict().items() if name not in ("bodies", "acts", "ranges")}
+    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": _square(built.K), "counts": np.array([
+        counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
+        views["kept"][1][0], counts.twists, views["geometry"][0], len(balls), len(own),
+    ])}  # fmt: skip
+    assign_rows(plan, t.acts)
+    kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
+    room, pairs = np.zeros(size), np.zeros(size, complex)
+    p = np.ascontiguousarray(p, float)
+    tables = at.Tables(plan, t.bodies, t.acts, w)
+    engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, **more)
+    work = engine.work
+    work.offset[:], work.row_measure[:] = t.numbers[:, SHIFT], np.where(built.angles, 1.0, built.size or 1.0)
+    work.sections[t.on < 0, :3] = t.at[t.on < 0]
+    if not counts.in_space:
+        work.R[:, 0] = 1.0
+    w[plan[at.TOUCH] + at.EXTENT] = built.size or 1.0
+    return engine
+
+
+def _put_elastic(built: Built, plan: np.ndarray, numbers: Numbers) -> None:
+    """Units of the coordinates, and their stiffness and damping."""
+    put, units = numbers.put, [unit for _, unit in built.layout.coordinates]
+    plan[at.MEASURE] = put([1.0 if unit == "rad" else built.size for unit in units])
+    plan[at.DAMPED] = put(_square(built.C))
+    if built.hold is not None:
+        hold = built.hold.copy()
+        for K, C, modal in zip(built.K, built.C, built.tables.bodies[:, at.MODAL].tolist(), strict=True):
+            hold[modal : modal + len(K)] = np.column_stack([np.diag(K), np.diag(C)])
+        plan[at.STIFFNESS], plan[at.DAMPING] = put(hold[:, 0]), put(hold[:, 1])
+
+
+def _square(matrices: Any) -> np.ndarray:
+    """Matrices of all bodies, one number after the other."""
+    return np.concatenate([np.zeros(0), *(np.ravel(each) for each in matrices)])
