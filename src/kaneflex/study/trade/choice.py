@@ -174,13 +174,10 @@ class Trials:
         return first if first > _SHORT else self.runs.again(model).total
 
     def richest(self) -> Variant:
-        """Plain model of the reference's preset if that is within the tolerance, otherwise the reference."""
-        model = self.reference.model
-        plain = next(each for each in (COUPLED, STIFFENED) if each.settings[0] == model.settings[0])
-        found = plain if self.within(plain) else model
-        if found is model and model not in self.errors:
-            self._judge(model, self.reference.curves, run=True)
-        return found
+        """First model within the tolerance on the way to the reference, beginning with the plain one of its preset."""
+        model, levels = self.reference.model, self.reference.levels[1:]
+        plain = COUPLED if model.settings[0] == COUPLED.settings[0] else STIFFENED
+        return next((each for each in (plain, *levels) if self.within(each)), model)
 
     def cheapest_models(self) -> list[Variant]:
         """Cheapest model within the tolerance of each preset that has any.

@@ -45,7 +45,9 @@ class Reference:
         By sensor: largest change from ``stiffened`` to ``coupled``; empty if ``coupled`` is the reference or can't be
         run.
     note : str
-        Why ``coupled`` can't be run, and warnings of the reference's run; empty if none.
+        Why ``coupled`` can't be run, and warnings of the plain model's run; empty if none.
+    levels : tuple of Variant
+        Models up to the reference, from coarse to fine.
     """
 
     scene: Scene
@@ -54,6 +56,7 @@ class Reference:
     refinement: Mapping[str, float]
     coupling: Mapping[str, float]
     note: str = ""
+    levels: tuple[Variant, ...] = ()
 
     @property
     def name(self) -> str:
@@ -176,7 +179,8 @@ def _refined(
     _check(scene, model.name, curves, changes, tolerance)
     plain = runs.kept.get(levels[0])  # warnings of the finest model are the same, and take longer
     notes = curves.notes if plain is None else plain.solution.warnings
-    return Reference(scene, model, curves, changes, {}, "; ".join(notes))
+    tried = tuple(levels[: levels.index(model) + 1])
+    return Reference(scene, model, curves, changes, {}, "; ".join(notes), tried)
 
 
 def _changes(scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves) -> dict[str, float]:
