@@ -142,9 +142,7 @@ def resist_defect(m, step, A, answer):
     for r in range(m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
-        slope = w[k + VISCOUS] + step * w[k + STIFF]
-        if w[k + MODE] == BENDING:
-            slope += lugre.firmness(w, k, law_at(m, n), step) * w[k + BY_SPEED]
+        slope = w[k + VISCOUS] + step * w[k + STIFF] + _bristle_slope(m, n, step)
         share = step * slope * product(w, g, shifted(w, plan[ACCEL]), size)
         for i in range(size):
             A[answer + i] -= share * w[g + i]
@@ -163,10 +161,26 @@ def error_of_gaps(m, h, step, A, answer):
         error = abs(product(w, g, shifted(w, plan[ACCEL]), size) + product(w, g, shifted(A, answer), size))
         if n >= 0:
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
-        elif w[k + MODE] == BENDING:
-            error -= 16.0 * EPS * w[k + SPEED_SIZE] / h
-            largest = larger(largest, error * lugre.minds(w, k, law_at(m, n), step) / w[plan[TOUCH] + PRECISION])
+            continue
+        error -= 16.0 * EPS * w[k + SPEED_SIZE] / h
+        largest = larger(largest, error * _bristle_share(m, n, step) / w[plan[TOUCH] + PRECISION])
     return largest
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def _bristle_slope(m, n, step):
+    """Derivative of a force of bristles with respect to the speed, for a step; 0 of other rows."""
+    k = at(m, n)
+    return lugre.firmness(m.w, k, law_at(m, n), step) * m.w[k + BY_SPEED] if m.w[k + MODE] == BENDING else 0.0
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def _bristle_share(m, n, step):
+    """Share of the bristles' deflection per 1 m or rad of slip; 0 of other rows."""
+    k = at(m, n)
+    return lugre.minds(m.w, k, law_at(m, n), step) if m.w[k + MODE] == BENDING else 0.0
 
 
 @of_holds(None)
