@@ -28,7 +28,7 @@ WHOLE, SHIFT, TURN = (Affine.constant(np.eye(3)[rows]) for rows in ([0, 1, 2], [
 
 @dataclass(frozen=True)
 class Interfaces:
-    """Sites of a planar mechanism that its joints tie together.
+    """Sites that joints tie together; in space nodes of links at joints or springs, which share all coordinates.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Interfaces:
         """Local rows that a reduction must keep: displacements at joints, and shared or clamped rotations."""
         sharing = {site for tie in self.ties if tie.joint in self.shared for site in (tie.site, tie.parent)}
         return {row for site in self.displaced if site[0] == part.name
-                for row in part.place[site[1]][: 3 if site in sharing else 2]}  # fmt: skip
+                for row in part.place[site[1]][: None if site in sharing else 2]}  # fmt: skip
 
 
 def find_interfaces(scene: Scene, links: Mapping[str, Link], weld_pins: bool, free_drives: bool) -> Interfaces:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
 from kaneflex.mechanism.wrenches import wrenches_on
@@ -47,17 +47,6 @@ _ON_RIGID = {f"{kind}_{axis}": 3 * k + i for k, kind in enumerate(("push", "turn
 """Loads on a rigid body -> their rows."""
 _IRREGULAR = 0.381966
 """Place of irregular instants between two even ones, unlikely to be special positions."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpatialInterfaces:
-    """Nodes where elastic links meet other bodies: (link, node) -> the first joint there."""
-
-    displaced: Mapping[tuple[str, int], str]
-
-    def held_rows(self, part: Part) -> set[int]:
-        """Local rows that a reduction must keep."""
-        return {row for link, node in self.displaced if link == part.name for row in part.place[node]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +170,9 @@ def elastic_stage(
     links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
              for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip
     held = {name: held_nodes(mechanism, link) for name, link in links.items()}
-    interfaces = SpatialInterfaces({(name, node): on[0] for name, at in held.items() for node, on in at.items()})
+    ties = tuple(Tie((name, node), on[0]) for name, at in held.items() for node, on in at.items())
+    own = {tie.site: tie.site for tie in ties}
+    interfaces = Interfaces(ties, frozenset(tie.joint for tie in ties), own, own, {})
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
     for name, body in mechanism.bodies.items():
@@ -221,7 +212,7 @@ def elastic_stage(
     module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     kept = {name: parts[name] for name in links}
-    return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed, springs, warnings)
+    return Stage(moved, links, kept, bases, interfaces, frame, placed, springs, warnings)
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:

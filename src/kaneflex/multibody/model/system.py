@@ -212,8 +212,8 @@ class CoupledSystem:
         """Motion of the bodies from rows of the engine with closed loops."""
         found = self.engine.unfold(rows)
         q, v, a = (part.take(self._place, axis=1) for part in found[:3])
-        held, ends, given = len(self.engine.holds), len(self.engine.rows), 1 + self.engine.inputs
-        ends = found[3][:, found[3].shape[1] - RESULTS * ends :].reshape(len(rows), ends, RESULTS)
+        held, count, given = len(self.engine.holds), len(self.engine.rows), 1 + self.engine.inputs
+        ends = found[3][:, found[3].shape[1] - RESULTS * count :].reshape(len(rows), count, RESULTS)
         exerted = found[3][:, self.exerted]
         exerted[:, self._unknown] = np.nan
         frictions = ends[:, held - len(self.mechanism.frictions) : held]
