@@ -242,7 +242,7 @@ def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     scene = read_scene("slider-crank-clearance")
     system, _ = build_system(scene, lambda stage: None)
     asked = []
-    monkeypatch.setattr(engine, "library", lambda handed: asked.append(handed))
+    monkeypatch.setattr(engine, "library", lambda handed, integrates: asked.append(handed))
     rigid = rigid_reference(scene, system, place(scene)).module
     for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
         each._entries  # noqa: B018 - which asks for the library

@@ -173,18 +173,7 @@ def elastic_stage(
     ties = tuple(Tie((name, node), on[0]) for name, at in held.items() for node, on in at.items())
     own = {tie.site: tie.site for tie in ties}
     interfaces = Interfaces(ties, frozenset(tie.joint for tie in ties), own, own, {})
-    parts: dict[str, Part] = {}
-    bases: dict[str, np.ndarray] = {}
-    for name, body in mechanism.bodies.items():
-        if name not in links:
-            parts[name] = with_pushes(rigid_part(name, body), _ON_RIGID)
-            continue
-        part = load_on_link(scene, links[name].part, links[name])
-        parts[name] = part
-        if options.reduction == "craig-bampton":
-            rows = interfaces.held_rows(part)
-            parts[name], bases[name] = craig_bampton(part, rows, count_of_modes(options, name, part.size - len(rows)),
-                                                     frozen.get(name))  # fmt: skip
+    parts, bases = _parts(scene, options, links, interfaces, frozen)
     held_too = [name for name, drive in scene.drives.items()
                 if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
     held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
@@ -213,6 +202,25 @@ def elastic_stage(
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     kept = {name: parts[name] for name in links}
     return Stage(moved, links, kept, bases, interfaces, frame, placed, springs, warnings)
+
+
+def _parts(
+    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
+    """Bodies as parts, and the bases of reduced links."""
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, body in spatial_mechanism_of(scene).bodies.items():
+        if name not in links:
+            parts[name] = with_pushes(rigid_part(name, body), _ON_RIGID)
+            continue
+        part = load_on_link(scene, links[name].part, links[name])
+        parts[name] = part
+        if options.reduction == "craig-bampton":
+            rows = interfaces.held_rows(part)
+            count = count_of_modes(options, name, part.size - len(rows))
+            parts[name], bases[name] = craig_bampton(part, rows, count, frozen.get(name))
+    return parts, bases
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
