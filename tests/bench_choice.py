@@ -136,7 +136,8 @@ def outcome_of(rows: list[list[str]]) -> str:
     ratio = max((float(row[5]) for row in chosen), default=1.0)
     return (
         f"Of {len(chosen)} chosen models {within} are within their tolerance; they take at most {ratio:.2f} times as "
-        f"long as the\ncheapest model. In {len(rows) - len(chosen)} cases no model is chosen, for the reason in the table."
+        f"long as the\ncheapest model. In {len(rows) - len(chosen)} cases no model is chosen, for the reason in the "
+        "table."
     )
 
 
