@@ -16,7 +16,7 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.model.layout import WHAT
 from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.multibody.model.spatial_topology import build_tables
-from kaneflex.multibody.model.tree_layout import ROWS
+from kaneflex.multibody.model.tree_layout import ANGLES
 from kaneflex.multibody.time import spatial_curves
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
@@ -94,7 +94,7 @@ solve.duration = 1
     mechanism = spatial_mechanism_of(scene)
     tables = build_tables(mechanism).tables
     cuts = tables.acts[: tables.ranges[1], WHAT]
-    assert sum(ROWS[what] for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
+    assert sum(len(ANGLES[what]) for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     rng = np.random.default_rng(SEED)
     for _ in range(4):

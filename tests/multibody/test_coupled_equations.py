@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from places import DATA
-from runs import gaps, moments
+from runs import gaps, model, moments
 
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
@@ -162,3 +162,14 @@ def test_a_free_hub_lets_the_beam_vibrate_as_hinged(ratio):
         assert shown == pytest.approx(float(row["lam_sq"]), rel=1e-4)
     clamped = reference_modes(model, 1)[0][0] / unit
     assert clamped == pytest.approx(3.5160, rel=1e-4)
+
+
+@pytest.mark.parametrize("scene", ["four-bar-motor", "quick-return", "six-bar"])
+def test_rows_of_cuts_have_the_unit_of_what_they_push(scene):
+    """A row whose unit reaction is a force is a length, in measures of the mechanism's size; a moment's is an angle."""
+    system = model(scene, "solve.preset=coupled").coupled
+    system.engine.openings(0.0)
+    work, size = system.engine.work, system.mechanism.size
+    rows = work.rows[: len(work.row_measure), 3:9].reshape(-1, 2, 3)
+    assert len(rows) and size != 1.0
+    assert work.row_measure.tolist() == np.where(rows[:, :, :2].any(axis=(1, 2)), size, 1.0).tolist()

@@ -13,13 +13,12 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.mechanism.spatial import Side, SpatialMechanism
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import ORIGIN, Interactions, TreeBuilder, whole
-from kaneflex.multibody.model.tree_layout import COINCIDE, ON_PLANE, PERPENDICULAR
+from kaneflex.multibody.model.tree_layout import ANGLES
 from kaneflex.support.errors import SceneError
 
 _ANGLES = {at.WELD: (False, False, True), at.REVOLUTE: (False, False), at.PRISMATIC: (False, True), at.TURN: (True,),
            at.SLIDE: (False,)}  # fmt: skip
 """Rows of a cut in the plane by its kind: which are angles."""
-_ANGLES_IN_SPACE = {COINCIDE: 3 * (False,), PERPENDICULAR: (True,), ON_PLANE: (False,)}
 Branch = tuple[str, Joint | None, int]
 """A body, its inboard joint (None: floating), and which of the joint's sides belongs to it."""
 Row = tuple[int, ...]
@@ -219,7 +218,7 @@ def list_spatial_acts(
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
     switching: list[Row] = [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     parts = cuts[0], list[Row](), joints, loads, [*springs, *bushings], switching
-    angles = [angle for kind, *_ in cuts[0] for angle in _ANGLES_IN_SPACE[kind]]
+    angles = [angle for kind, *_ in cuts[0] for angle in ANGLES[kind]]
     return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles, twisting)
 
 

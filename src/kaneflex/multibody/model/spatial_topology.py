@@ -12,7 +12,7 @@ from kaneflex.multibody.model.interactions import list_spatial_acts
 from kaneflex.multibody.model.layout import WHAT
 from kaneflex.multibody.model.tree_builder import ORIGIN, Built, Names, TreeBuilder
 from kaneflex.multibody.model.tree_layout import (
-    BALL, COINCIDE, FIXED, ON_PLANE, PERPENDICULAR, RIGID, ROWS, SLIDE, TURN, Flexible,
+    ANGLES, BALL, COINCIDE, FIXED, ON_PLANE, PERPENDICULAR, RIGID, SLIDE, TURN, Flexible,
 )  # fmt: skip
 from kaneflex.support.errors import SceneError
 
@@ -78,7 +78,7 @@ def build_tables(
             )  # fmt: skip
         found = _cut(builder, joint, row)
         cuts += found
-        closing[name] = slice(row, row := row + sum(ROWS[each[WHAT]] for each in found))
+        closing[name] = slice(row, row := row + sum(len(ANGLES[each[WHAT]]) for each in found))
     acts = list_spatial_acts(builder, mechanism, (cuts, closing), in_laws, switches)
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
@@ -202,7 +202,7 @@ def _cut(builder: SpatialBuilder, joint: SpatialJoint, row: int) -> list[tuple[i
     def add(what: int, axis: int = -1) -> None:
         nonlocal row
         found.append((what, first, second, -1, row, axis))
-        row += ROWS[what]
+        row += len(ANGLES[what])
 
     across, parallel = joint.across, joint.parallel
     if across is None:

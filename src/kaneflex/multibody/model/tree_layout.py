@@ -38,8 +38,8 @@ PLACE, AXIS, SHIFT = slice(-9, -6), slice(-6, -3), slice(-3, None)
 """Columns of ``numbers``: joint's point in the parent's axes, in the plane with the angle there; axis; the joint's
 point in its own axes. In space the axes at zero in the parent's, (3, 3), precede them."""
 COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
-ROWS = (3, 1, 1)
-"""Rows of an elementary constraint."""
+ANGLES = (3 * (False,), (True,), (False,))
+"""Rows of an elementary constraint: which are angles."""
 SPEEDS = (0, 1, 1, 3, 0, 0)
 """Speeds of a node by its kind, without shapes."""
 
