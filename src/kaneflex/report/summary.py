@@ -50,10 +50,10 @@ class SensorError(PlainTable):
     """Largest estimated error of a sensor over the run by cause, in SI."""
 
     total: float = Field(description="change when all refinements are made at once; not the sum of the parts")
-    time: float = Field(description="error due to the discretisation in time")
-    modes: float = Field(description="error due to modes left out")
-    terms: float = Field(description="error due to terms left out")
-    elements: float = Field(description="error due to the length of the elements")
+    time: float | None = Field(description="error due to the discretisation in time")
+    modes: float | None = Field(description="error due to modes left out")
+    terms: float | None = Field(description="error due to terms left out")
+    elements: float | None = Field(description="error due to the length of the elements")
     coupling: float | None = Field(default=None, description="error due to one-way coupling, if computed")
 
 

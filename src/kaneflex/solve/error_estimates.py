@@ -15,14 +15,14 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.solve.error_stages import REQUEST, Progress, Read, Stage, Unknown
+from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
 
 KINDS = ("time", "modes", "terms", "elements")
 """Sources of error, in the order in which the model is enriched."""
 LONGEST = 1.0
-"""Nominal seconds of a coupled run up to which its error is estimated by default, in about ten times that."""
+"""Nominal seconds of a coupled run up to which its error is estimated by default, in about three times that."""
 _SECOND_ORDER = 4.0 / 3.0
 """Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
@@ -35,18 +35,19 @@ class ErrorEstimate:
     ----------
     total : float
         All sources together.
-    time, modes, terms, elements : float
+    time, modes, terms, elements : float or None
         Discretisation in time; modes that a reduction, or preset ``coupled``, truncates; groups of terms, including
         the deformation or its dynamics if the preset has none; element size. Each in addition to those before it.
+        None if one richer run gives the total only: under ``coupled``, unless ``solve.errors = "all"`` requests them.
     coupling : float or None
         One-way coupling; None under ``coupled``, and unless requested by ``solve.errors = "all"``.
     """
 
     total: float
-    time: float
-    modes: float
-    terms: float
-    elements: float
+    time: float | None
+    modes: float | None
+    terms: float | None
+    elements: float | None
     coupling: float | None = None
 
 
@@ -104,16 +105,16 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
     base = before
     found: dict[str, dict[str, float]] = {}
     for kind, values in stages:
-        if kind == "elements":
+        if kind in ("elements", TOGETHER):
             values = {name: before[name] + _SECOND_ORDER * (values[name] - before[name]) for name in values}
         if kind == "coupling":
             values = {name: before[name] + values[name] for name in values}
         found[kind] = {name: _apart(values[name], before[name]) for name in values}
         before = values
-    coupling = found.pop("coupling", {})
+    coupling, none = found.pop("coupling", {}), None if TOGETHER in found else 0.0
 
     def of(name: str) -> ErrorEstimate:
-        shares = {kind: found.get(kind, {}).get(name, 0.0) for kind in KINDS}
+        shares = {kind: found.get(kind, {}).get(name, none) for kind in KINDS}
         return ErrorEstimate(_apart(before[name], base[name]), **shares, coupling=coupling.get(name))
 
     return {name: of(name) for name in read.model.scene.sensors if np.isfinite(before[name] - base[name]).any()}
@@ -151,7 +152,7 @@ def _too_long(solution: RunResult) -> str:
     seconds = nominal_seconds(solution)
     if seconds <= LONGEST or solution.model.options.errors == "all":
         return ""
-    return f": the run takes about {seconds:.2g} s, and richer ones several times as long; {REQUEST}"
+    return f": the run takes about {seconds:.2g} s, and a richer one several times as long; {REQUEST}"
 
 
 def _impossible_one_way(model: Model) -> str:

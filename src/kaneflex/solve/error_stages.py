@@ -18,6 +18,8 @@ from kaneflex.solve.run_result import RunResult
 
 Stage = tuple[str, Mapping[str, np.ndarray]]
 """Kind of enrichment, and the sensors' values with it at the compared instants."""
+TOGETHER = "together"
+"""Kind of a stage with finer time steps, more modes and shorter elements at once."""
 Progress = Callable[[float], None]
 READ = 256
 """Approximate number of compared instants."""
