@@ -1,8 +1,7 @@
 """Error estimates compared with true errors, into ``docs/accuracy.md``: ``python tests/bench_accuracy.py``.
 
-So are runs under preset coupled, and prices of models beside their runs; ``python tests/bench_accuracy.py coupled`` and
-``prices`` measure these alone anew, and ``python tests/bench_accuracy.py SCENE ...`` the plus-minus of these scenes
-alone.
+So are runs under preset coupled; ``python tests/bench_accuracy.py coupled`` measures these alone anew, and ``python
+tests/bench_accuracy.py SCENE ...`` the plus-minus of these scenes alone.
 
 The truth is the scene's own finest model: preset stiffened with four times the elements, all modes, four times the
 steps by radau; under coupled one with as many elements and steps and four times the modes. What it is off by itself is
@@ -22,10 +21,6 @@ import kaneflex
 from kaneflex import load, shipped_scenes, simulate, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.solve import error_estimates
-from kaneflex.study.differences import differences, worst
-from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import STIFFENED, candidates_of, neutral, repeated_cycle
-from kaneflex.study.trade.linear_prices import LinearPrices
 
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
 MODELS = {
@@ -57,13 +52,12 @@ COLUMNS = (
     "scene", "model", "number of sensors", "largest error, share of the peak", "effectivity: least", "median",
     "greatest",
 )  # fmt: skip
-PRICES = ("scene", "model", "sensor", "change, share of the peak", "missed, share of the change")
 PAGE_TEXT = """# Accuracy of results
 
 Every run [estimates the error](scene/solve.md#error-estimates) of its sensors. *Effectivity* is the largest estimate
 of a sensor divided by its largest true error: 1 is exact, above 1 is safe.
 
-Tables as CSV: [one-way](data/accuracy.csv), [coupled](data/accuracy-coupled.csv), [prices](data/accuracy-prices.csv)
+Tables as CSV: [one-way](data/accuracy.csv), [coupled](data/accuracy-coupled.csv)
 
 ## One-way presets
 
@@ -81,14 +75,7 @@ is estimated as a quarter of its change when elements and modes are halved. Sens
 value are left out.
 
 {coupled}
-## Prices and runs
-
-[Prices](trade.md#prices) are compared with the change between two runs of `stiffened`, for the sensor that changes
-most (by more than 1e-5 of its peak). *Change* is a share of the peak of the sensor; *missed* is the error of the price
-as a share of the change. In all cases *missed* is below 2 %, or the error is below 2e-5 of the peak.
-
-{prices}
-Made by `python tests/bench_accuracy.py [coupled] [prices]`; do not edit.
+Made by `python tests/bench_accuracy.py [coupled]`; do not edit.
 """
 
 
@@ -96,7 +83,7 @@ def page() -> str:
     """The text of docs/accuracy.md, of the tables in docs/data."""
     tables = {"one_way": "accuracy", "coupled": "accuracy-coupled"}
     filled = {key: by_model(csv_tables.read(name)) + "\n" + csv_tables.shown(name) for key, name in tables.items()}
-    return PAGE_TEXT.format(**filled, prices=csv_tables.shown("accuracy-prices"))
+    return PAGE_TEXT.format(**filled)
 
 
 def by_model(rows):
@@ -204,36 +191,6 @@ def coupled_rows(name):
             yield from row(name, label, solved(scene, settings), truth, own)
 
 
-def price_rows(name):
-    """A row for each group of terms and each coarser mesh of a scene whose models have prices."""
-    scene = kaneflex.read_scene(name)
-    if not any(body.elastic for body in scene.bodies.values()) or any(body.modal for body in scene.bodies.values()):
-        return
-    basis = neutral(scene)
-    try:
-        prices = LinearPrices.of(basis, tuple(scene.sensors))
-    except kaneflex.SceneError:
-        return
-    if prices is None:
-        return
-    runs, period = Runs(basis), repeated_cycle(basis)
-    whole = runs.run(STIFFENED).curves
-    for variant in candidates_of(basis):
-        kind, _, part = variant.name.partition(" without ")
-        named = variant.name in ("stiffened, 1 element", "stiffened, 2 elements") or (part and kind == "stiffened")
-        priced = prices.curves(variant) if named else None
-        if priced is None:
-            continue
-        run = runs.run(variant).curves
-        changes = worst(differences(basis, prices.sensors, "", run, whole, period))
-        size = abs(whole.values[changes.sensor]).max()
-        if changes.peak_share < 1e-5:  # what a run's own tolerance leaves open
-            continue
-        missed = abs(run.values[changes.sensor] - priced.values[changes.sensor]).max() / size
-        shares = (f"{changes.peak_share:.1e}", f"{missed / changes.peak_share:.0e}")
-        yield [f"`{name}`", variant.name, f"`{changes.sensor}`", *shares]
-
-
 def table(rows_of, names, kept=()):
     """The rows of all shipped scenes, of those not named as they were."""
     lines = []
@@ -249,14 +206,12 @@ def main() -> None:
     error_estimates.LONGEST = math.inf
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if not {*asked} <= {"coupled", "prices"}:
+        if not {*asked} <= {"coupled"}:
             csv_tables.write("accuracy", COLUMNS, table(rows, asked, csv_tables.read("accuracy")))
         elif not asked:
             csv_tables.write("accuracy", COLUMNS, table(rows, names))
         if "coupled" in asked or not asked:
             csv_tables.write("accuracy-coupled", COLUMNS, table(coupled_rows, names))
-        if "prices" in asked or not asked:
-            csv_tables.write("accuracy-prices", PRICES, table(price_rows, names))
         PAGE.write_text(page(), encoding="utf-8")
 
 

@@ -20,11 +20,11 @@ import csv_tables
 from kaneflex import Scene, SceneError, read_scene, with_settings
 from kaneflex.solve.summary_tables import Choice
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import candidates_of, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
-from kaneflex.study.trade.reference import find_reference
+from kaneflex.study.trade.reference import KNOWN, find_reference
+from kaneflex.study.trade.trials import Trials
 from kaneflex.support.atomic_output import write_text
 
 PAGE = Path(__file__).parent.parent / "docs" / "choice-table.md"
@@ -78,7 +78,6 @@ def rows_of(case: str) -> list[list[str]]:
     """The table's rows of one case."""
     name, settings, sensors = CASES[case]
     scene = with_settings(read_scene(name), settings)
-    sensors = sensors or tuple(scene.sensors)
     choices, reasons = {}, {}
     for tolerance in TOLERANCES:
         try:
@@ -93,33 +92,31 @@ def rows_of(case: str) -> list[list[str]]:
 
 
 def _beside_brute_force(
-    case: str, scene: Scene, sensors: tuple[str, ...], choices: dict[float, Choice]
+    case: str, scene: Scene, sensors: tuple[str, ...] | None, choices: dict[float, Choice]
 ) -> dict[float, list[str]]:
     basis = neutral(scene)
     runs = Runs(basis)
-    reference = find_reference(runs, sensors, min(choices))
+    reference = find_reference(runs, sensors or [*scene.sensors], min(choices), KNOWN, sensors is not None)
+    trials = {tolerance: Trials(runs, tolerance, reference) for tolerance in choices}
     laid = len(neutral_settings(scene))
     chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
-    errors, undersampled = {}, {}
     for candidate in dict.fromkeys((*chosen.values(), *candidates_of(basis))):
         if time.perf_counter() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
             continue
-        try:
-            curves = runs.run(candidate).curves
-        except SceneError:
-            continue
-        errors[candidate] = reference.errors(sensors, candidate.name, curves)
-        undersampled[candidate] = curves.undersampled
-    repeats = runs.repeats(list(errors), time.perf_counter() + SECONDS / 2)
+        for each in trials.values():
+            each.within(candidate)
+    there = [each.candidate for each in trials[min(choices)].tried.values() if each.differences]
+    repeats = runs.repeats(there, time.perf_counter() + SECONDS / 2)
     total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}
     rows = {}
     for tolerance, candidate in chosen.items():
-        good = [each for each in total if reference.within(errors[each], tolerance, undersampled[each])]
+        tried = trials[tolerance].tried
+        good = [each for each in total if tried[each].within]
         best = min(good, key=total.__getitem__, default=candidate)
         rows[tolerance] = _row(
-            case, tolerance, candidate.name, f"{100 * worst(errors[candidate]).peak_share:.2g} %", best.name,
+            case, tolerance, candidate.name, f"{100 * tried[candidate].error:.2g} %", best.name,
             f"{total[candidate] / total[best]:.2f}", f"{choices[tolerance].seconds:.1f}",
         )  # fmt: skip
     return rows

@@ -178,8 +178,8 @@ def test_richer_models_that_take_long_are_not_solved_without_being_asked(monkeyp
     monkeypatch.setattr(one_way_corrections, "LONGEST", 0.0)
     scene = with_settings(kaneflex.read_scene("engine-transient"), ["solve.duration=5 ms", "solve.steps=100"])
     estimates, reason = solved(scene).errors
-    assert not estimates and 'request it by solve.errors = "all"' in reason
-    assert solved(scene, "solve.errors=all").errors[0]["mid_transverse"].elements > 0.0
+    assert not estimates and 'request it by solve.errors = "total"' in reason
+    assert solved(scene, "solve.errors=total").errors[0]["mid_transverse"].elements > 0.0
 
 
 def test_what_cannot_be_estimated_is_said():
@@ -261,7 +261,7 @@ def test_a_cycle_of_a_free_joint_has_a_plus_minus(monkeypatch, tolerance):
     assert found.errors[0]
     monkeypatch.setattr(shooting, "REPEATS", 1e-9)
     ratios = effectivities(found, solved(scene, "solve.tolerance=1e-12"), least=1e-10)
-    assert len(ratios) == 2 and all(0.8 < ratio < 1.3 for ratio in ratios.values()), ratios
+    assert len(ratios) == 2 and all(0.8 < ratio < 1.35 for ratio in ratios.values()), ratios
 
 
 def test_a_soft_pendulum_of_four_elements_knows_how_far_its_bending_moment_is_off():
@@ -383,8 +383,8 @@ def test_a_run_that_takes_long_is_not_run_again_without_being_asked(monkeypatch)
     monkeypatch.setattr(error_estimates, "LONGEST", 0.0)
     scene = with_settings(kaneflex.read_scene("spin-up-torque"), ["solve.duration=0.1 s", "solve.steps=50"])
     estimates, reason = solved(scene).errors
-    assert not estimates and 'request it by solve.errors = "all"' in reason
-    assert solved(scene, "solve.errors=all").errors[0]
+    assert not estimates and 'request it by solve.errors = "total"' in reason
+    assert solved(scene, "solve.errors=total").errors[0]
     for preset in ("coupled", "stiffened"):
         chosen = solved(scene, "solve.errors=none", f"solve.preset={preset}").errors
         assert chosen == ({}, "not estimated: solve.errors is none")

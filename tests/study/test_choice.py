@@ -88,7 +88,7 @@ def test_the_evidence_says_what_was_tried_and_why_the_rest_was_not_enough(engine
     without = by_name["quasistatic, 2 elements, 360 steps without euler, spin, geometric"]
     assert without.error == pytest.approx(0.0239, abs=0.0005) and not without.within
     assert by_name[found.model].within and by_name[found.model].error == max(found.errors.values())
-    assert found.reference == "stiffened, 8 elements, 2880 steps"
+    assert found.reference == "coupled" and found.open == {}
 
 
 def test_terms_are_dropped_for_code_only(engine):
@@ -101,10 +101,10 @@ def test_for_one_run_the_richest_model_is_the_answer_if_it_is_quick(engine, monk
     """It is within the tolerance; a slower one is replaced by a cheaper one that was run."""
     scene, _ = engine
     found, solution = chosen(scene, 0.015, DEFORMED, silent, "run")
-    assert found.model == "stiffened" and solution.model.options.preset == "stiffened"
+    assert found.model == "coupled" and solution.model.options.preset == "coupled"
     assert "Nothing to trade: the richest model takes " in chosen_lines(found)
     monkeypatch.setattr(choice_cache, "_LONGEST", 0.0)  # no time for others
-    assert choose(scene, 0.015, DEFORMED, purpose="run").model == "stiffened"
+    assert choose(scene, 0.015, DEFORMED, purpose="run").model == "coupled"
 
 
 @pytest.mark.exhaustive(group="choice", share=2)
@@ -161,7 +161,7 @@ def test_a_looser_tolerance_takes_less_and_is_kept(engine):
 def test_where_the_reference_does_not_converge_nothing_is_chosen():
     """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
     scene = with_settings(read_scene("slider-crank-150"), ["solve.steps=360"])
-    with pytest.raises(SceneError, match=r"still changes rod_force by .*\. (Use .* increase|Increase)"):
+    with pytest.raises(SceneError, match=r"the error estimate of rod_force is .*\. (Use .* increase|Increase)"):
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
 
@@ -173,7 +173,7 @@ def test_a_model_that_steps_over_the_force_of_a_press_is_not_chosen(tmp_path):
     peak = max(abs(series(scene, found.settings, found.errors)[1]["rod_force_piston"]))
     assert peak == pytest.approx(5e4 / np.sqrt(1 - (40 / 137 * np.sin(np.radians(103))) ** 2), rel=0.01)
     coarse = next(attempt for attempt in found.attempts if attempt.model == "quasistatic")
-    assert coarse.error == pytest.approx(0.124, abs=0.005) and not coarse.within  # between its instants
+    assert coarse.error == pytest.approx(0.124, abs=0.01) and not coarse.within  # between its instants
     assert found.model == "quasistatic, 1440 steps"
 
 

@@ -211,7 +211,8 @@ def chosen_lines(choice: Choice) -> str:
     again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
     settings = " ".join(f"--set {setting}" for setting in choice.settings)
     note = f"\n  {UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
-    judged = [each.priced for each in choice.attempts if each.error is not None]
+    judged = sum(each.error is not None for each in choice.attempts)
+    beyond = ", ".join(f"{sensor} {percent(doubt)}" for sensor, doubt in choice.open.items())
     own, richest = choice.run_s, choice.richest_s
     time = f"A run takes {own:.2g} s, the richest model {richest:.2g} s"
     if own >= richest:
@@ -220,7 +221,8 @@ def chosen_lines(choice: Choice) -> str:
         f"Chosen within {percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
         f"  {sensor} differs by {percent(choice.errors[sensor])} from {choice.reference}; "
         f"error estimate of the reference: {percent(max(choice.doubt.values()))}{note}\n"
-        f"  {time}. Models tried: {len(judged)} ({sum(judged)} priced, {len(judged) - sum(judged)} run)"
+        + (f"  Not within {percent(choice.tolerance)}, by the error estimates: {beyond}\n" if beyond else "")
+        + f"  {time}. Models tried: {judged}"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,13 +27,13 @@ from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
-    from kaneflex.study.trade.price import Prices
-    from kaneflex.study.trade.ranking import Ranked, Trade
+    from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Effect, Terms
+    from kaneflex.study.trade.trials import Trial
 
 _ALIKE = 1.1
 """Ratio of times up to which a setting is as fast as another."""
-Weighed = TypeVar("Weighed", "Trade", "Prices", "Terms")
+Weighed = TypeVar("Weighed", "Trade", "Terms")
 
 
 def _options(ending: str) -> Decorator:
@@ -56,20 +55,14 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Recommend the cheapest model of SCENE (least computing time) within a tolerance, and rank the others.
 
     Models differ in preset, elements, modes, steps, integrator and single terms. The reference is the scene's finest
-    model, whose own error is estimated first. The folder contains trade.csv, trade.json and a picture. Scenes with
-    clearance or friction run under preset coupled only: for them the command prints the effect of each clearance and
-    friction on every sensor, in price.csv, price.json and a picture.
+    model, whose own error is estimated first. The folder contains trade.csv, trade.json and a picture.
 
     \b
       kaneflex trade engine --tolerance 1% --sensors mid_transverse,rod_mid_strain
     """
-    from kaneflex.study.trade.price import has_price, price
     from kaneflex.study.trade.ranking import trade as ranked
 
-    if has_price(asked.read()):
-        _weigh("trade", price, price_data, price_table, asked, target, limits, "price")
-    else:
-        _weigh("trade", ranked, trade_data, _trade_text, asked, target, limits)
+    _weigh("trade", ranked, trade_data, _trade_text, asked, target, limits)
 
 
 @command()
@@ -78,9 +71,9 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Print the cost of each group of terms of SCENE, its effect on the sensors, and whether the tolerance requires it.
 
     Each group is left out of preset stiffened, one at a time: spin, gyroscopic, Euler and geometric terms, damping,
-    axial deformation, each load, dynamics, two-way coupling and others that the scene has. If the motion is periodic
-    and linear, the effect follows from one linear solve; otherwise from a run. The folder contains terms.csv,
-    terms.json and a picture.
+    axial deformation, each load, dynamics, two-way coupling and others that the scene has. Each clearance, friction and
+    load is left out of preset coupled where only that supports the scene. The folder contains terms.csv, terms.json
+    and a picture.
 
     \b
       kaneflex terms engine --tolerance 0.1%
@@ -96,13 +89,14 @@ def _trade_text(found: Trade) -> str:
 
 def _terms_text(found: Terms) -> str:
     full = found.full
+    counted = "" if full.operations is None else f"{full.operations} operations and "
     step = f"{full.ns_per_step:.0f} ns a step (rigid motion and start included)"
-    return f"{terms_table(found)}\nPreset stiffened with all groups: {full.operations} operations and {step}"
+    return f"{terms_table(found)}\nThe model with all groups: {counted}{step}"
 
 
 def _weigh(
     ending: str, question: Callable[..., Weighed], data: Callable[[Weighed], Data], text: Callable[[Weighed], str],
-    asked: SceneArguments, target: Target, limits: Mapping[str, Any], picture: str | None = None,
+    asked: SceneArguments, target: Target, limits: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Run one of the two studies; print its result and write it into a folder as CSV and JSON.
 
@@ -112,7 +106,7 @@ def _weigh(
 
     share, seconds = tolerance_of(limits["tolerance"]), quantity("--budget", limits["budget"], TIME)
     scene = asked.read()
-    target, files = target.named(scene, ending), picture or ending
+    target = target.named(scene, ending)
 
     def whole(found: Weighed) -> Data:
         own, rows = data(found)
@@ -121,13 +115,13 @@ def _weigh(
 
     def write(found: Weighed, folder: Path) -> None:
         own, rows = whole(found)
-        write_json(folder / f"{files}.json", own)
-        write_csv(folder / f"{files}.csv", list(rows[0]), rows)
+        write_json(folder / f"{ending}.json", own)
+        write_csv(folder / f"{ending}.csv", list(rows[0]), rows)
 
     def ask(stage: Callable[[str], None]) -> Weighed:
         return question(scene, share, seconds, limits["sensors"] or None, stage)
 
-    found, as_json = into(target, f"{files}.json", ask, write, files), limits["as_json"]
+    found, as_json = into(target, f"{ending}.json", ask, write, ending), limits["as_json"]
     if as_json:
         print_json(whole(found)[0])
     else:
@@ -145,53 +139,21 @@ def trade_table(found: Trade) -> str:
     return table(head, [_row(found, entry) for entry in found.ranked], left=3)
 
 
-def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
+def _row(found: Trade, entry: Trial) -> tuple[str, ...]:
     cost = entry.cost
     return (
         "*" if entry in found.front else "", entry.name, entry.worst.sensor, percent(entry.error),
         percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
         f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
-        "yes" if found.good_enough(entry) else "no",
+        "yes" if entry.within else "no",
     )  # fmt: skip
-
-
-def price_table(found: Prices) -> str:
-    """Table of the change of each sensor by each clearance, with its error estimate."""
-    from kaneflex.report.tables import table, unit_shown
-
-    head = ("sensor", "unit", "peak without", "with", "change", "+-", "rms without", "with", "change", "+-")
-    parts = []
-    for each in found.prices:
-        rows = []
-        for change in each.changes:
-            unit, number = unit_shown(change.unit, max(change.peak))
-            cells: list[str] = []
-            pairs = ((change.peak, change.rms), change.shares, change.doubts)
-            for (one, other), share, doubt in zip(*pairs, strict=True):
-                cells += [number(other), number(one), *("" if isnan(x) else percent(x) for x in (share, doubt))]
-            mark = "*" if change.matters(found.tolerance) else " "
-            rows.append((f"{mark} {change.sensor}", unit, *cells))
-        gone = f"; without it there is no {', '.join(each.gone)}" if each.gone else ""
-        title = f"Effect of {each.part} (*: more than {percent(found.tolerance)}){gone}"
-        parts.append(f"{title}\n{table(head, rows, left=2)}")
-    return "\n\n".join([*parts, _CHAOS])
-
-
-_CHAOS = (
-    "Peaks and rms are those of the whole run, since motions with impacts diverge and cannot be compared instant by\n"
-    "instant. The error estimate (+-) is the difference from a run with solve.tolerance divided by ten."
-)
 
 
 def reference_lines(found: Trade) -> str:
     """Reference of the errors, and its own error."""
     reference = found.reference
-    change = percent(max(reference.refinement.values()))
     lines = ["*: no other model is both faster and more accurate"]
-    lines += [f"Reference: {reference.name}; its last refinement changed sensors by up to {change}"]
-    if reference.coupling:
-        sensor = max(reference.coupling, key=reference.coupling.__getitem__)
-        lines.append(f"Preset coupled differs from it by up to {percent(reference.coupling[sensor])}, in {sensor}")
+    lines += [f"Reference: {reference.name}; its error estimate is {percent(max(reference.doubts.values()))}"]
     if reference.note:
         lines.append(f"{UNKNOWN}: {reference.note}")
     return "\n".join(lines)
@@ -208,8 +170,7 @@ def choice_line(found: Trade) -> str:
     if own is not None:
         times = own.cost.total / chosen.cost.total
         slower = f"is {times:.2g} times slower than needed for {share}" if times > _ALIKE else f"is fast for {share}"
-        kept = found.good_enough(own)
-        lines.append(f"Your setting {slower if kept else f'misses {share}: its error is {percent(own.error)}'}")
+        lines.append(f"Your setting {slower if own.within else f'misses {share}: its error is {percent(own.error)}'}")
     better = next((entry for entry in found.front if entry.error < 0.5 * chosen.error), None)
     if better is not None:
         more = 1e3 * (better.cost.total - chosen.cost.total)
@@ -221,8 +182,8 @@ def terms_table(found: Terms) -> str:
     """Table of all groups, those with the largest effect first."""
     from kaneflex.report.tables import table
 
-    head = ("group", "", "needed", "by", "most in", "change", "rms", "operations", "ns a step", "noise")
-    return table(head, [_effect_row(effect) for effect in found.effects], left=5)
+    head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
+    return table(head, [_effect_row(effect) for effect in found.effects], left=4)
 
 
 def _effect_row(effect: Effect) -> tuple[str, ...]:
@@ -230,8 +191,7 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
     if effect.worst is not None:
         changes = (effect.worst.sensor, percent(effect.worst.peak_share), percent(effect.rms))
     numbers = ((effect.operations, "+d"), (effect.ns_per_step, "+.0f"), (effect.noise_ns, ".0f"))
-    needed, by = "yes" if effect.needed else "no", "price" if effect.priced else "run"
-    own = (effect.group.name, effect.group.meaning, needed, by, *changes)
+    own = (effect.group.name, effect.group.meaning, "yes" if effect.needed else "no", *changes)
     return (*own, *("" if number is None else format(number, form) for number, form in numbers))
 
 
@@ -244,7 +204,7 @@ def trade_data(found: Trade) -> Data:
     """Content of ``trade.json`` and ``trade.csv``: times in s, errors as shares of the reference's peaks."""
     reference, rows, models = found.reference, list[Row](), list[Row]()
     for entry in found.ranked:
-        cost, error, own = asdict(entry.cost), entry.worst, {"good_enough": found.good_enough(entry)}
+        cost, error, own = asdict(entry.cost), entry.worst, {"good_enough": entry.within}
         own |= {"on_front": entry in found.front}
         own |= {name: cost[name.removesuffix("_s")] for name in _COSTS}
         rows.append({"model": entry.name, "error": entry.error, "worst_sensor": error.sensor, "rms": entry.rms, **own})
@@ -254,8 +214,7 @@ def trade_data(found: Trade) -> Data:
         "reference": {
             "name": reference.name,
             "settings": list(reference.model.settings),
-            "refinement": dict(reference.refinement),
-            "coupling": dict(reference.coupling),
+            "doubt": dict(reference.doubts),
             "note": reference.note,
         },
         "chosen": None if found.chosen is None else found.chosen.name,
@@ -268,34 +227,13 @@ def trade_data(found: Trade) -> Data:
 _COSTS = ("set_up_s", "ns_per_step", "steps", "read_s", "total_s", "spread", "repeats", "first_s")
 
 
-def price_data(found: Prices) -> Data:
-    """Content of ``price.json`` and ``price.csv``: statistics in SI, changes as shares of those without the part."""
-
-    def known(number: float) -> float | None:
-        return None if isnan(number) else number
-
-    rows: list[Row] = []
-    for each in found.prices:
-        for change in each.changes:
-            row: Row = {"part": each.part, "sensor": change.sensor, "unit": change.unit}
-            pairs = ((change.peak, change.rms), change.doubt, change.shares)
-            for key, (one, other), doubt, share in zip(("peak", "rms"), *pairs, strict=True):
-                row |= {f"{key}_with": one, f"{key}_without": other, f"{key}_change": known(share)}
-                row[f"{key}_doubt"] = known(doubt)
-            rows.append(row | {"matters": change.matters(found.tolerance)})
-    return {"parts": [
-        {"part": each.part, "without": list(each.settings), "gone": list(each.gone),
-         "sensors": [row for row in rows if row["part"] == each.part]} for each in found.prices
-    ]}, rows  # fmt: skip
-
-
 def terms_data(found: Terms) -> Data:
     """Content of ``terms.json`` and ``terms.csv``: times in s or ns, changes as shares of each sensor's peak."""
     rows = []
     for effect in found.effects:
         most, own = effect.worst, ("rms", "needed", "operations", "ns_per_step", "noise_ns", "reason")
         change = {"change": most and most.peak_share, "worst_sensor": most and most.sensor}
-        about: Row = {"group": effect.group.name, "meaning": effect.group.meaning, "priced": effect.priced}
+        about: Row = {"group": effect.group.name, "meaning": effect.group.meaning}
         rows.append(about | change | {name: getattr(effect, name) for name in own})
     groups = zip(rows, found.effects, strict=True)
     return {
@@ -304,4 +242,7 @@ def terms_data(found: Terms) -> Data:
 
 
 def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:
-    return {each.sensor: {"peak": each.peak_share, "rms": each.rms_share} for each in found}
+    return {
+        each.sensor: {"peak": each.peak_share, "rms": each.rms_share, "with": each.reference_peak, "without": each.peak}
+        for each in found
+    }

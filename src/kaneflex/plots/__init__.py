@@ -116,8 +116,8 @@ def draw_all(
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of a study's result into an existing folder, as KIND.png and KIND.svg.
 
-    ``kind`` is the function that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade", "terms",
-    "price"; of a sweep's dataset "sweep", "bifurcation", "poincare".
+    ``kind`` is the function that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade", "terms";
+    of a sweep's dataset "sweep", "bifurcation", "poincare".
     """
     from kaneflex.plots.style import save, styled
 

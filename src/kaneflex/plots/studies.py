@@ -1,11 +1,10 @@
-"""Pictures of studies: models by error and time, terms, clearances, sensitivities, comparisons, sweeps.
+"""Pictures of studies: models by error and time, terms, sensitivities, comparisons, sweeps.
 
 Comparisons show the curves of every sensor by several models as the paper's Figs. 18-22, 27, 28 do.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING
@@ -33,16 +32,14 @@ if TYPE_CHECKING:
 
     from kaneflex.study.comparison import Comparison
     from kaneflex.study.sensitivity.report import Sensitivities
-    from kaneflex.study.trade.price import Price, Prices
-    from kaneflex.study.trade.ranking import Ranked, Trade
+    from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Terms
+    from kaneflex.study.trade.trials import Trial
 
 _LEAST_ERROR, _MOST_ERROR = 1e-8, 5.0
 """Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""
 _CHANGE = 1e-6
 """Change [%] at which the logarithmic axis begins."""
-_BAR = 0.38
-"""Width of a bar."""
 _THIN = 0.09
 """Height of a bar [inches]."""
 _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
@@ -70,7 +67,7 @@ def trade(found: Trade) -> Figure:
         f"tolerance {100 * found.tolerance:.3g} %", (1.0, 100 * found.tolerance), xycoords=("axes fraction", "data"),
         xytext=(0, 3), textcoords="offset points", ha="right", fontsize=8,
     )  # fmt: skip
-    uncertainty = 100 * max(found.reference.doubt(sensor) for sensor in found.reference.refinement)
+    uncertainty = 100 * max(found.reference.doubts.values())
     axes.axhspan(0.0, uncertainty, color="#F0F0F0", zorder=0.1, label="uncertainty of the reference")
     # Room for the name of the chosen model below all points.
     axes.set_ylim(bottom=0.3 * min(_places(found.ranked)[1]))
@@ -83,11 +80,11 @@ def trade(found: Trade) -> Figure:
     return page
 
 
-def _preset(entry: Ranked) -> str:
+def _preset(entry: Trial) -> str:
     return entry.candidate.settings[0].removeprefix("solve.preset=")
 
 
-def _places(entries: Sequence[Ranked]) -> tuple[list[float], list[float]]:
+def _places(entries: Sequence[Trial]) -> tuple[list[float], list[float]]:
     """Times [ms] and errors [%]."""
     errors = [min(max(entry.error, _LEAST_ERROR), _MOST_ERROR) for entry in entries]
     return [1e3 * entry.cost.total for entry in entries], [100 * error for error in errors]
@@ -112,7 +109,7 @@ def _name(axes: Axes, found: Trade) -> None:
 def terms(found: Terms) -> Figure:
     """A bar for each group: the largest change of a sensor, its rms in it, and beside it its operations."""
     names = [effect.group.name for effect in found.effects]
-    page = new_figure(9.6, 1.6 + 0.42 * len(names), f"{found.scene.name}: each group of terms left out of stiffened")
+    page = new_figure(9.6, 1.6 + 0.42 * len(names), f"{found.scene.name}: the model without each group")
     changes, costs = page.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     _changes(changes, found)
     _costs(costs, found)
@@ -152,35 +149,9 @@ def _costs(axes: Axes, found: Terms) -> None:
                           va="center", fontsize=7.5)  # fmt: skip
             most = max(most, effect.operations)
     axes.set_xlim(0, 1.3 * most)
-    axes.set_title(f"of {found.full.operations} operations")
+    axes.set_title("" if found.full.operations is None else f"of {found.full.operations} operations")
     axes.set_xlabel("multiply-adds of M, C, K and F")
     axes.grid(axis="y", visible=False)
-
-
-def price(found: Prices) -> Figure:
-    """Peaks and rms as multiples of those of tight joints: a panel for each part, a pair of bars for each sensor."""
-    counts = [len(price.changes) for price in found.prices]
-    height = 1.3 + sum(0.9 + 0.5 * count for count in counts)
-    page = new_figure(9.0, height, f"{found.scene.name}: effect of clearance and friction")
-    panels = page.subplots(len(counts), 1, squeeze=False, height_ratios=[1.8 + count for count in counts])[:, 0]
-    for axes, price in zip(panels, found.prices, strict=True):
-        _bars(axes, price)
-    panels[0].legend(loc="lower right", fontsize=8)
-    panels[-1].set_xlabel("value with it / value without; black lines: error estimate")
-    return page
-
-
-def _bars(axes: Axes, price: Price) -> None:
-    for k, (name, colour) in enumerate((("peak", PALETTE[1]), ("rms", PALETTE[0]))):
-        shares = [change.shares[k] for change in price.changes]
-        doubts = [change.doubts[k] for change in price.changes]
-        rows = [row + (k - 0.5) * _BAR for row in range(len(shares))]
-        bars = [0.0 if math.isnan(share) else 1.0 + share for share in shares]
-        lines = [0.0 if math.isnan(doubt) else doubt for doubt in doubts]
-        axes.barh(rows, bars, height=_BAR, xerr=lines, color=colour, label=name, error_kw={"linewidth": 0.9})
-    axes.axvline(1.0, color="black", linestyle="--", linewidth=0.9)
-    _name_bars(axes, [change.sensor for change in price.changes])
-    axes.set_title(price.part)
 
 
 def sensitivities(found: Sensitivities) -> Figure:

@@ -119,9 +119,8 @@ def _choice(summary: Summary) -> str:
     tried = ""
     for each in summary.choice.attempts:
         error = "" if each.error is None else f"{100 * each.error:.2g} %"
-        by = "" if each.error is None else "price" if each.priced else "run"
-        tried += _row((each.model, each.worst_sensor or "", error, by, "yes" if each.within else "no"))
-    head = "".join(f"<th>{text}</th>" for text in ("model", "worst sensor", "error", "by", "within"))
+        tried += _row((each.model, each.worst_sensor or "", error, "yes" if each.within else "no"))
+    head = "".join(f"<th>{text}</th>" for text in ("model", "worst sensor", "error", "within"))
     settings = html(" ".join(summary.choice.settings))
     return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
 

@@ -55,6 +55,7 @@ class SensorError(PlainTable):
     terms: float | None = Field(description="error due to terms left out")
     elements: float | None = Field(description="error due to the length of the elements")
     coupling: float | None = Field(default=None, description="error due to one-way coupling, if computed")
+    statistics: float | None = Field(default=None, description="with contacts: error of peak and rms")
 
 
 class SensorSummary(PlainTable):

@@ -71,7 +71,8 @@ class Options:
     forward_tolerance : float
         Its relative tolerance; in space as ``tolerance`` of coupled equations.
     errors : str
-        Errors of the sensors that are estimated: "quick" (none that takes several times a long run), "all" or "none".
+        Errors of the sensors that are estimated: "quick" (none that takes several times a long run), "total",
+        "all" (with parts and coupling) or "none".
     """
 
     preset: str

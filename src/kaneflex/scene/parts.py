@@ -364,10 +364,10 @@ class Solve(SceneTable):
         description="preset coupled: quantities that `tolerance` also bounds, relative to their largest value",
     )
     forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
-    errors: Literal["quick", "all", "none"] = Field(
+    errors: Literal["quick", "total", "all", "none"] = Field(
         default="quick",
-        description="errors of the sensors to estimate; all includes the error of one-way coupling, and errors of "
-        "coupled runs that take long",
+        description="errors of the sensors to estimate; total also where that takes long, all with its parts and the "
+        "error of one-way coupling",
     )
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"

@@ -15,6 +15,7 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
@@ -41,6 +42,9 @@ class ErrorEstimate:
         None if one richer run gives the total only: under ``coupled``, unless ``solve.errors = "all"`` requests them.
     coupling : float or None
         One-way coupling; None under ``coupled``, and unless requested by ``solve.errors = "all"``.
+    statistics : float or None
+        With contacts, of peak and rms: the larger relative error, times the peak. Motions with impacts diverge, so
+        that their errors at an instant become as large as the values.
     """
 
     total: float
@@ -49,6 +53,7 @@ class ErrorEstimate:
     terms: float | None
     elements: float | None
     coupling: float | None = None
+    statistics: float | None = None
 
 
 def error_estimates(
@@ -112,9 +117,11 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
         found[kind] = {name: _apart(values[name], before[name]) for name in values}
         before = values
     coupling, none = found.pop("coupling", {}), None if TOGETHER in found else 0.0
+    impacts = bool(read.model.scene.contacts)
 
     def of(name: str) -> ErrorEstimate:
         shares = {kind: found.get(kind, {}).get(name, none) for kind in KINDS}
+        shares["statistics"] = _statistics_apart(read.times, base[name], before[name]) if impacts else None
         return ErrorEstimate(_apart(before[name], base[name]), **shares, coupling=coupling.get(name))
 
     return {name: of(name) for name in read.model.scene.sensors if np.isfinite(before[name] - base[name]).any()}
@@ -124,6 +131,14 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
     """Largest difference over instants at which both have a value."""
     found = np.abs(one - other)
     return float(found.max(initial=0.0, where=np.isfinite(found)))
+
+
+def _statistics_apart(times: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+    """Larger relative change of peak and rms from one series to another, times the peak."""
+    (peak, rms), (new_peak, new_rms) = (
+        (max(-found.min, found.max), found.rms) for found in (statistics(each, times) for each in (one, other))
+    )
+    return max(abs(new_peak - peak), abs(new_rms - rms) * peak / rms if rms else new_peak)
 
 
 def _impossible(solution: RunResult) -> str:
@@ -150,7 +165,7 @@ def _is_rigid(model: Model) -> bool:
 def _too_long(solution: RunResult) -> str:
     """Reason why a long coupled run has no estimates; empty if it is short."""
     seconds = nominal_seconds(solution)
-    if seconds <= LONGEST or solution.model.options.errors == "all":
+    if seconds <= LONGEST or solution.model.options.errors != "quick":
         return ""
     return f": the run takes about {seconds:.2g} s, and a richer one several times as long; {REQUEST}"
 
@@ -159,5 +174,5 @@ def _impossible_one_way(model: Model) -> str:
     if _is_rigid(model):
         return ": no body is elastic, and drives prescribe the motion"
     if model.module.FREE and model.options.errors != "all":
-        return f": the effect of the deformation on free joints is not known; {REQUEST}"
+        return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'
     return ""

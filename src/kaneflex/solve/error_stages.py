@@ -23,7 +23,7 @@ TOGETHER = "together"
 Progress = Callable[[float], None]
 READ = 256
 """Approximate number of compared instants."""
-REQUEST = 'request it by solve.errors = "all"'
+REQUEST = 'request it by solve.errors = "total"'
 """End of a reason for no estimate that a user can overrule."""
 
 
@@ -35,8 +35,8 @@ class Unknown(Exception):
 class Read:
     """A run, and the evenly spaced stored instants, about READ, at which its sensors are compared.
 
-    ``run``: the complete run, even if a part of it is asked about; ``stored``: indices of the instants; ``periodic``:
-    whether richer models are periodic, too; ``steps``: of the run between two of the instants.
+    ``run``: the complete run, even if a part of it is asked about; ``stored``: indices of the instants, with contacts
+    all; ``periodic``: whether richer models are periodic, too; ``steps``: of the run between two of the instants.
     """
 
     run: RunResult
@@ -51,7 +51,7 @@ class Read:
             run = run.whole
         reached = int(np.searchsorted(run.times, solution.times[-1], side="right"))
         count = len(run.times) - 1 if periodic else reached
-        every = max(1, count // READ)
+        every = 1 if run.model.scene.contacts else max(1, count // READ)
         return cls(run, np.arange(0, count, every), periodic, every * storing(run.model))
 
     @property

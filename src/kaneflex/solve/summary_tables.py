@@ -60,7 +60,6 @@ class Attempt(PlainTable):
     error: float | None = Field(description="largest error of a sensor as a share of its peak")
     worst_sensor: str | None = Field(description="sensor with the largest error")
     within: bool = Field(description="whether error plus doubt are within the tolerance")
-    priced: bool = Field(description="whether the error is a price, computed without a run")
     reason: str = Field(description="reason why the model was not run, or loads that its steps do not resolve")
 
 
@@ -73,6 +72,7 @@ class Choice(PlainTable):
     settings: list[str] = Field(description="settings of the chosen model, as path=value")
     dropped: list[str] = Field(description="groups of terms that the preset contains but the choice leaves out")
     errors: dict[str, float] = Field(description="largest error of each sensor, as a share of its peak")
+    open: dict[str, float] = Field(description="error estimates of sensors that are not within the tolerance")
     reference: str = Field(description="reference to which the errors refer: the finest model")
     reference_settings: list[str] = Field(description="settings of the reference, as path=value")
     reference_note: str = Field(description="limits of the reference")

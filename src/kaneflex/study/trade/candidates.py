@@ -58,8 +58,9 @@ def neutral_settings(scene: Scene) -> tuple[str, ...]:
 
 
 def neutral(scene: Scene) -> Scene:
-    """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if only that supports it."""
-    laid = neutral_settings(scene)
+    """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if only that supports it; with
+    error estimates on request, however long they take."""
+    laid = (*neutral_settings(scene), "solve.errors=total")
     found = with_settings(scene, [*laid, *STIFFENED.settings])
     try:
         resolve_options(found)

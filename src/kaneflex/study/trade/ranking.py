@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,46 +13,17 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, check_sensors, worst
-from kaneflex.study.runs import Cost, Run, Runs, cost
+from kaneflex.study.differences import check_sensors
+from kaneflex.study.runs import Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings, own_model
-from kaneflex.study.trade.linear_prices import LinearPrices
-from kaneflex.study.trade.reference import Reference, find_reference
+from kaneflex.study.trade.reference import KNOWN, Reference, find_reference
+from kaneflex.study.trade.trials import Trial, Trials
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed, refuse
 from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is run: the rest is for repeats."""
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """A candidate with its errors by sensor, its cost, and the loads that its steps do not resolve."""
-
-    candidate: Variant
-    differences: tuple[Difference, ...]
-    cost: Cost
-    undersampled: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        return self.candidate.name
-
-    @property
-    def worst(self) -> Difference:
-        """Sensor with the largest error as a share of its peak."""
-        return worst(self.differences)
-
-    @property
-    def error(self) -> float:
-        """Largest error max|y - y_ref| / max|y_ref| of a sensor."""
-        return self.worst.peak_share
-
-    @property
-    def rms(self) -> float:
-        """Largest rms error of a sensor as a share of its peak."""
-        return max(difference.rms_share for difference in self.differences)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,51 +33,45 @@ class Trade:
     Attributes
     ----------
     scene : Scene
-    sensors : tuple of str
     tolerance : float
         Share of a sensor's peak.
     reference : Reference
-    ranked : tuple of Ranked
+    ranked : tuple of Trial
         Candidates by total time, the cheapest first.
     own : Variant or None
         The scene's own model; None if only given candidates were run.
     left_out : mapping of str to str
-        Candidates that were not run to the end, with the reason.
+        Sensors that are not compared, and candidates that were not run to the end, with the reason.
     """
 
     scene: Scene
-    sensors: tuple[str, ...]
     tolerance: float
     reference: Reference
-    ranked: tuple[Ranked, ...]
+    ranked: tuple[Trial, ...]
     left_out: Mapping[str, str]
     own: Variant | None = None
 
     def __repr__(self) -> str:
         return f"Trade({self.scene.name}: {len(self.ranked)} models, chosen {self.chosen and self.chosen.name})"
 
-    def good_enough(self, entry: Ranked) -> bool:
-        """True if every sensor stays within the tolerance, including the reference's uncertainty."""
-        return self.reference.within(entry.differences, self.tolerance, entry.undersampled)
-
-    def settings_of(self, entry: Ranked) -> tuple[str, ...]:
+    def settings_of(self, entry: Trial) -> tuple[str, ...]:
         """Settings path=value that select this model."""
         return (*neutral_settings(self.scene), *entry.candidate.settings)
 
     @cached_property
-    def chosen(self) -> Ranked | None:
+    def chosen(self) -> Trial | None:
         """Cheapest candidate within the tolerance; None if there is none."""
-        return next((entry for entry in self.ranked if self.good_enough(entry)), None)
+        return next((entry for entry in self.ranked if entry.within), None)
 
     @property
-    def of_scene(self) -> Ranked | None:
+    def of_scene(self) -> Trial | None:
         """Entry of the scene's own model; None if it was not run."""
         return next((entry for entry in self.ranked if entry.candidate == self.own), None)
 
     @cached_property
-    def front(self) -> tuple[Ranked, ...]:
+    def front(self) -> tuple[Trial, ...]:
         """Pareto front, the cheapest first: candidates without a cheaper and more accurate one."""
-        found: list[Ranked] = []
+        found: list[Trial] = []
         for entry in self.ranked:
             if not found or entry.error < found[-1].error:
                 found.append(entry)
@@ -146,31 +111,39 @@ def trade(
         converge, or no candidate can be run.
     """
     scene = scene_from(scene)
-    sensors = check_request(scene, tolerance, budget, sensors)
+    named, sensors = sensors is not None, check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     runs = Runs(basis, progress or silent)
-    reference = find_reference(runs, sensors, tolerance, LinearPrices.of(basis, sensors))
-    deadline = time.perf_counter() + budget
-    own = None
+    reference = find_reference(runs, sensors, tolerance, KNOWN, named)
+    begun, trials, own = time.perf_counter(), Trials(runs, tolerance, reference), None
     if candidates is None:
         candidates, own = candidates_of(basis), own_model(scene)
         own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
         candidates = dict.fromkeys((own, *candidates))
-    found, left_out = _first_runs(runs, candidates, time.perf_counter() + _FIRST_RUNS * budget)
+    left_out = {sensor: f"its error estimate is {100 * doubt:.2g} %" for sensor, doubt in reference.open.items()}
+    for candidate in candidates:
+        if time.perf_counter() > begun + _FIRST_RUNS * budget:
+            left_out[candidate.name] = "no time left within the budget"
+        elif not trials.within(candidate) and not trials.tried[candidate].differences:
+            left_out[candidate.name] = trials.tried[candidate].reason
+    found = [trial for trial in trials.tried.values() if trial.differences]
     if not found:
         problem = Problem("--budget", budget, "no candidate was run", "Give more time")
         raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
-    repeats = runs.repeats(list(found), deadline)
-    ranked = []
-    for candidate, first in found.items():
-        errors = reference.errors(sensors, candidate.name, first.curves)
-        ranked.append(Ranked(candidate, errors, cost(first.timing, repeats[candidate]), first.curves.undersampled))
+    repeats = runs.repeats([trial.candidate for trial in found], begun + budget)
+    costs = (cost(runs.run(model).timing, repeated) for model, repeated in repeats.items())
+    ranked = [replace(trial, cost=each) for trial, each in zip(found, costs, strict=True)]
     ranked.sort(key=lambda entry: entry.cost.total)
-    return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out, own)
+    return Trade(scene, tolerance, reference, tuple(ranked), left_out, own)
 
 
-def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed."""
+def check_request(
+    scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None, several: bool = True
+) -> tuple[str, ...]:
+    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed.
+
+    ``several``: whether models of different fineness are compared, which needs a beam.
+    """
     refuse(
         (not 0 < tolerance < 1, "--tolerance", tolerance, "not a share of each sensor's peak",
          "Give a value between 0 and 100 %"),
@@ -183,21 +156,7 @@ def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequen
          "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
         (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
          "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
-        (not elements_of(scene), "bodies", None, "no body has a beam: there is only one model", "Give a body a beam"),
+        (several and not elements_of(scene), "bodies", None, "no body has a beam: there is only one model",
+         "Give a body a beam"),
     )  # fmt: skip
     return tuple(sensors or scene.sensors)
-
-
-def _first_runs(
-    runs: Runs, candidates: Iterable[Variant], until: float
-) -> tuple[dict[Variant, Run], dict[str, str]]:
-    found, left_out = {}, {}
-    for candidate in candidates:
-        if time.perf_counter() > until:
-            left_out[candidate.name] = "no time left within the budget"
-            continue
-        try:
-            found[candidate] = runs.run(candidate)
-        except SceneError as error:
-            left_out[candidate.name] = str(error)
-    return found, left_out

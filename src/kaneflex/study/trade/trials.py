@@ -1,0 +1,126 @@
+"""Models of a scene, each run and compared with its reference."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import Difference, worst
+from kaneflex.study.runs import Cost, Runs
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, families
+from kaneflex.study.trade.reference import Reference
+from kaneflex.support.errors import SceneError
+
+_SHORT = 0.3
+"""Seconds of a run up to which it is repeated for its time: the first one may load compiled code."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model with its errors.
+
+    Attributes
+    ----------
+    candidate : Variant
+    differences : tuple of Difference
+        From the reference, by sensor; empty if the model can't be run.
+    within : bool
+        Whether every error, including the reference's uncertainty, is within the tolerance. Models whose steps do not
+        resolve their loads are not: their error is a matter of luck.
+    coarse : bool
+        Whether only its steps are too few: it is within at its own instants, or does not resolve its loads.
+    reason : str
+        Why it can't be run, or the loads that it does not resolve.
+    cost : Cost or None
+        Of repeated runs, if these were made.
+    """
+
+    candidate: Variant
+    differences: tuple[Difference, ...] = ()
+    within: bool = False
+    coarse: bool = False
+    reason: str = ""
+    cost: Cost | None = None
+
+    @property
+    def name(self) -> str:
+        return self.candidate.name
+
+    @property
+    def worst(self) -> Difference:
+        """Sensor with the largest error as a share of its peak."""
+        return worst(self.differences)
+
+    @property
+    def error(self) -> float:
+        """Largest error max|y - y_ref| / max|y_ref| of a sensor; infinite if the model can't be run."""
+        return self.worst.peak_share if self.differences else math.inf
+
+    @property
+    def rms(self) -> float:
+        """Largest rms error of a sensor as a share of its peak."""
+        return max(difference.rms_share for difference in self.differences)
+
+
+@dataclass(eq=False)
+class Trials:
+    """Comparisons of models with a reference, each made once.
+
+    ``until``: moment of ``time.perf_counter`` after which no model is tried; ``tried``: results in the order of trials.
+    """
+
+    runs: Runs
+    tolerance: float
+    reference: Reference
+    until: float = math.inf
+    tried: dict[Variant, Trial] = field(default_factory=dict)
+
+    def within(self, candidate: Variant) -> bool:
+        """True if a candidate is within the tolerance; False also if it can't be run, or not in time."""
+        left = self.until - time.perf_counter()
+        known = self.runs.kept.get(COUPLED)
+        if candidate not in self.tried and left > 0:
+            if candidate.settings[0] == COUPLED.settings[0] and known is not None and known.timing.total > left:
+                return False  # a coupled model may take as long as the plain one
+            try:
+                self.tried[candidate] = self._compared(candidate, left)
+            except SceneError as error:
+                self.tried[candidate] = Trial(candidate, reason=str(error))
+        return candidate in self.tried and self.tried[candidate].within
+
+    def _compared(self, candidate: Variant, left: float) -> Trial:
+        curves, reference = self.runs.run(candidate, left).curves, self.reference
+        found = reference.errors(candidate.name, curves)
+        close, resolved = reference.within(found, self.tolerance), not curves.undersampled
+        at_its_own = reference.within(reference.errors("", curves, between=False), self.tolerance)
+        reason = "; ".join(curves.undersampled)
+        return Trial(candidate, found, close and resolved, not resolved or (at_its_own and not close), reason)
+
+    def seconds(self, model: Variant) -> float:
+        """Time of a model's run [s] in this process; of short ones that of the second run."""
+        first = self.runs.run(model).timing.total
+        return first if first > _SHORT else self.runs.again(model).total
+
+    def richest(self) -> Variant:
+        """First model within the tolerance on the way from the plain one to the finest, or else the reference."""
+        return next((each for each in self.reference.levels if self.within(each)), self.reference.model)
+
+    def cheapest_models(self) -> list[Variant]:
+        """Cheapest model within the tolerance of each preset that has any.
+
+        If ``stiffened`` is not within, and not for too few steps, no other one-way preset is.
+        """
+        *one_way, coupled = families(self.runs.scene)
+        if self.runs.scene.is_spatial and math.isfinite(self.until):
+            one_way = []  # their runs take about as long as those of coupled, or longer
+        found = []
+        for family in (*reversed(one_way), coupled):
+            one = self.tried.get(STIFFENED)
+            beyond = one is not None and bool(one.differences) and not (one.within or one.coarse)
+            if family is coupled or not beyond:
+                models = (*family.cheaper, family.plain) if self.within(family.plain) else ()
+                coarse = family.plain in self.tried and self.tried[family.plain].coarse
+                found += [next(filter(self.within, family.finer if coarse else models), None)]
+        return [model for model in found if model is not None]
