@@ -12,6 +12,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.quantities import MOST
+from kaneflex.support.kept import Kept
 
 
 class Statistics(NamedTuple):
@@ -82,12 +83,19 @@ def at_least(wanted: int, options: Options) -> str:
     return f"give solve.duration = {options.duration * MOST / wanted:.2g} s or less and more of solve.steps"
 
 
+_found: Kept[Model, list[str]] = Kept()
+
+
 def between_steps(model: Model) -> list[str]:
     """Warnings of loads or speeds that the steps don't resolve, and of drives that turn far within a step.
 
     Checked are all rows of the loads' tables, and instants spread over the steps. Preset coupled chooses its own steps
     and detects jumps, but may miss pulses between two stored instants.
     """
+    return _found.of(model, lambda: _between_steps(model))
+
+
+def _between_steps(model: Model) -> list[str]:
     options, scene = model.options, model.scene
     if options.dynamics == "coupled" and (scene.floating or any(drive.free for drive in scene.drives.values())):
         return []  # the rigid mechanism moves differently

@@ -53,7 +53,7 @@ class Courses(NamedTuple):
     def at(self, times: np.ndarray) -> np.ndarray:
         """Coordinates, speeds and accelerations, (3, n_times, FREE); between the instants by cubics."""
         place = np.minimum(np.searchsorted(self.times, times), len(self.times) - 1)
-        if (self.times[place] == times).all():
+        if not self.q.shape[1] or (self.times[place] == times).all():
             return np.stack([self.q[place], self.u[place], self.du[place]])
         if len(self.times) == 1:
             u = np.broadcast_to(self.u, (len(times), self.u.shape[1]))

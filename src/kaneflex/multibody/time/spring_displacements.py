@@ -18,8 +18,6 @@ def displacements(
 
     ``sections``: the engine's at an instant; ``moved``: their change in unit motions, (n, sections, .).
     """
-    from scipy.spatial.transform import Rotation
-
     in_plane = engine.handed.d == 3
     places, v = (sections[:, :2], moved[:, :, 3:5]) if in_plane else (sections[:, :3], moved[:, :, 3:6])
     omega, axes = moved[:, :, 5:6] if in_plane else moved[:, :, 9:12], np.ones((1, 1)) if in_plane else engine.work.axes
@@ -31,6 +29,8 @@ def displacements(
         elif kind == at.TORSIONAL:
             yield (omega[:, second] - omega[:, first]) @ axes[axis][:, None], numbers[:1]
         elif kind == at.BUSHING:  # the first of its six rows
+            from scipy.spatial.transform import Rotation  # takes long: only where it is used
+
             E, other = axes[axis : axis + 3], axes[axis + 3 : axis + 6]
             phi = Rotation.from_matrix(E @ other.T).as_rotvec()
             slid = v[:, second] - v[:, first] - np.cross(omega[:, first], places[second] - places[first])

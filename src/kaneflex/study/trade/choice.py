@@ -25,8 +25,8 @@ from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
-_LONGEST, _SHARE = 1.0, 0.5
-"""Most seconds of choosing for one run, beside the reference, and as a share of the time that this took."""
+_LONGEST = 1.0
+"""Most seconds of trying cheaper models for one run, and of a run for which none are tried."""
 
 
 def choose(
@@ -44,7 +44,7 @@ def choose(
         As :func:`kaneflex.study.trade.ranking.trade` takes them.
     purpose : {"run", "model", "code"}
         For one run the richest model is chosen if its run took less time than trying cheaper ones may take, which is
-        at most a second. For code, groups of terms are dropped one by one while the model stays within.
+        a second. For code, groups of terms are dropped one by one while the model stays within.
 
     Raises
     ------
@@ -64,10 +64,9 @@ def chosen(
     share = 1.0 if purpose == "run" else KNOWN
     trials = Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
     model = richest = trials.richest()
-    budget = min(_LONGEST, _SHARE * (time.perf_counter() - started))
     if purpose == "run":
-        trials.until = time.perf_counter() + budget
-    if purpose != "run" or runs.run(richest).timing.total > budget:
+        trials.until = time.perf_counter() + _LONGEST
+    if purpose != "run" or runs.run(richest).timing.total > _LONGEST:
         model = min((*trials.cheapest_models(), richest), key=trials.seconds)
     dropped = _drop_terms(trials, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
