@@ -68,12 +68,14 @@ def text_of(name: str) -> str:
 
 
 def test_committed_texts_are_the_derived_ones(monkeypatch, exhaustive):
-    """Of every fourth scene, beside what all scenes share; `make check-derived`, which CI runs, derives all.
+    """Of every fourth scene, beside what all scenes share; CI leaves it to `make check-derived`, which derives all.
 
     In one test, so that one process derives them; and once for the sources that they are derived by and of: what was
     compared is kept by the digest of the generator's sources and of `generated/` (`cache_folder`), with that of the
     scenes and SymPy's version.
     """
+    if os.environ.get("CI"):
+        pytest.skip("make check-derived compares all")
     scenes = dict(list(sorted(shipped_scenes().items()))[:: 1 if exhaustive else 4])
     texts = "".join(f"{name}\0{path.read_text(encoding='utf-8')}\0" for name, path in scenes.items())
     made_of = hashlib.sha256(f"{sm.__version__}\0{sys.version}\0{texts}".encode()).hexdigest()

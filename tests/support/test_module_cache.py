@@ -294,8 +294,7 @@ def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path):
     shutil.copytree(Path(kaneflex.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "loop.py").write_text(LOOP)
     environment = os.environ | {
-        "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-        "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(tmp_path / "bytecode"),
+        "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "",
     }  # fmt: skip
 
     def called() -> float:
