@@ -300,6 +300,15 @@ def test_a_free_body_keeps_turning_about_its_outer_axes_alone(axis, spun):
     assert found.states[:6] == ("bar.x", "bar.y", "bar.z", "bar.turn_x", "bar.turn_y", "bar.turn_z")
 
 
+def test_the_stiffness_of_a_pendulum_at_an_angle_is_that_of_its_weight():
+    """d(m g s cos(phi))/dphi = -m g s sin(phi): to the rounding of the differences, not to the square of their step."""
+    bar = 'mass = "2 kg", inertia = "0.05 kg m^2", centre = [0.3, 0]'
+    solve = {"preset": "coupled", "duration": "1 s"}
+    text = pendulum(bar, 'free = true, angle = "40 deg"', gravity=[0, -9.81], solve=solve)
+    K = linear_about(kaneflex.load(scene_of(text)), 0.0).K
+    assert K.item() == pytest.approx(-2 * 9.81 * 0.3 * math.sin(math.radians(40)), rel=1e-10)
+
+
 def test_linear_equations_take_the_forces_of_neighbours_and_not_their_accelerations(monkeypatch):
     """The step of the differences then leaves no error, though light shapes accelerate most; no mass matrix is
     solved."""

@@ -136,6 +136,21 @@ def test_the_end_of_a_cycle_is_a_start_without_the_turns_of_its_joints():
     assert abs(turned).max() > 6.0 and abs(cycles.end(run).q - start.q).max() < 0.1
 
 
+def test_a_cycle_after_another_run_keeps_the_turns_of_its_joints():
+    """The crank's pin, which that run began a turn further; its links hardly bend."""
+    scene = with_settings(read_scene("four-bar"), ["sensors={pin={position='first', component='angle'}}"])
+    solve = {"preset": "coupled", "modes": 1}
+    short = solve | {"start": "zero", "duration": "0.05 s", "steps": 5}
+    own = solved(scene_of(scene.raw | {"solve": short}))
+    state = own.state(0)
+    state["displacements"]["first.angle"] += 2.0 * np.pi
+    before = solved(scene_of(scene.raw | {"solve": short | {"start": state}}))
+    cycle = kaneflex.load(scene_of(scene.raw | {"solve": solve | {"start": "periodic"}}))
+    found = kaneflex.solve.simulation.solve(cycle, after=before)
+    assert before["pin"].values - own["pin"].values == pytest.approx(2.0 * np.pi)
+    assert found["pin"].values[0] == pytest.approx(before["pin"].values[-1], abs=0.05)
+
+
 @pytest.fixture
 def count(monkeypatch):
     """Cycles that are integrated, and by which."""

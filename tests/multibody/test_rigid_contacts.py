@@ -315,6 +315,25 @@ def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest():
     assert between.trajectory.contacts.force == pytest.approx(solution.trajectory.contacts.force[-3:], rel=1e-3)
 
 
+LIFTED = """
+schema = 1
+gravity = [0, -9.81]
+bodies.block = {mass = 1, inertia = 0.1, free = {at = [0, 0]}}
+contacts.floor = {point_on_line = ["block", "ground"], normal = [0, 1], contact = {law = "newton", restitution = 0}}
+loads.pull = {force_on = "block", direction = [0, 1], law = "20 * t"}
+solve = {preset = "coupled", duration = "1 s", steps = 10}
+"""
+
+
+def test_rigid_sides_do_not_pull_between_stored_instants(monkeypatch):
+    """Where a run has had too many changes to keep the instant at which they part, too."""
+    monkeypatch.setattr("kaneflex.multibody.time.run._MOST_CHANGES", 0)
+    solution = solved(LIFTED)
+    found = solution.at(np.linspace(0.4, 0.5, 21)).trajectory
+    assert solution.trajectory.changes is None and found.contacts.force.min() == 0.0
+    assert found.contacts.force[0] == pytest.approx(9.81 - 8.0)
+
+
 def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
     """The angle between two free wheels goes to and fro between flanks 2 a apart, at every impact e times as fast."""
     solution = solved(PLAY)

@@ -315,6 +315,12 @@ def test_where_a_loop_must_bend_its_shapes_start_as_they_are_given_too():
     assert start.u == pytest.approx(list(first.state()["velocities"].values()), rel=1e-9, abs=1e-9)
 
 
+def test_shapes_that_a_given_state_leaves_out_do_not_change_either():
+    """Between its pins the rod can only bend so far if it stretches."""
+    with pytest.raises(SceneError, match=r"rod\.axial_0 = 0\.0: joints and drives make it -0\.0123\d* m\."):
+        load(with_settings(scene_of(HELD), starting({"displacements": {"rod.transverse_0": 0.1}})))
+
+
 def test_a_rate_that_a_drive_prescribes_is_refused_where_it_is_another_one():
     driven = FOUR_BAR.replace("A = {free = true, angle = 1.0}", 'A = {speed = "5 rad/s", angle = 1.0}')
     assert rates_at_start(driven, {"D.angle": 1.047})["D.angle"] == pytest.approx(1.0471175, rel=1e-6)
