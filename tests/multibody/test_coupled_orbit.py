@@ -263,7 +263,8 @@ def test_waiting_leads_to_the_same_motion_in_space(monkeypatch, count):
 
 def test_richer_models_continue_the_cycle(count):
     """The estimates of a lifted blade are those of the plane; a ball's cycle is continued, not sought from rest."""
-    plane, space = (solved(scene).errors[0] for scene in _lifted("rotating-cantilever", "solve.modes=2"))
+    settings = "solve.modes=2", "solve.errors=all"
+    plane, space = (solved(scene).errors[0] for scene in _lifted("rotating-cantilever", *settings))
     for name, found in space.items():
         parts = (plane[name].modes, plane[name].elements)
         assert (found.modes, found.elements) == pytest.approx(parts, rel=1e-5), name
