@@ -24,16 +24,16 @@ SINE = {60: 60.05, 181: 181.05, 1500: 1500.1}
 """Samples -> periods of a sine over the run that so few evenly spaced samples show as a slow wave."""
 
 
-def sine(periods):
-    return np.sin(2 * np.pi * periods * np.linspace(0.0, 1.0, COUNT))
+def sine(periods, count=COUNT):
+    return np.sin(2 * np.pi * periods * np.linspace(0.0, 1.0, count))
 
 
 @cache
-def vibrating(periods):
+def vibrating(periods, count=COUNT):
     """The engine's rod, all coordinates of which swing as a sine."""
     found = model("engine")
-    times = np.linspace(0.0, found.options.duration, COUNT)
-    z = 1e-5 * sine(periods)[:, None] * np.ones(len(found.coordinates))
+    times = np.linspace(0.0, found.options.duration, count)
+    z = 1e-5 * sine(periods, count)[:, None] * np.ones(len(found.coordinates))
     zero = np.zeros_like(z)
     return Solution(found, Trajectory(times, z, zero, zero, Outcome.COMPLETED, "", None, 0.0), 0.0)
 
@@ -72,7 +72,7 @@ def test_missing_values_hide_no_extreme():
 
 def test_surfaces_show_the_envelopes_of_what_is_too_fast_for_them():
     """Data that were drawn: facets' corners [um], and the title says which surfaces these are."""
-    solution = vibrating(SINE[181])
+    solution = vibrating(SINE[181], 4001)
     rod = np.array([solution.motion.displacement("rod", (x, 0.0))[0][:2] for x in np.linspace(0.0, 0.137, 33)])
     with styled():
         figure = displacements.surfaces(solution)["surfaces_rod"]
@@ -83,7 +83,7 @@ def test_surfaces_show_the_envelopes_of_what_is_too_fast_for_them():
         assert lower.min() == pytest.approx(field.min(), rel=1e-12)
         assert upper.max() == pytest.approx(field.max(), rel=1e-12)
         assert (lower[:, :] <= upper[:, :]).all()
-    resolved = displacements.surfaces(vibrating(8.0))["surfaces_rod"]
+    resolved = displacements.surfaces(vibrating(8.0, 4001))["surfaces_rod"]
     assert all(len(axes.collections) == 1 and "envelope" not in axes.get_title("center") for axes in resolved.axes)
 
 
