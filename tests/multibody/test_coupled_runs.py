@@ -17,7 +17,6 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
-from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.simulation import solve
@@ -182,14 +181,6 @@ def test_events_that_cannot_be(words, message):
     assert str(error.value) == message
 
 
-def test_a_run_goes_on_from_the_end_of_another(pendulum):
-    half = run("elastic-pendulum", *settle_damping("solve.duration=0.25 s", "solve.steps=100"))
-    rest = run("elastic-pendulum", *settle_damping("solve.duration=0.25 s", "solve.steps=100"), after=half)
-    assert rest.times == pytest.approx(pendulum.times[100:])
-    for name in ("angle", "tip_bend"):
-        assert rest.series[name].values == pytest.approx(pendulum.series[name].values[100:], abs=1e-7), name
-
-
 DISC = """
 schema = 1
 name = "disc"
@@ -286,26 +277,6 @@ def test_an_engine_goes_to_another_process_without_its_addresses():
     again = pickle.loads(pickle.dumps(engine))
     assert "_handle" in vars(engine) and "_handle" not in vars(again)
     assert again.tables.w.tolist() == engine.tables.w.tolist()
-
-
-def test_a_tolerance_bounds_what_it_is_asked_to():
-    """Speeds and reactions as shares of their largest, against a run at a far smaller tolerance."""
-    base = ("engine-torque-elastic", "solve.duration=0.01 s", "solve.steps=50")
-
-    def errors(tolerance, bounded):
-        found = run(*base, f"solve.tolerance={tolerance}", f"solve.bounded={bounded}").trajectory
-        parts = ((found.v, exact.v), (found.multipliers, exact.multipliers))
-        return [abs(one - other).max() / abs(other).max() for one, other in parts]
-
-    exact = run(*base, "solve.tolerance=1e-10").trajectory
-    for tolerance in (1e-3, 1e-4):
-        speed, reaction = errors(tolerance, [])
-        assert speed > tolerance and reaction > 100 * tolerance
-        assert errors(tolerance, '["speeds"]')[0] < tolerance
-        assert max(errors(tolerance, '["speeds", "reactions"]')) < tolerance
-    bounded = kaneflex.load(scene(*base, 'solve.bounded=["speeds"]'))
-    integrator = description(bounded)["options"]["integrator"]
-    assert "of the longest body's length, for speeds of their largest value" in integrator
 
 
 PRESCRIBED = """

@@ -18,6 +18,7 @@ import kaneflex
 from kaneflex import SceneError, scene_of, shipped_scenes, with_settings
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.time.revolutions import Counts
+from kaneflex.report.checked import description
 from kaneflex.scene.sections import torsion_constant
 
 PRINCETON = """
@@ -261,16 +262,6 @@ def test_a_cantilever_rings_from_the_shape_that_it_is_given(plane, shape, height
     assert abs(found.series[plane].values - 1e-5 * np.cos(omega * found.times)).max() < 1e-3 * 1e-5
 
 
-def test_a_run_goes_on_from_the_state_of_another():
-    start = '{displacements = {"blade_0.shape_2" = "20 mm"}, velocities = {"blade_0.shape_3" = "0.3 m/s"}}'
-    whole = _solution(_ringing(start, 0.1, 80))
-    half = tomlkit.inline_table()
-    half.update(whole.state(40))
-    after = _solution(_ringing(half.as_string(), 0.05))
-    expected = whole.series["y"].values[40:]
-    assert abs(after.series["y"].values - expected).max() < 1e-6 * abs(expected).max()
-
-
 @pytest.mark.parametrize(("start", "message"), [
     ('{displacements = {"blade_0.shape_9" = 0.01}}', r"no such coordinate.*blade_0\.shape_8"),
     ('{velocities = {"blade_0.shape_8" = "1 m/s"}}', r"velocities\.blade_0\.shape_8 = '1 m/s'"),  # it is twist
@@ -501,3 +492,5 @@ def test_a_tolerance_bounds_speeds_and_reactions_in_the_plane_and_in_space(deep)
         errors[bounded] = [abs(one - other).max() / abs(other).max() for one, other in values]
     assert min(errors[()]) > 1e-3
     assert errors["speeds",][0] < 1e-3 and max(errors["speeds", "reactions"]) < 1e-3
+    told = description(kaneflex.load(with_settings(scene, ['solve.bounded=["speeds"]'])))["options"]["integrator"]
+    assert deep or "of the longest body's length, for speeds of their largest value" in told
