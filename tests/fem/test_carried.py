@@ -258,9 +258,7 @@ def test_what_acts_in_the_plane_acts_the_same_in_space():
     given = lifted(planar) | {"solve": raw["solve"]}
     solution = solved(scene_of(given, tables))
     assert set(ACTING["sensors"]) <= set(given["sensors"])
-    for sensor in given["sensors"]:
-        wanted, found = flat[sensor].values, solution[sensor].values
-        assert abs(found - wanted).max() <= 1e-7 * abs(wanted).max(), sensor
+    alike(solution, flat, 1e-7, given["sensors"])
 
 
 def test_coordinates_follow_from_enough_rows_as_from_all():

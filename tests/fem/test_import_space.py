@@ -8,7 +8,7 @@ import pytest
 from command_line import cli, refused
 from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
 from machines import pendulum, slider_crank
-from runs import solved
+from runs import alike, solved
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
@@ -121,9 +121,7 @@ BEAM = (
 def test_spun_up_about_a_skew_axis_beside_a_beam():
     """Displacements to 2 %, forces to 0.5 %: the ends of the mesh are stiffened, see the cantilever."""
     beam, found = (spun(of) for of in (BEAM, 'modal_data = "rod-space.npz"'))
-    for name, bound in (("y", 2e-2), ("z", 2e-2), ("bow", 2e-2), ("force", 5e-3), ("torque", 5e-3)):
-        away = abs(found[name].values - beam[name].values).max() / abs(beam[name].values).max()
-        assert away < bound, (name, away)
+    alike(found, beam, {"y": 2e-2, "z": 2e-2, "bow": 2e-2, "force": 5e-3, "torque": 5e-3})
 
 
 def engine(file, deep):
@@ -142,10 +140,7 @@ torque = {drive_torque = "main"}""",
 def test_an_engine_in_the_plane_and_lifted_into_space():
     """Bow to 2 % of its peak, torque to 0.1 %: shapes are static ones and modes of other conditions."""
     assert cli(*(word for word in command(**{"rod-space.npz": "rod.npz"}) if word != "--space")).exit_code == 0
-    flat, deep = engine("rod.npz", False), engine("rod-space.npz", True)
-    for name, bound in (("bow", 2e-2), ("torque", 1e-3)):
-        away = abs(deep[name].values - flat[name].values).max() / abs(flat[name].values).max()
-        assert away < bound, (name, away)
+    alike(engine("rod-space.npz", True), engine("rod.npz", False), {"bow": 2e-2, "torque": 1e-3})
 
 
 def run(text):

@@ -9,7 +9,7 @@ import pytest
 from command_line import cli, refused, unrendered
 from machines import slider_crank
 from places import DOCS
-from runs import solved
+from runs import alike, solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
@@ -99,9 +99,7 @@ def test_data_fed_back_give_the_same_motion(exported, fed_back):
     beam.write_text(WITH_BEAM)
     there, here = (solved(read_scene(path)) for path in (beam, fed_back))
     assert set(here.series) == set(there.series) - {"rod_force", "rod_force_rigid"}
-    for name, series in here.series.items():
-        gap = abs(series.values - there.series[name].values).max()
-        assert gap <= 1e-10 * abs(there.series[name].values).max(), name
+    alike(here, there, 1e-10, here.series)
     assert abs(here.series["mid_transverse"].values).max() > 4e-3
     assert here.trajectory.energy.drift < 1e-6
 
@@ -119,9 +117,7 @@ def test_several_links_with_lumped_masses(tmp_path):
     (tmp_path / "scene.toml").write_text(head + links + "\n" + joints)
     settings = ["solve.preset=coupled", "solve.start=quasistatic"]
     there, here = (solved(read_scene(scene), *settings).series for scene in ("four-bar", tmp_path / "scene.toml"))
-    for name, series in here.items():
-        gap = abs(series.values - there[name].values).max()
-        assert gap <= 1e-10 * abs(there[name].values).max(), name
+    alike(here, there, 1e-10, here)
 
 
 def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
@@ -232,8 +228,7 @@ def test_data_fed_back_give_the_same_motion_in_space(tmp_path, how):
     assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
     there, here = (solved(read_scene(path)).series for path in (beam, written(tmp_path, DATA, how)))
     assert abs(there["z"].values).max() > 1e-4
-    for name, series in there.items():
-        assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
+    alike(here, there, 2e-5)
 
 
 @pytest.mark.exhaustive(share=2)
@@ -326,12 +321,8 @@ bodies.tip = {{{BEAM.replace("1 m", "0.2 m")}}}
 joints.weld = {{weld = ["rod.end", "tip.start"]}}
 masses.lump = {{at = "rod.mid", mass = "50 g"}}
 """
-    found = []
-    for of in (BEAM, DATA):
-        found.append(solved(scene_of(text.replace(BEAM, of, 1), in_space)).series)
-    for name in ("y", "z"):
-        away = abs(found[1][name].values - found[0][name].values).max() / abs(found[0][name].values).max()
-        assert away < 2e-2, name  # the data were in_space without a shape for what the weld turns
+    beam, data = (solved(scene_of(text.replace(BEAM, of, 1), in_space)) for of in (BEAM, DATA))
+    alike(data, beam, 2e-2, "yz")  # the data were written without a shape for what the weld turns
 
 
 def test_modes_are_those_of_the_beam(in_space):

@@ -192,8 +192,7 @@ def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
     sides = ('["ground", "strip.start"], axis = [0, 0, 1]', '["strip.start", "ground"], axis = [0.28, 0, 0.96]')
     joints = (f"joints.hinge = {{cylindrical = {of}}}" for of in sides)
     one, back = (strip(joint, ASKEW, gravity="[0, -9.81, -3]", more=SLID) for joint in joints)
-    for name in ("height", "bend"):
-        assert apart(one, back, name) < 1e-5, name
+    alike(one, back, 1e-5, ("height", "bend"))
     assert abs(one.series["slid"].values + back.series["slid"].values).max() < 1e-7
 
 
@@ -265,5 +264,4 @@ def test_links_on_a_universal_joint_and_a_pin_askew_have_as_many_modes_as_one_li
 
 def test_a_slow_misaligned_four_bar_is_the_stiffened_one():
     slow, one_way = (misaligned(preset, 5, "30 rpm") for preset in ("coupled", "stiffened"))
-    for name in ("coupler_mid", "follower_mid", "out_of_plane"):
-        assert apart(slow, one_way, name) < 1e-3, name
+    alike(slow, one_way, 1e-3, ("coupler_mid", "follower_mid", "out_of_plane"))

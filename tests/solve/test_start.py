@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from command_line import cli, refused
-from runs import model, run, solved
+from runs import alike, model, run, solved
 from scipy.linalg import eigh
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
@@ -381,9 +381,7 @@ def test_the_slow_motion_is_the_same_under_every_preset(scene):
     """In the plane and in space. Where coupling hardly matters both ways to solve it ring as little as each other."""
     settings = ("solve.start=quasistatic", *SLOW[scene])
     one_way, coupled = (run(scene, *settings, f"solve.preset={preset}") for preset in ("stiffened", "coupled"))
-    for name in one_way.model.scene.sensors:
-        here, there = (found.series[name].values for found in (one_way, coupled))
-        assert abs(there - here).max() < 4e-3 * abs(here).max(), name
+    alike(coupled, one_way, 4e-3, one_way.model.scene.sensors)
     for name, estimate in one_way.errors[0].items() if scene == "engine" else ():
         assert estimate.coupling < 4e-3 * abs(one_way.series[name].values).max(), name
 
