@@ -7,7 +7,8 @@ import numpy as np
 from kaneflex.integrate.by_scipy import solution
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.time.run import Run, finished
+from kaneflex.multibody.time.integration import finished
+from kaneflex.multibody.time.run import Run
 from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.solution import Solution
 

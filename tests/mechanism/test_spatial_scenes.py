@@ -148,7 +148,7 @@ def test_a_law_knows_speeds_that_depend_on_others():
         'springs.coil = {torsional_at = "foot", stiffness = 4, damping = 0.7}')]  # fmt: skip
     law, spring = (solution["turn"].values for solution in found)
     assert law == pytest.approx(spring, abs=1e-8)
-    assert found[1].model.energy.dissipated[-1] > 0.1
+    assert found[1].energy.dissipated[-1] > 0.1
 
 
 def test_a_coordinate_too_many_in_a_loop_is_named():
@@ -357,7 +357,7 @@ def test_a_torsional_spring_swings_as_it_must():
     assert solution["angle"].values == pytest.approx(exact, abs=1e-8)
     rate = np.gradient(exact, t, edge_order=2)
     assert solution["torque"].values == pytest.approx(k * exact + c * rate, abs=2e-4)
-    assert solution.model.energy.drift < 1e-7
+    assert solution.energy.drift < 1e-7
 
 
 def test_a_force_and_a_spring_between_points_do_their_work():
@@ -371,7 +371,7 @@ sensors.tension = {spring_force = "pull"}
     length = np.linalg.norm(gap, axis=0)
     rate = np.gradient(length, solution.times, edge_order=2)
     assert solution["tension"].values == pytest.approx(30 * (length - 0.3) + 0.4 * rate, abs=1e-3)
-    energy = solution.model.energy
+    energy = solution.energy
     assert energy.drift < 1e-8 and np.ptp(energy.supplied) > 0.1 and np.ptp(energy.dissipated) > 0.005
 
 
@@ -433,7 +433,7 @@ rod = {length = "250 mm", mass = "0.3 kg", inertia = [1e-5, 2e-3, 2e-3], rotatio
 slider = {mass = "1 kg"}
 """))
     assert abs(solution["turn"].values[-1]) > 4 * math.pi  # it goes around, past eight dead centres and more
-    kinetic = solution.model.energy.kinetic
+    kinetic = solution.energy.kinetic
     assert np.ptp(kinetic) < 1e-6 * kinetic[0]
 
 

@@ -1,6 +1,7 @@
 """Bushings in space: frequencies, decay, deflections in closed form, momentum and energy, Exudyn beside, refusals."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, compare, load
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.sensitivity.parameters import find_parameters
 
@@ -60,7 +62,7 @@ def test_a_body_on_a_bushing_swings_in_six_ways():
         if axis == "z":
             wanted = STIFF[5] * angle + DAMPED[5] * omega
             assert solution["turning_z"].values == pytest.approx(wanted, abs=1e-4 * abs(wanted).max())
-    assert solution.model.energy.drift < 1e-6 and solution.model.energy.dissipated[-1] > 0
+    assert solution.energy.drift < 1e-6 and solution.energy.dissipated[-1] > 0
 
 
 PAIR = """
@@ -94,7 +96,7 @@ def test_two_bodies_in_flight_keep_energy_and_momentum():
         turning = turning + frame.to_global(J @ frame.to_body(frame.omega))
     for kept in (momentum, turning):
         assert kept == pytest.approx(kept[:, :1] + 0.0 * kept, abs=1e-7)
-    energy = solution.model.energy
+    energy = solution.energy
     assert energy.drift < 1e-7 and np.ptp(energy.strain) > 1.0
     turned = np.einsum("jit,jkt->ikt", motion.frame("one").axes, motion.frame("two").axes)
     assert np.arccos(0.5 * (np.trace(turned) - 1.0)).max() > 1.5
@@ -136,7 +138,7 @@ def test_an_arm_on_a_bushing_comes_to_rest(preset):
     assert last["tip"] == pytest.approx(sunk + turned + (bent if preset == "coupled" else 0.0), rel=1e-4)
     assert last["force"] == pytest.approx(F, rel=1e-4) and last["moment"] == pytest.approx(F * a, rel=1e-4)
     assert last["shear"] == pytest.approx(F, rel=1e-4) and last["bending"] == pytest.approx(F * a, rel=1e-4)
-    assert solution.model.energy.drift < 1e-5
+    assert solution.energy.drift < 1e-5
 
 
 def test_a_bushing_beside_exudyn(peer):
@@ -172,7 +174,7 @@ SPUN = FREE.replace("]}", "], angular_velocity = [0, 0, 400]}")
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [
-    ("rotation =", SPUN, r"springs.mount.bushing: .*bushing mount is rotated by 17\d deg"),
+    ("rotation =", SPUN, r"bodies.engine.free: .*bushing mount is rotated by 17\d deg"),
     (f"stiffness = {list(STIFF)}", "stiffness = 5", r"stiffness = 5: a bushing has six"),
     ("stiffness = [100000.0,", "stiffness = [-3,", r"must not be negative"),
     ("stiffness = [1", "length = 1, stiffness = [1", r"springs.mount.length.*does not apply to bushing"),
@@ -224,6 +226,8 @@ springs.mount = {bushing = ["ground.seat", "bar.start"], stiffness = [1e5, 1e5, 
 sensors.x = {position = "bar.end", component = "x"}
 solve = {preset = "coupled", duration = "0.3 s", steps = 300}
 """
-    expected = r"springs\.mount\.bushing: the motion can't continue after t = 0\.11\d+ s: bushing mount .* Limit the"
-    with pytest.raises(SceneError, match=expected):
-        solved(scene_of(text))
+    found = solved(scene_of(text))
+    expected = r"the motion can't continue after t = 0\.11\d+ s: bushing mount .* Limit the"
+    assert found.outcome is Outcome.UNSTABLE and re.match(expected, found.message)
+    x = found.series["x"].values
+    assert 100 < len(x) < 130 and np.isfinite(x).all()

@@ -19,7 +19,9 @@ from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.model.system import CoupledSystem
-from kaneflex.multibody.time.run import Method, Run, integrate
+from kaneflex.multibody.time.error_bounds import Method
+from kaneflex.multibody.time.integration import integrate
+from kaneflex.multibody.time.run import Run
 from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.checked import description

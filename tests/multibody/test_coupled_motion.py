@@ -37,7 +37,7 @@ def test_rates_are_the_derivatives_of_places():
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
     moved = still(given.coupled, q)
     moved.rows[:, 0] = times
-    solution = as_result(given, replace(moved, v=v, a=a), 0.0)
+    solution = as_result(given, replace(moved, bodies=replace(moved.bodies, v=v, a=a)), 0.0)
     motion, xs = solution.motion, (0.0, 0.11, 0.3)
     found = {"shapes": solution.coordinates} | {x: motion.moving.moving_place("rod", (x, 0.0)) for x in xs}
     found |= {f"{x} in its body": motion.displacement("rod", (x, 0.0)) for x in xs}
@@ -74,7 +74,8 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     system = replace(given.coupled, links={"strip": own}, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
-    trajectory = replace(still(system, q), v=v, a=a)
+    trajectory = still(system, q)
+    trajectory = replace(trajectory, bodies=replace(trajectory.bodies, v=v, a=a))
     motion = FloatingMotion.of(replace(given, coupled=system), given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0

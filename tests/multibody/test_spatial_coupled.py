@@ -162,7 +162,7 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta():
     tail = 'sensors.tip = {position = "rod.end", component = "y"}\n'
     tail += 'solve = {preset = "coupled", duration = "0.05 s"}'
     found = _solution(ROD.format(section=SQUARE, gravity=[0, 0, 0], free=free, more=tail))
-    energy, curve = found.model.energy, found.model.motion.curve
+    energy, curve = found.energy, found.model.motion.curve
     assert abs(energy.stored - energy.stored[0]).max() < 1e-6 * energy.stored[0]
     assert energy.strain.max() > 1e-5  # the rod does deform
     system, momenta = found.model.module.system, []
@@ -222,7 +222,7 @@ def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model():
     text = "\n".join(line for line in text.splitlines() if not any(word in line for word in left))
     tail = '\n\n[solve]\npreset = "{}"\nstart = "zero"\nduration = "30 ms"\nsteps = 300\n'
     coupled, one_way = (_solution(text + tail.format(preset)) for preset in ("coupled", "stiffened"))
-    energy = coupled.model.energy
+    energy = coupled.energy
     assert energy.drift < 1e-6
     alike(coupled, one_way, 0.05, ("mid_y", "mid_z"))
 
@@ -343,7 +343,7 @@ def test_stiff_vibrations_set_no_steps():
     assert steps[0] < 2 * 90 and steps[0] < steps[1] < steps[2] < 1500
     for found, allowed in ((coarse, 3e-2), (fine, 1e-3)):
         alike(found, finest, allowed)
-    assert finest.model.energy.drift < 1e-8
+    assert finest.energy.drift < 1e-8
 
 
 @pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar"])
@@ -360,7 +360,7 @@ def test_gauss_keeps_the_energy_in_space():
         solve = f'preset = "coupled"\nintegrator = "{name}"\nsteps = 90\ntolerance = {tolerance}\nstart = "quasistatic"'
         found[name, tolerance] = _solution(f"{text}\n[solve]\n{solve}\n")
     gauss, radau, exact = found.values()
-    assert gauss.model.energy.drift < 0.1 * radau.model.energy.drift
+    assert gauss.energy.drift < 0.1 * radau.energy.drift
     alike(gauss, exact, 1e-5)
 
 

@@ -100,7 +100,7 @@ def test_a_strip_on_whatever_turns_swings_as_in_the_plane(joint, of_bend):
     section it has a shape more that turns that, and modes held there; the bend is measured from its turn."""
     flat, deep = in_the_plane(), strip(f"joints.hinge = {{{joint}}}", TILTED, more="")
     alike(deep, flat, {"height": 2e-5, "bend": of_bend})
-    assert deep.model.energy.drift < 1e-6 and not deep.warnings
+    assert deep.energy.drift < 1e-6 and not deep.warnings
 
 
 @pytest.mark.exhaustive(share=2)
@@ -109,14 +109,14 @@ def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
     """The strip's axes follow its mean turn there as well; with its tangent there six modes stopped the run."""
     flat, deep = in_the_plane(more), strip(more=more)
     alike(deep, flat, 1e-4, ("angle", "height"))
-    assert deep.model.energy.drift < 2e-6
+    assert deep.energy.drift < 2e-6
 
 
 def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
     """Energy is kept by a strip that bends far."""
     stiff = COIL.replace("stiffness = 0.02, damping = 0.002", "stiffness = 2, damping = 0")
     found = strip(modes=3, more=ANGLE + stiff, gravity="[0, -40, 0]")
-    assert abs(found.series["bend"].values).max() > 0.3 and found.model.energy.drift < 2e-6
+    assert abs(found.series["bend"].values).max() > 0.3 and found.energy.drift < 2e-6
 
 
 @pytest.mark.exhaustive(group="axes", share=3)
@@ -129,7 +129,7 @@ def test_a_strip_on_a_pin_along_and_across_it_is_one_on_a_stub():
     others = [strip(on_stub, ASKEW, modes, stub=stub) for modes in (3, 6)]
     for found in (few, many, others[1]):
         alike(found, others[0], 3e-3, ("angle", "height"))
-    assert all(each.model.energy.drift < 1e-6 for each in (many, *others))
+    assert all(each.energy.drift < 1e-6 for each in (many, *others))
 
 
 @pytest.mark.exhaustive(group="axes", share=3)
@@ -138,7 +138,7 @@ def test_springs_and_laws_at_a_pin_along_and_across_a_strip_know_how_its_section
     """With as many modes as one likes: in axes held at that section six modes stopped the run."""
     few, many = (strip(turned=ASKEW, modes=modes, more=more) for modes in (6, 8))
     alike(few, many, 1e-3, ("angle", "height"))
-    assert many.model.energy.drift < 1e-6 and not many.warnings
+    assert many.energy.drift < 1e-6 and not many.warnings
 
 
 CROSS = "axes = [[0.48, 0.6, 0.64], [0.8, 0, -0.6]]"
@@ -259,7 +259,7 @@ def test_links_on_a_universal_joint_and_a_pin_askew_have_as_many_modes_as_one_li
         assert 1e-3 < apart(two, five, name) < 4e-3, name
         assert apart(three, five, name) < 6e-4 and apart(six, five, name) < 2e-4, name
         assert apart(finer, five, name) < 4e-4, name
-    assert all(each.model.energy.drift < 1e-7 for each in (two, three, five, six))
+    assert all(each.energy.drift < 1e-7 for each in (two, three, five, six))
 
 
 def test_a_slow_misaligned_four_bar_is_the_stiffened_one():

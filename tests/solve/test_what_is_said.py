@@ -77,7 +77,7 @@ def test_an_integration_counts_as_solving(monkeypatch):
 
     def slow(run, *given):
         time.sleep(0.3)
-        go(run, *given)
+        return go(run, *given)
 
     monkeypatch.setattr(spatial_forward.SpatialRun, "go", slow)
     began = time.perf_counter()

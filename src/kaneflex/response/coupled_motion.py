@@ -15,7 +15,6 @@ from typing import Any, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.rigid_bodies import FIXED
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -40,10 +39,6 @@ class CoupledMotion(Motion):
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         return self.moving.state
-
-    @property
-    def energy(self) -> Energy | None:
-        return getattr(self.moving, "energy", self.model.energy)
 
     @property
     def has_rigid_forces(self) -> bool:

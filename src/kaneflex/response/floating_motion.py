@@ -16,7 +16,6 @@ import numpy as np
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.body_frame import Rates, rotate
 from kaneflex.mechanism.contacts import apart
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, whole_turns, wrapped
@@ -74,21 +73,15 @@ class FloatingMotion(DeformingMotion):
         return self.model.coupled
 
     @property
-    def energy(self) -> Energy:
-        """Energy of the run."""
-        return self.trajectory.energy
-
-    @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         of = self.system.engine.columns
         return self.trajectory.rows[:, of["q"]].T, self.trajectory.rows[:, of["u"]].T
 
     def taken(self, instants: np.ndarray) -> Self:
-        picked = {key: getattr(self.trajectory, key)[instants] for key in ("rows", "q", "v", "a", "multipliers")}
-        contacts, frictions = self.trajectory.contacts, self.trajectory.frictions
+        contacts, frictions, t = self.trajectory.contacts, self.trajectory.frictions, self.trajectory
         trajectory = replace(
-            self.trajectory, **picked, contacts=contacts and contacts.taken(instants),
-            frictions=frictions and frictions.taken(instants),
+            t, rows=t.rows[instants], bodies=t.bodies and t.bodies.taken(instants),
+            contacts=contacts and contacts.taken(instants), frictions=frictions and frictions.taken(instants),
         )  # fmt: skip
         shift, rigid = {name: part[instants] for name, part in self.shift.items()}, self.rigid.taken(instants)
         given = {"rigid": rigid, "times": rigid.times, "values": self.values[instants]}
@@ -266,9 +259,10 @@ class FloatingMotion(DeformingMotion):
             return self
         across = [k for k, (name, _) in enumerate(self.system.coordinates) if ".transverse_" in name]
         violent = (abs(found.a[:, across]) > abs(t.a[:, across]).max(axis=0)).any(axis=1)
+        assert t.bodies is not None
         kept = (self._locked & violent)[:, None]
-        a, multipliers = np.where(kept, t.a, found.a), np.where(kept, t.multipliers, found.reactions)
-        return replace(self, trajectory=replace(t, a=a, multipliers=multipliers))
+        a, reactions = np.where(kept, t.a, found.a), np.where(kept, t.multipliers, found.reactions)
+        return replace(self, trajectory=replace(t, bodies=replace(t.bodies, a=a, reactions=reactions)))
 
     @property
     def _locked(self) -> np.ndarray:

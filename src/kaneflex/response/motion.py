@@ -17,7 +17,6 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.section_forces import LinkForces
 
 if TYPE_CHECKING:
-    from kaneflex.mechanism.energy import Energy
     from kaneflex.multibody.time.sections import DeformingMotion
     from kaneflex.response.floating_motion import FloatingMotion
 
@@ -57,11 +56,6 @@ class Motion(ABC):
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates named by :func:`kaneflex.solve.initial.start_coordinates`, and their rates, each (n, n_times)."""
         return self.coordinates[:2]
-
-    @property
-    def energy(self) -> Energy | None:
-        """Energy of the run, if integrated; for one-way presets that of the rigid mechanism."""
-        return self.model.energy
 
     @property
     def has_rigid_forces(self) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
@@ -22,13 +23,13 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
-from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
+from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
-from kaneflex.multibody.time.run import Method, integrate
-from kaneflex.multibody.time.shooting import COMPLETED, Verdict
+from kaneflex.multibody.time.run import CURE, Method
+from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -56,110 +57,95 @@ def simulate_coupled(
     """Integrate the coupled equations over the model's duration, from the state ``after`` if given; ``closer``: see
     :func:`repeated`."""
     started = time.perf_counter()
-    system, options = model.coupled, model.options
-    assert system is not None
-    method = method_of(model)
-    times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
-    start = beginning(model) if after is None else state_after(system, after, system.choose)[0]
-    stops = [event for event in model.scene.events.values() if event.stop]
+    system, options = model.coupled_system, model.options
+    near = None if after is None else state_after(system, after, partial(_choice, system))
+    begin = 0.0 if after is None else after.t
+    times = begin + model.step * np.arange(options.steps + 1)
+    stops = [event for event in model.scene.events.values() if event.stop and model.coupled is not None]
 
     def stop(part: CoupledTrajectory) -> bool:
         return happens(as_result(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        trajectory = repeated(model, times, start, progress, closer)
+        trajectory = repeated(model, times, near and near[0], progress, closer)
     else:
-        trajectory = integrate(system, start, times, method, progress, stop if stops else None)
+        start = beginning(model) if near is None else near[0]
+        trajectory = integrate(system, start, times, method_of(model), progress, stop if stops else None)
+    if trajectory.curve is not None and near is not None:
+        trajectory.curve.turned = near[1]
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
 
+def _choice(system: CoupledSystem | SpatialSystem, given: State) -> Choice:
+    """Choice of independent speeds at a state."""
+    return system.choose(given) if isinstance(system, CoupledSystem) else choose(system, given.q)
+
+
 def repeated(
-    model: Model, times: np.ndarray, near: State, progress: Share | None = None, closer: float = 1.0
+    model: Model, times: np.ndarray, near: State | None, progress: Share | None = None, closer: float = 1.0
 ) -> CoupledTrajectory:
-    """Periodic motion over ``times`` [s] near a start, or by harmonics if these find one.
+    """Periodic motion over ``times`` [s] near a state, by default that of its harmonics, else of an equilibrium.
 
     ``closer``: factor on the tolerance of its change over the cycle; other than 1 for a cycle near a known one, whose
     stability is then not judged, and which begins at the start.
+
+    Raises SceneError if drives or loads are not periodic.
     """
-    system, start = model.coupled, None
-    assert system is not None
+    system, begin, period = model.coupled_system, float(times[0]), model.options.duration
     system.compile()
-    equations, first = prepare(system, near)
-    cycles = PlanarCycles(equations, times, method_of(model), closer)
-    check_repeats(system, system.engine.layout.driven, first, cycles.period)
-    if closer == 1.0 and not cycles.touches:
-        bare = partial(_undeformed, model, near, equations.choice)
-        start = orbit_start(equations, bare, near.t, cycles.period, HARMONICS)
-    trajectory, verdict = cycles.repeated(start or first, progress)
+    equations, first = _of_cycle(model, near)
+    check_repeats(system, system.engine.layout.driven, near or first, period)
+    cycles = Cycles(equations, times, method_of(model), closer)
+    if near is None and not cycles.touches:
+        bare = partial(_undeformed, model, first, equations.choice)
+        first = orbit_start(equations, bare, begin, period, HARMONICS) or equations.equilibrium(first) or first
+    trajectory, verdict = cycles.repeated(near or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 
-def integrated_in_space(model: Model, share: Share, after: SavedState | None = None, closer: float = 1.0) -> Model:
-    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
-    begun, coupled, options = model.in_space, model.coupled_in_space, model.options
-    assert begun is not None
-    system, verdict = begun.module.system, COMPLETED
-    near, turned = (None, None) if after is None else state_after(system, after, lambda given: choose(system, given.q))
-    if coupled is not None and options.start == "periodic":
-        run, verdict = _cycle(model, system, near, share, closer)
-    else:
-        start = near or (begun.curve.start if coupled is None else beginning(model))
-        run = SpatialRun(system, start, start.t + model.step * np.arange(options.steps + 1), method_of(model))
-        run.go(share)
-    run.turned = turned
-    return with_run(model, run, verdict)
-
-
-def with_run(model: Model, run: SpatialRun, verdict: Verdict = COMPLETED) -> Model:
-    """Model in space along an integrated motion, with the warnings of its run."""
-    from kaneflex.solve.spatial_loading import check_stage, with_open_reactions
-
-    scene, options, system, coupled = model.scene, model.options, run.system, model.coupled_in_space
-    motion = SpatialKinematics(SpatialModule(system), system.parameters, run)
-    energy = run.energy(motion)
-    if coupled is not None:
-        motion = replace(coupled.along(run), verdict=verdict)
-    if model.motion.is_start:
-        motion = with_open_reactions(motion, options)
-        check_laws(scene, motion, options)
-    if coupled is not None:
-        reference = model.reference_time
-        if run.turned is not None:
-            reference = run.start.t
-        elif model.motion.is_start:
-            reference = reference_instant(scene, options, motion)[0]
-        found = replace(model, motion=motion, reference_time=reference, energy=energy)
-    else:
-        found = moving(model, motion, energy)
-        check_stage(found)
-    return found
-
-
-def _cycle(
-    model: Model, system: SpatialSystem, near: State | None, share: Share, closer: float
-) -> tuple[SpatialRun, Verdict]:
-    """Periodic motion near a state, by default that of its harmonics or an equilibrium, and the verdict on it.
-
-    Raises SceneError if drives or loads are not periodic, or the motion can't continue.
-    """
-    start, period = start_of(system), model.options.duration
-    begin = (near or start).t
-    check_repeats(system, system.driven, near or start, period)
+def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
+    """Equations of a cycle, and the state that it is searched from."""
+    if model.coupled is not None:
+        return prepare(model.coupled, near or beginning(model))
+    system = model.motion.module.system
+    start = start_of(system)
     equations = Equations(system, start.choice)
-    if equations.shapes.all():
-        times = begin + np.linspace(0.0, period, _POSITIONS)
-        choice = choose_for_all(system, np.array([state.q for state in undeformed(model, times)]))
-        equations, start = Equations(system, choice), system.project(0.0, start.q, start.u, choice)
-        bare = partial(_undeformed, model, start, choice)
-        near = near or orbit_start(equations, bare, begin, period, HARMONICS)
-    # fast motion may have no equilibrium nearby
-    start = near or equations.equilibrium(start) or start
-    instants = begin + model.step * np.arange(model.options.steps + 1)
-    run, verdict = SpatialCycles(equations, instants, method_of(model), closer).repeated(start, share)
-    if verdict is None:
-        assert run.stopped is not None
-        raise run.stopped
-    return run, verdict
+    if not equations.shapes.all():
+        return equations, start
+    times = (near or start).t + np.linspace(0.0, model.options.duration, _POSITIONS)
+    choice = choose_for_all(system, np.array([state.q for state in undeformed(model, times)]))
+    return Equations(system, choice), system.project(0.0, start.q, start.u, choice)
+
+
+def integrated_in_space(model: Model, share: Share) -> Model:
+    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
+    from kaneflex.solve.spatial_loading import check_stage
+
+    if model.options.dynamics == "coupled":
+        return simulate_coupled(model, share).model
+    assert model.in_space is not None
+    system, start = model.in_space.module.system, model.in_space.curve.start
+    found = integrate(system, start, model.step * np.arange(model.options.steps + 1), method_of(model), share)
+    run = found.curve
+    if found.outcome is not Outcome.COMPLETED:
+        raise run.stopped(found.message, CURE)
+    motion = _along(model, run)
+    moved = moving(model, motion, run.energy(motion))
+    check_stage(moved)
+    return moved
+
+
+def _along(model: Model, run: SpatialRun) -> SpatialKinematics:
+    """Motion of a mechanism in space along its run, with the checks that need it."""
+    from kaneflex.solve.spatial_loading import with_open_reactions
+
+    module, coupled = SpatialModule(run.system), model.coupled_in_space
+    motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
+    reached = replace(model.options, duration=float(run.here[0]) - run.start.t)
+    if module.FREE:
+        motion = with_open_reactions(motion, reached)
+        check_laws(model.scene, motion, reached)
+    return motion
 
 
 def method_of(model: Model) -> Method:
@@ -228,6 +214,8 @@ def _given(model: Model, start: State) -> State:
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
+    if trajectory.curve is not None:
+        return _in_space(model, trajectory, trajectory.curve, seconds)
     system, rigid = model.coupled, model.motion
     assert system is not None and isinstance(rigid, ReferenceKinematics)
     bare = FloatingMotion.of(model, rigid.at(trajectory.times), trajectory)
@@ -235,6 +223,18 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     free = Courses(trajectory.times, *np.array(moved).reshape(-1, 3, len(trajectory.times)).transpose(1, 2, 0))
     run = None if system.engine.shapes.any() else trajectory
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
+
+
+def _in_space(model: Model, trajectory: CoupledTrajectory, run: SpatialRun, seconds: float) -> RunResult:
+    motion = _along(model, run)
+    reference = model.reference_time
+    if run.turned is not None:
+        reference = run.start.t
+    elif motion.module.FREE and len(trajectory.times) == len(run.times):
+        reference = reference_instant(model.scene, model.options, motion)[0]
+    alone = SpatialKinematics(SpatialModule(run.system), run.system.parameters, run)
+    trajectory = replace(trajectory, energy=run.energy(alone))
+    return RunResult(replace(model, motion=motion, reference_time=reference), trajectory, seconds)
 
 
 def longest(scene: Scene) -> float:

@@ -91,8 +91,10 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
 
 def _run(model: Model, progress: Progress, near: SavedState | None = None) -> RunResult:
     """Run of a coupled model, from or near a state; raises Unknown if it stops early."""
-    closer = 1.0 if near is None else _CLOSER
-    found = (run_one_way if model.coupled is None else simulate_coupled)(model, progress, near, closer)
+    if model.options.dynamics == "coupled":
+        found = simulate_coupled(model, progress, near, 1.0 if near is None else _CLOSER)
+    else:
+        found = run_one_way(model, progress)
     if found.outcome is not Outcome.COMPLETED:
         raise Unknown(f"the motion of a richer model is {found.message}")
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,10 @@ from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_tables
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
-from kaneflex.multibody.time import collocation
-from kaneflex.multibody.time.run import PATIENT, Run
-from kaneflex.multibody.time.spatial_forward import SpatialRun
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+from kaneflex.multibody.time import collocation, integration
+from kaneflex.multibody.time.run import PATIENT
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
-from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
 
@@ -74,9 +71,8 @@ class Begun:
 def begun(model: Model) -> Begun:
     """First instant of the run of a coupled model. Raises SceneError if it has none."""
     system, start = model.coupled, beginning(model) if model.options.start != "periodic" else _periodic(model)
-    kind: type[Run] = SpatialRun if system is None else Run
     times = model.step * np.arange(model.options.steps + 1)
-    run = kind(model.coupled_system, start, times, method_of(model))
+    run = integration.begun(model.coupled_system, start, times, method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")
@@ -86,13 +82,13 @@ def begun(model: Model) -> Begun:
 
 def _periodic(model: Model) -> State:
     """Start of a periodic motion."""
-    if model.coupled is None:
-        return cast(SpatialKinematics, integrated(model).motion).curve.start
-    found, engine = simulate(model).trajectory, model.coupled.engine
+    found, system = simulate(model).trajectory, model.coupled_system
     assert isinstance(found, CoupledTrajectory)
     if not len(found.times):
         raise SceneError("solve.start", "periodic", found.message, "Start from zero")
-    return next(engine.states_of(found.rows[:1], engine.choice))
+    return found.curve.start if found.curve is not None else next(
+        system.engine.states_of(found.rows[:1], system.engine.choice)
+    )
 
 
 def _in_plane(system: CoupledSystem) -> tuple:

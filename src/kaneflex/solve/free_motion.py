@@ -7,7 +7,6 @@ asks for it here.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from kaneflex.mechanism.closure import check_closure
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -17,29 +16,23 @@ from kaneflex.solve.law_checks import check_laws
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
-if TYPE_CHECKING:
-    from kaneflex.solve.coupled_state import SavedState
-
 Share = Callable[[float], None]
 _INTEGRATED: Kept[Model, Model] = Kept()
 
 
-def integrated(model: Model, share: Share = silent, after: SavedState | None = None, closer: float = 1.0) -> Model:
+def integrated(model: Model, share: Share = silent) -> Model:
     """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
 
-    ``share`` is called with the finished share, 0 to 1; ``after``: state of a coupled mechanism in space at which the
-    run starts, in place of the scene's; ``closer``: see :func:`kaneflex.solve.coupled.repeated`.
+    ``share`` is called with the finished share, 0 to 1.
 
-    Raises SceneError if the motion can't continue; it names the time.
+    Raises SceneError if the motion can't continue; it names the time. That of a coupled mechanism then ends early.
     """
-    if after is None and not model.awaits_run:
+    if not model.awaits_run:
         return model
     if not model.scene.is_spatial:
         return _INTEGRATED.of(model, lambda: _in_plane(model, share))
     from kaneflex.solve.coupled import integrated_in_space
 
-    if after is not None:
-        return integrated_in_space(model, share, after, closer)
     return _INTEGRATED.of(model, lambda: integrated_in_space(model, share))
 
 

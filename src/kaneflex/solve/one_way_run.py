@@ -16,7 +16,6 @@ from kaneflex.solve.run_result import RunResult
 
 if TYPE_CHECKING:
     from kaneflex.integrate.run import Run
-    from kaneflex.solve.coupled_state import SavedState
 
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
@@ -25,14 +24,11 @@ _ROUNDING = 1e-12
 """Change over a cycle, relative to the largest value of the same unit, that counts as rounding."""
 
 
-def run_one_way(
-    model: Model, progress: Progress | None = None, after: SavedState | None = None, closer: float = 1.0
-) -> RunResult:
-    """Run of a model without planar coupled equations, up to the first event that stops it; in space also from the
-    state ``after``. ``closer``: see :func:`kaneflex.solve.coupled.repeated`."""
+def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
+    """Run of a model without coupled equations, up to the first event that stops it."""
     started = time.perf_counter()
-    if model.awaits_run or after is not None:
-        model, progress = _moved(model, progress or (lambda done: None), after, closer)
+    if model.awaits_run:
+        model, progress = _moved(model, progress or (lambda done: None))
     trajectory = _METHODS[model.options.dynamics](model, progress)
     found = RunResult(model, trajectory, time.perf_counter() - started)
     if not model.scene.events:
@@ -42,13 +38,13 @@ def run_one_way(
     return until_stop(found)
 
 
-def _moved(model: Model, progress: Progress, after: SavedState | None, closer: float) -> tuple[Model, Progress]:
+def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
     from kaneflex.solve.free_motion import integrated
 
-    part = 1.0 if model.options.dynamics in ("rigid", "coupled") else 0.5
-    found = integrated(model, lambda done: progress(part * done), after, closer)
+    part = 1.0 if model.options.dynamics == "rigid" else 0.5
+    found = integrated(model, lambda done: progress(part * done))
     return found, lambda done: progress(part + (1.0 - part) * done)
 
 
@@ -59,9 +55,6 @@ def _instants(model: Model) -> np.ndarray:
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = model.motion.begin + _instants(model)
     none = np.zeros((len(times), 0))
-    coupled = model.coupled_in_space
-    if coupled is not None and coupled.verdict is not None:
-        return Trajectory(times, none, none, none, *coupled.verdict, 0.0)
     return _completed(times, none, none, none, 0.0)
 
 
@@ -144,6 +137,6 @@ def run_of(model: Model) -> Run:
 
 
 _METHODS = {
-    "rigid": _as_moved, "coupled": _as_moved, "quasistatic": _quasistatic,
+    "rigid": _as_moved, "quasistatic": _quasistatic,
     "dynamic": _integrated, "frozen": _integrated,
 }  # fmt: skip

@@ -94,7 +94,8 @@ class RunResult:
     def energy(self) -> Energy | None:
         """Energies [J] at the steps and the error of their balance, for free joints or preset ``coupled``; else None,
         as the drives' motion is not integrated."""
-        return self.motion.energy
+        own = self.trajectory
+        return self.model.energy if isinstance(own, Trajectory) else own.energy
 
     @property
     def multipliers(self) -> np.ndarray | None:
@@ -171,11 +172,12 @@ class RunResult:
         if not ((times >= first) & (times <= last)).all():
             asked = f"{times.min():.9g} to {times.max():.9g} s"
             raise ValueError(f"instants from {asked} are outside the run, {first:.9g} to {last:.9g} s")
-        if self.model.coupled is not None:
-            from kaneflex.multibody.time.dense_output import between
+        own = self.trajectory
+        if isinstance(own, Trajectory):
+            return replace(self, trajectory=own.at(times), whole=self)
+        from kaneflex.multibody.time.dense_output import between
 
-            return replace(self, trajectory=between(self.model.coupled, self.trajectory, times), whole=self)
-        return replace(self, trajectory=self.trajectory.at(times), whole=self)
+        return replace(self, trajectory=between(self.model.coupled_system, own, times), whole=self)
 
     @property
     def impacts(self) -> tuple[Impact, ...]:
@@ -262,10 +264,10 @@ def nominal_seconds(solution: RunResult) -> float:
         # the tangent of a cycle with contacts or friction takes four cycles per freedom
         differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.holds) > 0
         return _OF_A_STEP * tried * engine.size * (1 + 4 * model.solved_for * differs)
-    if model.coupled_in_space is not None:
-        curve, speeds = model.coupled_in_space.curve, model.coupled_in_space.module.system.engine.size
+    if not isinstance(run, Trajectory):
+        speeds = model.coupled_system.engine.size
         each = _IN_SPACE + _OF_A_TANGENT * speeds * (model.options.start == "periodic")
-        return each * speeds * getattr(curve, "evaluations", 0)
+        return each * speeds * (run.curve.evaluations if run.curve is not None else 0)
     return seconds_of_steps(model, model.options.steps) if model.reduced.size else 0.0
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.read import SceneLike
-from kaneflex.solve.loading import load, model_from
+from kaneflex.solve.loading import model_from
 from kaneflex.solve.one_way_run import Progress, run_one_way
 from kaneflex.solve.solution import Solution
 from kaneflex.support.arguments import takes
@@ -66,10 +66,8 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Save
             (model.options.start == "given", "after", after.source, "the scene also gives an initial state",
              "Leave solve.start out"),
         )  # fmt: skip
-    elif model.in_space is not None and model.in_space.curve.turned is not None:
-        model = load(model.given or model.scene)  # its motion is that of a run from another state
-    if model.coupled is None:
-        return Solution.of(run_one_way(model, progress, after))
+    if model.options.dynamics != "coupled":
+        return Solution.of(run_one_way(model, progress))
     from kaneflex.solve.coupled import simulate_coupled
 
     return Solution.of(simulate_coupled(model, progress, after))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.solve.run_result import RunResult
@@ -168,9 +168,12 @@ def _restored(
     from kaneflex.solve.free_motion import integrated
     from kaneflex.solve.loading import load
 
-    model = integrated(load(scene), after=after)
+    model = load(scene)
     if isinstance(trajectory, Trajectory):
-        return Solution(model, trajectory, seconds, whole)
-    from kaneflex.solve.coupled import as_result
+        return Solution(integrated(model), trajectory, seconds, whole)
+    from kaneflex.solve.coupled import as_result, simulate_coupled
 
+    if model.coupled is None:  # the run of a mechanism in space is not pickled
+        run: Any = simulate_coupled(model, after=after).trajectory
+        trajectory = replace(trajectory, curve=run.curve)
     return replace(Solution.of(as_result(model, trajectory, seconds)), whole=whole)

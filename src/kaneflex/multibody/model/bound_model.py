@@ -111,8 +111,8 @@ class Model:
     coupled : CoupledSystem or None
         The coupled equations, under preset ``coupled``.
     energy : Energy or None
-        Energies of a motion that was integrated before the elastic equations: of the rigid mechanism with free joints
-        or, in space under ``coupled``, of the elastic one. None before the run.
+        Energies of a motion that was integrated before the elastic equations: of the rigid mechanism with free joints.
+        None before the run.
     seconds : mapping
         Wall time of the stages of loading.
     given : Scene or None
@@ -193,7 +193,7 @@ class Model:
     def awaits_run(self) -> bool:
         """True if a run first integrates the motion: with free joints, or of a coupled mechanism in space."""
         coupled = self.coupled_in_space
-        return self.motion.is_start or (coupled is not None and coupled.verdict is None)
+        return self.motion.is_start or (coupled is not None and not coupled.curve.whole)
 
     @property
     def bare(self) -> bool:

@@ -17,7 +17,6 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Place
-from kaneflex.multibody.time.shooting import Verdict
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.scene import Scene
@@ -27,11 +26,10 @@ from kaneflex.scene.options import Options
 @dataclass(frozen=True, eq=False)
 class CoupledKinematics(SpatialKinematics):
     """Motion of deforming bodies: their axes and shapes; ``rigid``: motion of the rigid mechanism with the same
-    positions of free joints; ``verdict``: outcome of the run. Before it there is none: bodies are undeformed, and
-    follow the drives or, with free joints, are at their start."""
+    positions of free joints. Before a run bodies are undeformed, and follow the drives or, with free joints, are at
+    their start."""
 
     rigid: SpatialKinematics
-    verdict: Verdict | None = None
 
     def along(self, curve: Curve) -> CoupledKinematics:
         """This mechanism with another motion."""

@@ -269,6 +269,10 @@ class Unfolded:
     gaps: np.ndarray
     frictions: np.ndarray
 
+    def taken(self, instants: np.ndarray) -> Unfolded:
+        """Some of the states."""
+        return Unfolded(**{name: part[instants] for name, part in vars(self).items()})
+
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
     """Find or derive the module of a scene's laws, and bind its numbers.

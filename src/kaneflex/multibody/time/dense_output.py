@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +14,10 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import CoupledSystem, Unfolded
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral.results import RowRecord
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
 _STEP = 1e-30
 """Complex step [s] for second rates of rotation vectors."""
@@ -115,20 +114,30 @@ def rates_of_turns(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> t
     return rate, np.einsum("tij,tj->ti", *ahead).imag / _STEP
 
 
-def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tuple[Energy, np.ndarray, np.ndarray]:
-    """Energies of states, and the powers lost and supplied; accumulated energies are given."""
+def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> Energy:
+    """Energies of states; accumulated ones are given."""
     kinetic, strain, _, weight = found.sums.T
-    energy = Energy(kinetic, strain, weight, dissipated, supplied)
-    return energy, found.sums[:, 2], found.powers[:, 1:].sum(axis=1)
+    return Energy(kinetic, strain, weight, dissipated, supplied)
 
 
-def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
-    """Motion at other instants within the run (dense output).
+def states(
+    system: Any, trajectory: CoupledTrajectory, choice: Choice, times: np.ndarray
+) -> Iterator[State]:
+    """States of a system at instants within its run [s]; ``choice``: theirs in the plane."""
+    if trajectory.curve is not None:
+        return map(trajectory.curve, times.tolist())
+    return system.engine.states_of(between(system, trajectory, times).rows, choice)
+
+
+def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
+    """Motion at other instants within the run (dense output); in space it is read from the run.
 
     q by the quintic through q, q', q'' of the stored instants and of changes between them, projected onto the
     constraints; accelerations and reactions from the equations. Where changes are no longer stored, closed contacts
     have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
+    if trajectory.curve is not None:
+        return replace(trajectory, rows=times[:, None])
     path, engine = _with_changes(trajectory), system.engine
     of, knots = engine.columns, path.times
     k = np.searchsorted(knots, times, side="right") - 1
@@ -140,7 +149,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     found = system.unfold(rows)
     dissipated = piece.cubic(path.energy.dissipated, path.loss)
     supplied = piece.cubic(path.energy.supplied, path.power)
-    energy, loss, power = balance(found, dissipated, supplied)
+    energy = balance(found, dissipated, supplied)
     contacts = path.contacts
     if contacts is not None:
         gaps = found.gaps[:, : len(contacts.names)]
@@ -149,10 +158,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     if frictions is not None:
         lost = piece.line(frictions.lost)
         frictions = RowRecord.of(frictions.names, found.frictions, lost, jams=frictions.jams)
-    return replace(
-        trajectory, rows=rows, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
-        power=power, contacts=contacts, frictions=frictions,
-    )  # fmt: skip
+    return replace(trajectory, rows=rows, bodies=found, energy=energy, contacts=contacts, frictions=frictions)
 
 
 def _modes(
@@ -189,8 +195,10 @@ def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
         return np.concatenate([attrgetter(key)(each) for each in both])[order]
 
     zero, contacts, frictions = np.zeros(len(times)), trajectory.contacts, trajectory.frictions
+    assert trajectory.bodies is not None
     return replace(
-        trajectory, rows=merged("rows"), loss=merged("loss"), power=merged("power"),
+        trajectory, rows=merged("rows"),
+        bodies=replace(trajectory.bodies, sums=merged("bodies.sums"), powers=merged("bodies.powers")),
         energy=Energy(zero, zero, zero, merged("energy.dissipated"), merged("energy.supplied")),
         contacts=contacts and replace(contacts, lost=merged("contacts.lost")),
         frictions=frictions and replace(frictions, lost=merged("frictions.lost")),

@@ -1,11 +1,9 @@
-"""From a coupled system to its trajectory: initial state, integration with progress, energy balance."""
+"""Run of a coupled system: initial state, integration with progress, energy balance."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -16,7 +14,6 @@ from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
 from kaneflex.multibody.time.dense_output import balance
@@ -40,42 +37,11 @@ _MOST_CHANGES = 20_000
 """Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
 PATIENT = 16
 """Steps per call of compiled code with dependent coordinates that should be replaced, but have no better ones."""
-_NONE = np.zeros(0)
+EMPTY = np.zeros(0)
 
 
 Stop = Callable[[CoupledTrajectory], bool]
 """Condition to stop a run, evaluated on every piece, whose first instant is the last one of the piece before."""
-
-
-def integrate(
-    system: CoupledSystem,
-    start: State,
-    times: np.ndarray,
-    method: Method,
-    progress: Callable[[float], None] | None = None,
-    stop: Stop | None = None,
-    ends: np.ndarray | None = None,
-) -> CoupledTrajectory:
-    """Integrate from a start at times[0]; returns the motion at ``times`` [s] up to its end.
-
-    ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control.
-    """
-    run = Run(system, start, times, method, ends)
-    started = time.perf_counter()
-    ended = run.go(progress, stop)
-    return finished(run, ended, 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1]))
-
-
-def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajectory:
-    """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
-    found = run.trajectory(run.table[: run.filled + 1], *ended, ns, run.ends)
-    if len(found.energy.jumps()):
-        from kaneflex.multibody.time.lost_branch import departure  # which few runs need
-
-        left = departure(run.system, found, run.method.integrator)
-        found = found if left is None else run.cut(*left, found)
-    changes = [row for row in run.changes if run.times[0] <= row[0] <= run.times[run.filled]]
-    return replace(found, changes=run.trajectory(np.array(changes))) if changes else found
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
@@ -104,14 +70,14 @@ class Run:
         self, system: Any, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
     ) -> None:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
-        self.given = _NONE if given is None else given
+        self.given = EMPTY if given is None else given
         self.pieces: list[tuple[np.ndarray, Choice]] = []
         system.compile()
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
         self.longest = float(times[1] - times[0])
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
-        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), _NONE
+        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), EMPTY
         self.impacts: tuple[results.Impact, ...] = ()
         self.changes: list[np.ndarray] = []
         self.projected, self.step = self._begun(start)
@@ -137,7 +103,7 @@ class Run:
     @property
     def ends(self) -> np.ndarray:
         """Ends of the steps [s]."""
-        return np.concatenate([_NONE, *(rows[1:, 0] for rows, _ in self.pieces)])
+        return np.concatenate([EMPTY, *(rows[1:, 0] for rows, _ in self.pieces)])
 
     def go(
         self, progress: Callable[[float], None] | None = None, stop: Stop | None = None
@@ -159,7 +125,7 @@ class Run:
                 ended = collocation.CASCADE
             most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
             if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
-                outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
+                outcome, words = self._held() or self._reason(ended) or _ENDED[ended]
                 said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
             if self._is_in_doubt() and not self._agrees():
@@ -186,7 +152,7 @@ class Run:
         cure = "Use friction of a joint in place of the law"
         return (Outcome.CASCADE, f"after {{at}} the law of loads.{name} {HOLDS}. {cure}") if name else None
 
-    def _overdamped(self, ended: int) -> tuple[Outcome, str] | None:
+    def _reason(self, ended: int) -> tuple[Outcome, str] | None:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
         if ended != collocation.TOO_SMALL:
             return None
@@ -308,7 +274,7 @@ class Run:
 
     def trajectory(
         self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
-        ends: np.ndarray = _NONE,
+        ends: np.ndarray = EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
@@ -323,19 +289,18 @@ class Run:
         rubbed = done[:, works - count - held : works - count] - found.frictions[:, :, STORED]
         jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
         frictions = results.RowRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed, jams=jams)
+        dissipated, supplied = done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held]
         return CoupledTrajectory(
-            rows, found.q, found.v, found.a, found.reactions,
-            *balance(
-                found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
-            ),
-            int(self.counts[0]), int(self.counts[1]), outcome, message, ns, ends,
-            contacts=contacts, frictions=frictions,
+            rows, found, balance(found, dissipated, supplied.sum(axis=1)), int(self.counts[0]), int(self.counts[1]),
+            outcome, message, ns, ends, contacts=contacts, frictions=frictions,
         )  # fmt: skip
 
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
+CURE = "Shorten the duration, or change loads or start so that no loop locks"
+"""Advice if a motion can't continue."""
 HOLDS = "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
 """Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"

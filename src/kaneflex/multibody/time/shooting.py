@@ -12,18 +12,20 @@ motion (Nayfeh and Mook 1979, section 5.2): a disturbance grows if the modulus o
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import reduce
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.time.dense_output import states
 from kaneflex.multibody.time.error_bounds import Method
+from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, state_matrix
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
 _CYCLES = 100
 """Largest number of cycles of the search."""
@@ -45,8 +47,6 @@ _APART, _BY_CYCLES = 1e-3, 1e-2
 modulus."""
 _UNKNOWN = "the stability is not known"
 
-Cycle = TypeVar("Cycle")
-
 
 class Verdict(NamedTuple):
     """Result of a search for a periodic motion; floquet: its multipliers (2 k,), by decreasing modulus."""
@@ -60,7 +60,7 @@ COMPLETED = Verdict(Outcome.COMPLETED, Outcome.COMPLETED.value, None)
 """Verdict of a run without search."""
 
 
-class Cycles(ABC, Generic[Cycle]):
+class Cycles:
     """Cycles of a mechanism by their starts, in the plane or in space.
 
     Parameters
@@ -91,33 +91,29 @@ class Cycles(ABC, Generic[Cycle]):
         """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
         return bool(len(self.equations.engine.contacts) or len(self.equations.engine.holds))
 
-    @abstractmethod
-    def run(self, start: State) -> Cycle:
+    def run(self, start: State) -> CoupledTrajectory:
         """Cycle from a start, which may stop early."""
+        return integrate(self.equations.system, start, self.times, self.method, ends=self.ends)
 
-    @abstractmethod
-    def completed(self, cycle: Cycle) -> bool:
+    def completed(self, cycle: CoupledTrajectory) -> bool:
         """True if the cycle is complete."""
+        return cycle.outcome is Outcome.COMPLETED
 
-    @abstractmethod
-    def at(self, cycle: Cycle, times: np.ndarray) -> Iterable[State]:
-        """States of a cycle at ``times`` [s]."""
-
-    def states(self, cycle: Cycle, count: int) -> Iterable[State]:
+    def states(self, cycle: CoupledTrajectory, count: int) -> Iterable[State]:
         """States at equal distances, from the initial to the final one."""
         return self.along(cycle, np.linspace(0.0, 1.0, count))
 
-    def along(self, cycle: Cycle, shares: np.ndarray) -> Iterable[State]:
+    def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterable[State]:
         """States at instants given as shares of a cycle."""
-        return self.at(cycle, self.begin + shares * self.period)
+        return states(self.equations.system, cycle, self.equations.choice, self.begin + shares * self.period)
 
-    def deformation(self, cycle: Cycle) -> float:
+    def deformation(self, cycle: CoupledTrajectory) -> float:
         """Largest coordinate of a shape in a cycle."""
         engine = self.equations.engine
         of_shapes = engine.own[engine.shapes[engine.own[:, 1]], 0]
         return max(abs(state.q[of_shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS))
 
-    def end(self, cycle: Cycle) -> State:
+    def end(self, cycle: CoupledTrajectory) -> State:
         """End of a cycle as a start, without whole turns of joints since its start."""
         engine, (start, end) = self.equations.engine, self.states(cycle, 2)
         own = engine.own[(engine.turns & ~engine.shapes)[engine.own[:, 1]], 0]
@@ -133,11 +129,11 @@ class Cycles(ABC, Generic[Cycle]):
         """Start with x changed by ``x`` (2 k,). Raises ArithmeticError or LinAlgError if equations are singular."""
         return self.equations.beside(start, x)
 
-    def missed(self, cycle: Cycle) -> np.ndarray:
+    def missed(self, cycle: CoupledTrajectory) -> np.ndarray:
         """Change P(x) - x, (2 k,)."""
         return self.apart(*self.states(cycle, 2))[0]
 
-    def repeats(self, cycle: Cycle, left: float) -> bool:
+    def repeats(self, cycle: CoupledTrajectory, left: float) -> bool:
         """True if a cycle repeats to ``left``: deformations relative to their largest, free joints to their range and
         that of their speeds, within the error of the steps."""
         change, faster = abs(self.missed(cycle)).reshape(2, -1)
@@ -152,23 +148,23 @@ class Cycles(ABC, Generic[Cycle]):
         """Largest change of a coordinate, in its unit."""
         return float((abs(missed[: len(self.measure)]) / self.measure).max(initial=0.0))
 
-    def _ranges(self, cycle: Cycle) -> np.ndarray:
+    def _ranges(self, cycle: CoupledTrajectory) -> np.ndarray:
         """Range of every component of x in a cycle, (2 k,)."""
         start, *others = self.states(cycle, LOOKS)
         return np.ptp(self.apart(start, start, *others), axis=0)
 
-    def sizes(self, cycle: Cycle) -> np.ndarray:
+    def sizes(self, cycle: CoupledTrajectory) -> np.ndarray:
         """Scales of x, (2 k,): at least 1e-3 of the mechanism's size or of 1 rad, per cycle for rates."""
         least = _STILL * self.measure
         return np.maximum(self._ranges(cycle), np.concatenate([least, least / self.period]))
 
-    def monodromy(self, cycle: Cycle, pieces: int = PIECES) -> np.ndarray:
+    def monodromy(self, cycle: CoupledTrajectory, pieces: int = PIECES) -> np.ndarray:
         """Monodromy matrix dP/dx (2 k, 2 k) by the equations linearised at the middle of each piece. Raises as
         :meth:`moved`."""
         middles = self.along(cycle, (np.arange(pieces) + 0.5) / pieces)
         return propagated(self.period / pieces, (state_matrix(*self.equations.matrices(each)) for each in middles))
 
-    def by_cycles(self, cycle: Cycle) -> np.ndarray:
+    def by_cycles(self, cycle: CoupledTrajectory) -> np.ndarray:
         """Monodromy matrix dP/dx (2 k, 2 k) by central differences of neighbouring cycles.
 
         Raises ArithmeticError if one of them is not complete.
@@ -183,14 +179,16 @@ class Cycles(ABC, Generic[Cycle]):
                 ahead[:, k] = self.missed(found)
         return np.eye(len(steps)) + (ends[0] - ends[1]) / (2.0 * np.diag(steps))
 
-    def repeated(self, start: State, progress: Callable[[float], None] | None = None) -> tuple[Cycle, Verdict | None]:
+    def repeated(
+        self, start: State, progress: Callable[[float], None] | None = None
+    ) -> tuple[CoupledTrajectory, Verdict | None]:
         """Run cycles until one repeats, each from the start that Newton's method predicts.
 
         The tangent is that of the first cycle, updated by every further one (Broyden 1965); if it fails or diverges,
         cycles continue from the end of the last one, and the verdict reports it. The verdict also includes stability;
         None if the motion can't continue.
         """
-        found: Cycle | None = None
+        found: CoupledTrajectory | None = None
         slope: np.ndarray | None = None
         move, missed, tell = np.zeros(0), np.zeros(0), progress or (lambda share: None)
         failure, waited = "", 0
@@ -226,7 +224,7 @@ class Cycles(ABC, Generic[Cycle]):
         reason = f"the motion still changes after {_CYCLES} cycles{failure}; add damping, or start from zero"
         return found, Verdict(Outcome.NO_PERIODIC_STATE, f"no periodic state: {reason}", None)
 
-    def multipliers(self, cycle: Cycle) -> tuple[np.ndarray, float]:
+    def multipliers(self, cycle: CoupledTrajectory) -> tuple[np.ndarray, float]:
         """Floquet multipliers (2 k,) of a periodic cycle, by decreasing modulus, and the error of the largest.
 
         The number of pieces is increased until its modulus differs clearly from one, in doubt repeatedly, since long
@@ -248,7 +246,7 @@ class Cycles(ABC, Generic[Cycle]):
                 return found, off
             pieces *= 2
 
-    def judged(self, cycle: Cycle) -> Verdict:
+    def judged(self, cycle: CoupledTrajectory) -> Verdict:
         """Stability verdict from a cycle's Floquet multipliers."""
         from kaneflex.integrate.outcome import LEFT
         from kaneflex.integrate.periodic import exceeds_one

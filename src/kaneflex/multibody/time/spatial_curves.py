@@ -27,6 +27,8 @@ class Curve(ABC):
     turned: Mapping[str, float] | None = None
     """Angles [rad] with whole turns at the start, of joints that close loops, from the run that this one continues;
     None if it continues none."""
+    whole = False
+    """True for the curve of a run."""
 
     def __call__(self, t: float) -> State:
         """The state at t [s]."""

@@ -25,6 +25,7 @@ from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, unknown_energy
 from kaneflex.support.errors import SceneError
 
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
@@ -32,10 +33,7 @@ BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending int
 
 
 class SpatialRun(run.Run, Curve):
-    """Steps of an integration in space, and the curves between them.
-
-    ``stopped``: error of an incomplete run, raised by the caller.
-    """
+    """Steps of an integration in space, and the curves between them."""
 
     whole = True
 
@@ -43,7 +41,6 @@ class SpatialRun(run.Run, Curve):
         self, system: SpatialSystem, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
     ) -> None:
         self.start, self.pace = start, Pace(float(times[-1] - times[0]))
-        self.stopped: SceneError | None = None
         super().__init__(system, start, times, method, given)
         self.sloped = DAMPED if system.has_slopes and method.integrator == "radau" else 0.0
 
@@ -55,30 +52,39 @@ class SpatialRun(run.Run, Curve):
     def go(
         self, progress: Callable[[float], None] | None = None, stop: run.Stop | None = None
     ) -> tuple[Outcome, str]:
-        """Integrate to the end of the run. Raises SceneError if the motion can't continue."""
+        """Integrate to the end of the run, or to the last possible state. Raises SceneError if it takes too many steps.
+        """
 
         def share(done: float) -> None:
             self.pace.evaluations = self.evaluations
             if progress is not None:
                 progress(done)
             if self.pace.too_slow(float(self.here[0]) - self.start.t):
-                raise self._stopped()
+                entry = "tolerance" if self.system.coupled else "forward.tolerance"
+                cure = f"Shorten the duration, or raise solve.{entry}"
+                raise self.stopped(self.pace.message(float(self.here[0])), cure)
 
         try:
-            outcome, message = super().go(share, stop)
+            ended = super().go(share, stop)
         finally:  # for readers there are no change points
             self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN] = -math.inf
-        if outcome is not Outcome.COMPLETED:
-            raise self._stopped(message)
-        return outcome, message
+        if not self.pieces:
+            self.pieces.append((np.vstack([self.here, self.here]), self.engine.choice))
+        return ended
 
     def _turned(self) -> bool:
-        far = overturned(self.system.mechanism, self.system.work.springs)  # in the last attempt
+        return False
+
+    def _reason(self, ended: int) -> tuple[Outcome, str] | None:
+        """Outcome if bushings turn too far, or the last state is singular; None otherwise."""
+        stuck = f"the motion can't continue after t = {self.here[0]:.6g} s"
+        if far := overturned(self.system.mechanism, self.system.work.springs):  # in the last attempt
+            return Outcome.UNSTABLE, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
         try:
             self.system.project(float(self.here[0]), *self.engine.state_of(self.here), self.engine.choice)
         except ArithmeticError as reason:
-            raise self._stopped(str(reason), far) from None
-        raise self._stopped("the step size tends to zero", far)
+            return Outcome.SINGULAR, f"{stuck}: {reason}"
+        return None
 
     def _chosen_anew(self) -> bool:
         """True if other speeds keep the rank: near a singular position fewer rows would leave a freedom open."""
@@ -107,7 +113,8 @@ class SpatialRun(run.Run, Curve):
             try:
                 system.near(choice, times[first:last], given[first:last], out[first:last])
             except ArithmeticError as reason:
-                raise self._stopped(reason.args[0], t=reason.args[1]) from None
+                why, t = reason.args
+                raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {why}", run.CURE) from None
         return out
 
     @cached_property
@@ -130,24 +137,19 @@ class SpatialRun(run.Run, Curve):
         kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
         return Energy(kinetic, found["strain energy"], weight, works[:, 0], works[:, 1:].sum(axis=1))
 
-    def _stopped(self, message: str = "", far: tuple[str, str] | None = None, t: float | None = None) -> SceneError:
-        """Error for a motion that can't continue after t [s], by default after the last step."""
-        t, scene = float(self.here[0]) if t is None else t, self.system.scene
-        if name := run.held(self.engine, self.system.module):
-            reason, cure = f"after t = {t:.6g} s the law {run.HOLDS}", "Use a smooth law, like tanh(1000 * x)"
-            return SceneError(f"loads.{name}.law", scene.loads[name].law, reason, cure)
-        if far:
-            reason = f"the motion can't continue after t = {t:.6g} s: {far[1]}"
-            cure = "Limit the rotation, or use loads with laws"
-            return SceneError(f"springs.{far[0]}.bushing", None, reason, cure)
+    def trajectory(
+        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
+        ends: np.ndarray = run.EMPTY,
+    ) -> CoupledTrajectory:  # fmt: skip
+        if outcome is not Outcome.COMPLETED and self.engine.shapes.any():
+            message = f"{message}. {BENT_FAR}"
+        steps, rejected, *_ = self.counts.astype(int).tolist()
+        energy = unknown_energy(len(rows))
+        return CoupledTrajectory(rows[:, :1], None, energy, steps, rejected, outcome, message, ns, ends, curve=self)
+
+    def stopped(self, reason: str, cure: str) -> SceneError:
+        """Error for a motion that can't continue."""
+        scene, floating = self.system.scene, self.system.mechanism.floating
         free = next((name for name, drive in scene.drives.items() if drive.kind == "free"), None)
-        floating = self.system.mechanism.floating
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
-        cure = "Shorten the duration, or change loads or start so that no loop locks"
-        reason = f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}"
-        if not message:
-            entry = "tolerance" if self.system.coupled else "forward.tolerance"
-            reason, cure = self.pace.message(t), f"Shorten the duration, or raise solve.{entry}"
-        if self.engine.shapes.any():
-            cure = f"{BENT_FAR}, or use preset stiffened"
         return SceneError(key, None, reason, cure)

@@ -1,9 +1,10 @@
-"""Motion of a coupled system at instants, with the outcome of its run."""
+"""Motion of a coupled system at instants, with the outcome of its run, in the plane and in space."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,14 +23,11 @@ class CoupledTrajectory:
     Attributes
     ----------
     rows : ndarray (n_times, row)
-        Rows of the engine, see ``Engine.columns``; their loops are closed.
-    q, v, a : ndarray (n_times, n)
-        Frames and shapes of the system's bodies with their rates.
-    multipliers : ndarray (n_times, m)
-        Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
+        Rows of the engine, see ``Engine.columns``, whose loops are closed; in space their times alone.
+    bodies : Unfolded or None
+        Motion of the bodies and reactions there; None in space, where they are read from ``curve``.
     energy : Energy
-    loss, power : ndarray (n_times,)
-        Dissipated and supplied power [W].
+        In space at the ends of the steps; zero where it is not known.
     steps, rejected : int
         Accepted and rejected steps.
     ends : ndarray (steps,)
@@ -41,36 +39,76 @@ class CoupledTrajectory:
         kept: speeds and accelerations may jump there.
     floquet : ndarray or None
         Floquet multipliers of a cycle, by decreasing modulus, if requested.
+    curve : SpatialRun or None
+        The run of a mechanism in space, see :mod:`kaneflex.multibody.time.spatial_forward`; it is not pickled.
     """
 
     rows: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    multipliers: np.ndarray
+    bodies: Unfolded | None
     energy: Energy
-    loss: np.ndarray
-    power: np.ndarray
-    steps: int
-    rejected: int
-    outcome: Outcome
-    message: str
-    ns_per_step: float
+    steps: int = 0
+    rejected: int = 0
+    outcome: Outcome = Outcome.COMPLETED
+    message: str = Outcome.COMPLETED.value
+    ns_per_step: float = 0.0
     ends: np.ndarray = field(default_factory=lambda: _NONE)
     contacts: RowRecord | None = None
     frictions: RowRecord | None = None
     changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
+    curve: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "curve": None}
 
     @cached_property
     def times(self) -> np.ndarray:
         """Stored instants [s], (n_times,)."""
         return self.rows[:, 0].copy()
 
+    @property
+    def q(self) -> np.ndarray:
+        """Frames and shapes of the bodies in the plane, (n_times, n)."""
+        return self._bodies.q
+
+    @property
+    def v(self) -> np.ndarray:
+        """Their rates, (n_times, n)."""
+        return self._bodies.v
+
+    @property
+    def a(self) -> np.ndarray:
+        """Their accelerations, (n_times, n)."""
+        return self._bodies.a
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Joint reactions, and forces or torques of prescribed drives, as the system's ``constraints`` names them,
+        (n_times, m)."""
+        return self._bodies.reactions
+
+    @property
+    def loss(self) -> np.ndarray:
+        """Dissipated power [W], (n_times,)."""
+        return self._bodies.sums[:, 2]
+
+    @property
+    def power(self) -> np.ndarray:
+        """Supplied power [W], (n_times,)."""
+        return self._bodies.powers[:, 1:].sum(axis=1)
+
+    @property
+    def _bodies(self) -> Unfolded:
+        assert self.bodies is not None
+        return self.bodies
+
 
 def by_themselves(rows: np.ndarray, found: Unfolded) -> CoupledTrajectory:
     """Rows without a run, with the motion of the bodies there: energies, contacts and frictions are unknown."""
-    zero = np.zeros(len(rows))
-    energy = Energy(zero, zero, zero, zero, zero)
-    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
-    return CoupledTrajectory(rows, found.q, found.v, found.a, found.reactions, energy, zero, zero, *ended)
+    return CoupledTrajectory(rows, found, unknown_energy(len(rows)))
+
+
+def unknown_energy(count: int) -> Energy:
+    """Zero energies at as many instants."""
+    zero = np.zeros(count)
+    return Energy(zero, zero, zero, zero, zero)

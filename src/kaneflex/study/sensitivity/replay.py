@@ -15,12 +15,9 @@ import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.time.cycles import PlanarCycles, SpatialCycles
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.solve.coupled import as_result, beginning, method_of, with_run
-from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.one_way_run import run_one_way
+from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
@@ -71,51 +68,39 @@ class Replay:
             start = cycles.moved(start, self._deformed)
             cycle = cycles.run(start)
             if not cycles.completed(cycle):
-                return self.result(model, cycle)
+                return as_result(model, cycle, 0.0)
             if not np.linalg.cond(self._returning) < _SINGULAR:
                 raise SceneError(
                     "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
                     "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
             start = cycles.moved(start, -np.linalg.solve(self._returning, cycles.missed(cycle)))
-        return self.result(model, cycles.run(start))
+        return as_result(model, cycles.run(start), 0.0)
 
     @cached_property
     def own(self) -> Any:
         """The run of the model itself, as a cycle."""
-        if self.solution.model.coupled is not None:
-            return self.solution.trajectory
-        motion: Any = integrated(self.solution.model).motion
-        return motion.curve
+        return self.solution.trajectory
 
     def first(self, model: Model) -> State:
         """Start of a model's run; of a periodic one that of the undeformed mechanism."""
         return replace(beginning(model), t=float(self.own.times[0]), choice=self._equations.choice)
 
-    def cycles(self, model: Model) -> Cycles[Any]:
+    def cycles(self, model: Model) -> Cycles:
         """Cycles of a model in the steps of the own run, by the same independent coordinates."""
         stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
-        kind = SpatialCycles if model.coupled is None else PlanarCycles
         equations = replace(self._equations, system=model.coupled_system)
-        return kind(equations, self.own.times * stretch, method, ends=self.own.ends * stretch)
-
-    def result(self, model: Model, cycle: Any) -> RunResult:
-        """Result of a model's cycle. Raises SceneError if it stopped early in space."""
-        if model.coupled is not None:
-            return as_result(model, cycle, 0.0)
-        if cycle.stopped is not None:
-            raise cycle.stopped
-        return run_one_way(with_run(model, cycle))
+        return Cycles(equations, self.own.times * stretch, method, ends=self.own.ends * stretch)
 
     @cached_property
     def _equations(self) -> Equations:
         own, system = self.own, self.solution.model.coupled
         if system is None:
-            return Equations(own.system, own.start.choice)
+            return Equations(own.curve.system, own.curve.start.choice)
         return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
 
     @cached_property
-    def _cycles(self) -> Cycles[Any]:
+    def _cycles(self) -> Cycles:
         return self.cycles(self.solution.model)
 
     @cached_property
