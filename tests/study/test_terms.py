@@ -121,7 +121,7 @@ def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
 def test_the_picture_of_a_trade_names_presets_and_the_choice(monkeypatch):
     monkeypatch.setattr("kaneflex.study.trade.ranking._FIRST_RUNS", 100.0)  # a busy machine begins the last one late
     scene = read_scene("engine")
-    names = ("rigid", "quasistatic", "stiffened", "stiffened without spin")
+    names = ("rigid", "quasistatic", "stiffened", "stiffened, 1 element")
     ranked = [candidate for candidate in candidates_of(neutral(scene)) if candidate.name in names]
     found = trade(scene, 0.02, 1.0, ["mid_transverse"], candidates=ranked)
     (axes,) = trade_figure(found).axes

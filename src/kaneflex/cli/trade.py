@@ -54,7 +54,7 @@ def _options(ending: str) -> Decorator:
 def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Recommend the cheapest model of SCENE (least computing time) within a tolerance, and rank the others.
 
-    Models differ in preset, elements, modes, steps, integrator and single terms. The reference is the scene's finest
+    Models differ in preset, elements, modes, steps and tolerance. The reference is the scene's finest
     model, whose own error is estimated first. The folder contains trade.csv, trade.json and a picture.
 
     \b

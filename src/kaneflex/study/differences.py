@@ -81,12 +81,13 @@ def difference(
 
 
 def differences(
-    scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves, period: float | None,
-    between: bool = True,
-) -> tuple[Difference, ...]:  # fmt: skip
+    scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves, between: bool = True
+) -> tuple[Difference, ...]:
     """Differences of a model from a reference, max|y - y_ref| and the rms over time, with max|y_ref|.
 
-    Curves are interpolated linearly, as results are plotted: coarse storage counts as an error of the model.
+    Curves are interpolated linearly, as results are plotted: coarse storage counts as an error of the model. With
+    contacts the larger relative change of peak and rms counts: motions with impacts diverge, so that they can't be
+    compared instant by instant.
 
     Parameters
     ----------
@@ -94,59 +95,24 @@ def differences(
         Compared sensors. Those that are only rounding error in the reference are left out.
     model : str
         Its name.
-    period : float or None
-        Cycle [s] that the reference repeats: a longer run is compared over its last cycle. None compares the time
-        that both cover.
     between : bool
         Compare at the reference's instants, too. Without them the error excludes the interpolation of the model's
         stored values.
     """
-    ours, theirs = _common_instants(curves, reference, period, between)
-    floors = _floors(scene, reference)
-    found = []
+    times = np.union1d(curves.times, reference.times) if between else curves.times
+    times = times[times <= (1.0 + _CLOSE) * min(curves.times[-1], reference.times[-1])]
+    floors, found = _floors(scene, reference), []
     for name in sensors:
         unit, peak = scene.sensors[name].unit, float(abs(reference.values[name]).max())
         if peak <= floors[unit]:
             continue
-        own = np.interp(ours, curves.times, curves.values[name])
-        its = np.interp(theirs, reference.times, reference.values[name])
-        found.append(difference(name, model, unit, ours, own, its, peak))
-    return tuple(found)
-
-
-def _common_instants(
-    curves: Curves, reference: Curves, period: float | None, between: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Instants [s] of the comparison: ascending ones of the model, and the matching ones of the reference.
-
-    For periodic references, the model's last cycle is matched with the reference's cycle.
-    """
-    end = curves.times[-1]
-    start = 0.0 if period is None else end - period
-    until = min(end, reference.times[-1]) if period is None else end
-    own = curves.times[(curves.times >= start - _CLOSE * end) & (curves.times <= until + _CLOSE * end)]
-    others = reference.times[:0]
-    if between and period is None:
-        others = reference.times[reference.times <= until]
-    elif between:
-        others = end - np.remainder(end - reference.times, period)
-    ours = np.union1d(own, others)
-    return ours, ours if period is None else np.remainder(ours, period)
-
-
-def of_statistics(
-    scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves
-) -> tuple[Difference, ...]:
-    """Differences of a model's largest absolute values and rms over the run from those of a reference.
-
-    Parameters as in :func:`differences`. The larger relative change of the two counts as the sensor's difference.
-    """
-    floors, found = _floors(scene, reference), []
-    for name in sensors:
-        unit, (peak, rms), own = scene.sensors[name].unit, reference.peak_and_rms(name), curves.peak_and_rms(name)
-        if peak > floors[unit]:
-            changes = abs(own[0] - peak) / peak, abs(own[1] - rms) / rms
-            found.append(Difference(name, model, unit, own[0], peak, max(changes) * peak, changes[1] * peak))
+        if scene.contacts:
+            (own, own_rms), (_, rms) = curves.peak_and_rms(name), reference.peak_and_rms(name)
+            rms_change = abs(own_rms - rms) / rms * peak
+            found.append(Difference(name, model, unit, own, peak, max(abs(own - peak), rms_change), rms_change))
+        else:
+            own, its = (np.interp(times, each.times, each.values[name]) for each in (curves, reference))
+            found.append(difference(name, model, unit, times, own, its, peak))
     return tuple(found)
 
 

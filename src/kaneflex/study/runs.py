@@ -121,7 +121,6 @@ class Runs:
     progress: Progress = lambda stage: None
     kept: dict[Variant, Run] = field(default_factory=dict)
     failed: dict[Variant, SceneError] = field(default_factory=dict)
-    _faster: dict[Variant, Timing] = field(default_factory=dict)
 
     def run(self, variant: Variant, most: float = math.inf) -> Run:
         """Result of a variant; raises its SceneError if it can't be run to the end within ``most`` nominal seconds."""
@@ -134,13 +133,6 @@ class Runs:
                 self.failed[variant] = error
                 raise
         return self.kept[variant]
-
-    def again(self, variant: Variant) -> Timing:
-        """Times of the faster of two runs of a variant; the second one is done at the first request."""
-        if variant not in self._faster:
-            pair = (self.run(variant).timing, run(variant.of(self.scene)).timing)
-            self._faster[variant] = min(pair, key=lambda timing: timing.total)
-        return self._faster[variant]
 
     def repeats(self, variants: Sequence[Variant], deadline: float) -> dict[Variant, list[Timing]]:
         """Run every variant again, all once per round, in alternating order, to even out slow phases of the machine.

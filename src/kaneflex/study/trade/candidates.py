@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
+from kaneflex.scene.options import UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.variants import Variant
 from kaneflex.support.errors import SceneError
@@ -82,12 +82,6 @@ def own_model(scene: Scene) -> Variant:
     return Variant("the scene's own", tuple(settings))
 
 
-def repeated_cycle(scene: Scene) -> float | None:
-    """Cycle [s] that runs of the scene repeat; None if they are not periodic."""
-    options = resolve_options(scene)
-    return scene.period if options.cycles and options.start == "periodic" else None
-
-
 def elements_of(scene: Scene) -> dict[str, int]:
     """Elastic link -> its number of elements."""
     return {name: body.beam.elements for name, body in scene.bodies.items() if body.elastic}
@@ -147,32 +141,10 @@ def _coupled(scene: Scene) -> Family:
 
 
 def candidates_of(scene: Scene) -> tuple[Variant, ...]:
-    """Candidates of a neutral scene: plain presets, then other fineness, other integrators, fewer terms."""
-    found, only_coupled = families(scene), scene.solve.preset == "coupled"
+    """Candidates of a neutral scene: plain presets, then other fineness."""
+    found = families(scene)
     others = (each for family in found for each in (*family.cheaper, *family.finer))
-    more = () if only_coupled else (*_INTEGRATORS, *_without_terms(scene))
-    return (*(family.plain for family in found), *(() if only_coupled else (_paper(scene),)), *others, *more)
-
-
-def _paper(scene: Scene) -> Variant:
-    """Preset paper over whole cycles."""
-    period = scene.period if scene.solve.duration is None else None
-    cycles = None if period is None else max(1, math.ceil(PAPER_DURATION / period - 1e-9))
-    whole = () if period is None else (f"solve.duration={cycles * period!r}",)
-    return Variant("paper", ("solve.preset=paper", *whole))
-
-
-_INTEGRATORS = [
-    Variant(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
-    for integrator in ("newmark", "generalised-alpha")
-]
-
-
-def _without_terms(scene: Scene) -> Iterator[Variant]:
-    for preset, dynamics in (("quasistatic", "quasistatic"), ("stiffened", "dynamic")):
-        for term in terms_of(scene, dynamics):
-            # without K_g this is preset linear plus foreshortening
-            yield Variant(f"{preset} without {term}", (f"solve.preset={preset}", f"solve.terms.{term}=false"))
+    return (*(family.plain for family in found), *others)
 
 
 def _count(number: int, thing: str) -> str:

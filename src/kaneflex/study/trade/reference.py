@@ -11,9 +11,9 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, differences, of_statistics
+from kaneflex.study.differences import Difference, differences
 from kaneflex.study.runs import Run, Runs
-from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set, repeated_cycle
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set
 from kaneflex.support.errors import SceneError
 
 _FINER = (2, 4)
@@ -67,24 +67,12 @@ class Reference:
         return tuple(self.doubts)
 
     def errors(self, name: str, curves: Curves, between: bool = True) -> tuple[Difference, ...]:
-        """Errors of a model's curves, see :func:`compared`."""
-        return compared(self.scene, self.sensors, name, curves, self.curves, between)
+        """Errors of a model's curves, see :func:`kaneflex.study.differences.differences`."""
+        return differences(self.scene, self.sensors, name, curves, self.curves, between)
 
     def within(self, found: Sequence[Difference], tolerance: float) -> bool:
         """True if every error, plus the reference's own, is within a tolerance."""
         return all(each.peak_share + self.doubts[each.sensor] <= tolerance for each in found)
-
-
-def compared(
-    scene: Scene, sensors: Sequence[str], name: str, curves: Curves, reference: Curves, between: bool = True
-) -> tuple[Difference, ...]:
-    """Differences of a model from a reference over a cycle or run; with contacts those of peaks and rms.
-
-    Motions with impacts diverge, so that they can't be compared instant by instant.
-    """
-    if scene.contacts:
-        return of_statistics(scene, sensors, name, curves, reference)
-    return differences(scene, sensors, name, curves, reference, repeated_cycle(scene), between)
 
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
@@ -152,7 +140,7 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
     With contacts of peak and rms. Raises SceneError if the model can't be run, or has no estimates.
     """
     run = runs.run(model)
-    found = compared(runs.scene, sensors, model.name, run.curves, run.curves)
+    found = differences(runs.scene, sensors, model.name, run.curves, run.curves)
     if not found:
         raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
     runs.progress(f"estimating the errors of {model.name}")
@@ -187,12 +175,14 @@ def _check(
     sensor = (max if named else min)(doubts, key=doubts.__getitem__)
     if doubts[sensor] > tolerance:
         enough = 1.1 * doubts[sensor]
-        looser = f"Use {100 * enough:.2g}% or more, increase" if enough < 1 else "Increase"
-        impacts = "peaks or rms of chaotic impacts: " if scene.contacts else ""
+        looser = f"Use {100 * enough:.2g}% or more, " if enough < 1 else ""
+        finer, impacts = "increase the scene's solve.steps and elements", ""
+        if scene.contacts:
+            finer, impacts = "run longer", "peaks or rms of chaotic impacts: "
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
             f"the richest model ({model.name}) is not converged: {impacts}the error estimate of {sensor} is "
             f"{100 * doubts[sensor]:.2g} %",
-            f"{looser} the scene's solve.steps and elements, choose other sensors, or add damping"
+            f"{looser}{finer}, choose other sensors, or add damping".capitalize()
             + (", or solve.start = periodic" if scene.period and scene.solve.start != "periodic" else ""),
         )  # fmt: skip

@@ -12,12 +12,12 @@ from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, worst
+from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Cost, Runs, cost
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, terms_of
 from kaneflex.study.trade.parts import parts
 from kaneflex.study.trade.ranking import check_request
-from kaneflex.study.trade.reference import compared, doubts_of
+from kaneflex.study.trade.reference import doubts_of
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, StoppedEarly
 from kaneflex.support.terminal import silent
@@ -206,7 +206,7 @@ def _effect(
     kept, dropped = costs[group.kept], costs[group.dropped]
     without, whole = runs.run(group.dropped).curves, runs.run(group.kept).curves
     there = [name for name in sensors if name in without.values]
-    found = compared(runs.scene, there, group.dropped.name, without, whole)
+    found = differences(runs.scene, there, group.dropped.name, without, whole)
     needed = any((each.peak_share or 0.0) - doubts.get(each.sensor, 0.0) > tolerance for each in found)
     added = None if kept.operations is None or dropped.operations is None else kept.operations - dropped.operations
     spreads = [each.spread * each.ns_per_step for each in (kept, dropped) if each.spread is not None]
