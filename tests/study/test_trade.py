@@ -13,7 +13,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
 from kaneflex.study.runs import Runs, Timing, cost
 from kaneflex.study.trade.candidates import COUPLED, candidates_of, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.reference import _levels, find_reference
+from kaneflex.study.trade.reference import _finer, find_reference
 
 TRIED = ("rigid", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element")
 UNSTIFFENED = Variant("quasistatic without geometric", ("solve.preset=quasistatic", "solve.terms.geometric=false"))
@@ -123,12 +123,9 @@ def test_the_spin_up_needs_the_geometric_stiffness():
 
 def test_preset_coupled_is_refined_by_modes_with_the_elements_to_carry_them():
     """The crank of two elements has three fixed-interface modes and no more."""
-    levels = _levels(neutral(read_scene("engine-elastic-crank")), COUPLED)
-    expected = ((7, "1.3e-09"), (15, "1.6e-10"))
-    finer = [f"coupled, {n} modes a link, tolerance {t}" for n, t in expected]
-    assert [level.name for level in levels] == ["coupled", *finer]
-    elements = [[s.rpartition("=")[2] for s in each.settings if s.startswith("bodies.crank")] for each in levels]
-    assert elements == [[], ["8"], ["16"]]
+    finer = _finer(neutral(read_scene("engine-elastic-crank")), COUPLED)
+    assert finer.name == "coupled, 7 modes a link, tolerance 1.3e-09"
+    assert "bodies.crank.beam.elements=8" in finer.settings
 
 
 def test_errors_are_taken_at_the_instants_of_both():

@@ -16,12 +16,12 @@ from kaneflex.study.runs import Run, Runs
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set
 from kaneflex.support.errors import SceneError
 
-_FINER = (2, 4)
-"""Factors on the scene's elements and steps; motions with impacts hardly converge beyond the first."""
+_FINER = 2
+"""Factor on the scene's elements and steps for the finer model."""
 _TIGHTER, _LEAST = 1.0 / 8.0, 1e-13
-"""Factor on the tolerance of a step from level to level of preset coupled, and the least tolerance."""
-_GAIN = 4.0
-"""Factor by which each level reduces an error at most: forces converge with the square of the elements' length."""
+"""Factor on the tolerance of a step of preset coupled for it, and the least tolerance."""
+_GAIN = 8.0
+"""Factor by which it can reduce an error: forces converge at least with the square of the elements' length."""
 KNOWN = 0.25
 """Error estimate, as a share of the tolerance, up to which a reference is refined to compare many models with it."""
 
@@ -45,7 +45,7 @@ class Reference:
     note : str
         Why ``coupled`` can't be run, and warnings of the model's run; empty if none.
     levels : tuple of Variant
-        Models from the plain one to the finest.
+        The plain model and the finer one.
     """
 
     scene: Scene
@@ -76,8 +76,8 @@ class Reference:
 
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
-    """Preset ``coupled``, or ``stiffened`` if that can't be run, refined while this can bring the error estimate of a
-    sensor within a share of the tolerance.
+    """Preset ``coupled``, or ``stiffened`` if that can't be run, refined once if that can bring the error estimate of
+    a sensor within a share of the tolerance; motions with impacts hardly converge.
 
     Parameters
     ----------
@@ -101,14 +101,16 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
         if runs.scene.solve.preset == "coupled":
             raise
         plain, note = STIFFENED, f"preset coupled can't be run: {error}"
-    levels = _levels(runs.scene, plain)
-    for left, model in zip(reversed(range(len(levels))), levels, strict=True):
-        run = runs.run(model)
-        if run.curves.undersampled and left:
-            continue
-        doubts = doubts_of(runs, sensors, model)
-        if not any(share * tolerance < doubt <= _GAIN**left * share * tolerance for doubt in doubts.values()):
-            break
+    levels, model, enough = (plain, _finer(runs.scene, plain)), plain, share * tolerance
+    doubts = {} if runs.run(plain).curves.undersampled else doubts_of(runs, sensors, plain)
+    hopeful = any(enough < doubt <= _GAIN * enough for doubt in doubts.values())
+    if not doubts or (hopeful and not runs.scene.contacts):
+        try:
+            doubts, model = doubts_of(runs, sensors, levels[1]), levels[1]
+        except SceneError:
+            if not doubts:
+                raise
+    run = runs.run(model)
     _check(runs.scene, model, run, doubts, tolerance, named)
     beyond = {sensor: doubt for sensor, doubt in doubts.items() if doubt > tolerance}
     known = {sensor: doubt for sensor, doubt in doubts.items() if sensor not in beyond}
@@ -116,22 +118,20 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     return Reference(runs.scene, model, _denser(run), known, beyond, notes, levels)
 
 
-def _levels(scene: Scene, plain: Variant) -> tuple[Variant, ...]:
-    """A plain model and finer ones of the same preset."""
-    steps, modes, tolerance, levels = resolve_options(scene).steps, modes_of(scene), tolerance_of(scene), [plain]
-    for factor in _FINER[:1] if scene.contacts else _FINER:
-        if plain is COUPLED:
-            modes, tolerance = 2 * modes + 1, max(_LEAST, _TIGHTER * tolerance)
-            # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
-            mesh = {name: count * max(factor, -(-modes // count)) for name, count in elements_of(scene).items()}
-            name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"
-            finer = (f"solve.tolerance={tolerance!r}", f"solve.modes={modes}")
-        else:
-            mesh = {name: factor * count for name, count in elements_of(scene).items()}
-            counts = ", ".join(map(str, dict.fromkeys(mesh.values())))
-            name, finer = f"stiffened, {counts} elements, {factor * steps} steps", ("solve.integrator=radau",)
-        levels.append(Variant(name, (*plain.settings, *finer, *elements_set(mesh), f"solve.steps={factor * steps}")))
-    return tuple(levels)
+def _finer(scene: Scene, plain: Variant) -> Variant:
+    """A finer model than the plain one of a preset, whose error estimate runs one that is twice as fine again."""
+    steps, modes, tolerance = _FINER * resolve_options(scene).steps, 2 * modes_of(scene) + 1, tolerance_of(scene)
+    mesh = {name: _FINER * count for name, count in elements_of(scene).items()}
+    if plain is COUPLED:
+        tolerance = max(_LEAST, _TIGHTER * tolerance)
+        # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
+        mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
+        name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"
+        finer = (f"solve.tolerance={tolerance!r}", f"solve.modes={modes}")
+    else:
+        counts = ", ".join(map(str, dict.fromkeys(mesh.values())))
+        name, finer = f"stiffened, {counts} elements, {steps} steps", ("solve.integrator=radau",)
+    return Variant(name, (*plain.settings, *finer, *elements_set(mesh), f"solve.steps={steps}"))
 
 
 def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, float]:
