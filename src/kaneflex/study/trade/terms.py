@@ -176,8 +176,10 @@ def terms(
         removed, left_out = parts(basis)
         own = (_without(basis, part, "against none", *settings) for part, settings in removed.items())
         chosen = (*own, *groups(basis))
-    doubts = doubts_of(runs, sensors, whole) if basis.contacts else {}
     runs.run(whole)
+    doubts: Mapping[str, float] = {}
+    with suppress(SceneError):  # the uncertainty is then unknown
+        doubts = doubts_of(runs, sensors, whole) if basis.contacts else {}
     for model in (each for group in chosen for each in (group.kept, group.dropped)):
         with suppress(SceneError):  # Runs keeps the error
             runs.run(model)
