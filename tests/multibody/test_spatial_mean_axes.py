@@ -219,9 +219,11 @@ def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     assert not basis[:3].any()
 
 
-def test_shapes_between_two_joints_follow_their_chord():
-    """On whichever joint the link hangs: no displacement across it at either joint, along it none in the mean."""
-    scene = scene_of(ROD.format(section='circle = "8 mm"', speed=0.0))
+@pytest.mark.parametrize("between", ["", 'bodies.bob.mass = 1\njoints.middle = {spherical = ["rod.mid", "bob"]}'])
+def test_shapes_between_two_joints_follow_their_chord(between):
+    """On whichever joint the link hangs: no displacement across it at either joint, along it none in the mean; nor does
+    a joint between them matter."""
+    scene = scene_of(ROD.format(section='circle = "8 mm"', speed=0.0) + between)
     link = link_of_scene(scene, "rod", 4)
     M = link.part.matrices["M"].value({})
     found = [spatial_shapes(scene, link, 3, (x, 0.0, 0.0), "xyz") for x in (0.0, 0.8)]
