@@ -219,7 +219,9 @@ def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     assert not basis[:3].any()
 
 
-@pytest.mark.parametrize("between", ["", 'bodies.bob.mass = 1\njoints.middle = {spherical = ["rod.mid", "bob"]}'])
+@pytest.mark.parametrize("between", [
+    "", 'bodies.bob.mass = 1\njoints.middle = {spherical = ["rod.mid", "bob"]}',
+], ids=["nothing", "a ball"])  # fmt: skip
 def test_shapes_between_two_joints_follow_their_chord(between):
     """On whichever joint the link hangs: no displacement across it at either joint, along it none in the mean; nor does
     a joint between them matter."""
