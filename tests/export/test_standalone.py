@@ -2,9 +2,11 @@
 
 import ast
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,6 +98,16 @@ def test_a_mass_is_damped_in_the_axes_of_its_link(tmp_path: Path) -> None:
     solution = solve(load(scene))
     for values, name in zip(found, scene.sensors, strict=True):
         assert abs(values - solution[name].values).max() <= 1e-9 * abs(values).max(), name
+
+
+def test_a_table_closes_through_the_mean_of_its_ends(tmp_path: Path) -> None:
+    file = tmp_path / "force.csv"
+    rows = zip(range(0, 721, 90), [5, *range(8)], strict=True)
+    file.write_text("angle,force\n" + "".join(f"{x},{y}\n" for x, y in rows))
+    settings = [f"loads.gas.table={file}", "loads.gas.column=force", "loads.gas.closing=1"]
+    space: dict[str, Any] = {"__name__": "standalone"}
+    exec(standalone(with_settings(read_scene("engine"), settings)), space)
+    assert [space["TABLE_1"](math.radians(x)) for x in (0, 90, 720)] == pytest.approx([6.0, 0.0, 6.0])
 
 
 def test_what_main_prints(run: tuple[Path, list[str]]) -> None:

@@ -180,8 +180,12 @@ def test_a_wiper_near_resonance_says_how_much_hangs_on_it(preset):
 
 
 def test_without_a_period_the_frequency_is_found_in_the_load():
-    driven, mode, _, _, change = said(wiper(0.85, **FOR_A_SECOND))
+    """A second limits the resonance as a decay by exp(-t) would, beside the damping by mass and stiffness."""
+    driven, mode, frequency, amplified, change = said(wiper(0.85, **FOR_A_SECOND))
     assert (driven, mode) == (12.0, 1) and change > 5.0
+    own, turning, low, high = (2.0 * math.pi * hertz for hertz in (frequency, driven, 5.0, 100.0))
+    damping = 0.02 * (low * high + own**2) / (low + high) + 2.0
+    assert amplified == pytest.approx(own**2 / math.hypot(own**2 - turning**2, damping * turning), rel=0.03)
 
 
 def test_no_word_far_from_resonance_or_where_little_hangs_on_it():
