@@ -19,7 +19,9 @@ from kaneflex.solve.simulation import solve
 
 SCENES = {
     "engine": (),  # by harmonics, a table of gas pressure, all kinds of sensors
-    "engine-elastic-crank": ("solve.steps=360",),  # by harmonics, more coordinates than modes, two links in a row
+    # by harmonics, more coordinates than modes, two links in a row
+    "engine-elastic-crank": ("solve.steps=360", "sensors={slope={displacement='rod.mid', relative_to='chord', "
+                             "component='angle'}}"),
     "engine-transient": ("solve.duration=5 ms", "solve.steps=360"),  # by steps, from rest
     "rotating-cantilever": (),  # by harmonics, a load on a link
     "quick-return": ("solve.steps=360",),  # by harmonics, a guide on a body that turns, gravity, a load by a law

@@ -151,9 +151,9 @@ def test_a_pendulum_hangs_straight_every_half_period_of_the_closed_form():
     assert found.at(times).series["angle"].values == pytest.approx(-math.pi / 2, abs=1e-9)
 
 
-def test_an_event_ends_the_run():
-    stopping = HANGING + ", stop = true"
-    found = solved(scene_with_event("elastic-pendulum", stopping, *BAR))
+def test_the_first_event_ends_the_run():
+    stopping, late = HANGING + ", stop = true", "events={late={sensor='angle', value='-100 deg', stop=true}}"
+    found = solved(scene_with_event("elastic-pendulum", stopping, late, *BAR))
     assert found.times[-1] == pytest.approx(0.4395, abs=1e-3)
     assert found.series["angle"].values[-1] == pytest.approx(-math.pi / 2, abs=1e-9)
     assert found.outcome.name == "COMPLETED"
