@@ -264,6 +264,9 @@ def test_angles_near_a_dead_centre_are_noted():
     assert wrist.note.startswith(f"at {wrist.position} the transmission angle at wrist is {math.degrees(mu):.2g} deg")
     assert wrist.position in ("main = 90 deg", "main = 270 deg")
     assert f"reach {1 / math.sin(mu):.3g} times the transmitted force" in wrist.note
+    swings = "drives.main={law='-1.4 + 0.15*sin(50*pi*t)', speed='none', cycle='none'}"
+    (wrist,) = found("engine", "rod.length=40.3 mm", swings, "solve.start=zero", "solve.duration=40 ms")
+    assert float(wrist.position.removeprefix("main = ").removesuffix(" deg")) == pytest.approx(-88.8, abs=0.1)
     (second,) = found("four-bar", "crank.length=30 mm", "ground.right=['100 mm', 0]",
                       "coupler.length=80 mm", "follower.length=50.3 mm")  # fmt: skip
     assert second.position == "main = 180 deg" and "at a dead centre" in second.note
