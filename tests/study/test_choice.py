@@ -166,6 +166,18 @@ def test_where_the_reference_does_not_converge_nothing_is_chosen():
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
 
+def test_sensors_that_no_model_stores_densely_enough_are_not_said_to_be_within(monkeypatch):
+    """The engine by 24 steps a cycle: its forces are not straight lines between them."""
+    monkeypatch.setattr(choice_cache.Trials, "cheapest_models", lambda self: [])
+    scene = with_settings(read_scene("engine"), ["solve.steps=24"])
+    found = choose(scene, 0.05, purpose="run")
+    assert "rod_force_piston" in found.open and not found.errors.keys() & found.open.keys()
+    assert max(found.errors.values()) <= 0.05 < min(found.open.values())
+    assert "\n  Not within 5 %: " in chosen_lines(found)
+    with pytest.raises(SceneError, match="between its stored instants the finest model changes rod_force_piston by"):
+        choose(scene, 0.05, ["rod_force_piston"], purpose="run")
+
+
 @pytest.mark.exhaustive(group="choice", share=2)
 def test_a_model_that_steps_over_the_force_of_a_press_is_not_chosen(tmp_path):
     """50 kN for 1.9 degrees between two steps of 180: where the rod is at 103 degrees it carries F / cos(phi_2)."""

@@ -221,7 +221,7 @@ def chosen_lines(choice: Choice) -> str:
         f"Chosen within {percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
         f"  {sensor} differs by {percent(choice.errors[sensor])} from {choice.reference}; "
         f"error estimate of the reference: {percent(max(choice.doubt.values()))}{note}\n"
-        + (f"  Not within {percent(choice.tolerance)}, by the error estimates: {beyond}\n" if beyond else "")
+        + (f"  Not within {percent(choice.tolerance)}: {beyond}\n" if beyond else "")
         + f"  {time}. Models tried: {judged}"
     )
 

@@ -72,7 +72,7 @@ class Choice(PlainTable):
     settings: list[str] = Field(description="settings of the chosen model, as path=value")
     dropped: list[str] = Field(description="groups of terms that the preset contains but the choice leaves out")
     errors: dict[str, float] = Field(description="largest error of each sensor, as a share of its peak")
-    open: dict[str, float] = Field(description="error estimates of sensors that are not within the tolerance")
+    open: dict[str, float] = Field(description="errors of sensors that no model brings within the tolerance")
     reference: str = Field(description="reference to which the errors refer: the finest model")
     reference_settings: list[str] = Field(description="settings of the reference, as path=value")
     reference_note: str = Field(description="limits of the reference")

@@ -21,6 +21,7 @@ from kaneflex.study.trade.candidates import neutral, neutral_settings, terms_of
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.reference import KNOWN, find_reference
 from kaneflex.study.trade.trials import Trial, Trials
+from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
@@ -66,19 +67,24 @@ def chosen(
     model = richest = trials.richest()
     if purpose == "run":
         trials.until = time.perf_counter() + _LONGEST
-    if purpose != "run" or runs.run(richest).timing.total > _LONGEST:
-        model = min((*trials.cheapest_models(), richest), key=trials.seconds)
+    if purpose != "run" or runs.run(richest).timing.total > _LONGEST or not trials.within(richest):
+        found = [*trials.cheapest_models(), *([richest] if trials.within(richest) else [])]
+        model = min(found or [richest], key=trials.seconds)
+    beyond = trials.beyond(model)
+    for sensor, error in beyond.items() if named else ():
+        reason = f"between its stored instants the finest model changes {sensor} by {100 * error:.2g} %"
+        raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
     dropped = _drop_terms(trials, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
     own, reference = runs.run(model), trials.reference
     return Choice(
         tolerance=tolerance,
-        sensors=list(reference.sensors),
+        sensors=[sensor for sensor in reference.sensors if sensor not in beyond],
         model=model.name,
         settings=[*neutral_settings(scene), *model.settings],
         dropped=[each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped],
-        errors={each.sensor: each.peak_share for each in trials.tried[model].differences},
-        open=dict(reference.open),
+        errors={each.sensor: each.peak_share for each in trials.tried[model].differences if each.sensor not in beyond},
+        open=dict(reference.open) | beyond,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene), *reference.model.settings],
         reference_note=reference.note,

@@ -153,7 +153,10 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
 
 
 def _denser(run: Run) -> Curves:
-    """Curves of a run at twice as many instants, which show what straight lines between the stored ones miss."""
+    """Curves of a run at twice as many instants, which show what straight lines between the stored ones miss.
+
+    Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
+    """
     solution = run.solution
     if solution.model.scene.contacts:
         return run.curves

@@ -104,8 +104,15 @@ class Trials:
         return first if first > _SHORT else min(first, self.runs.repeats([model], 0.0)[model][0].total)
 
     def richest(self) -> Variant:
-        """First model within the tolerance on the way from the plain one to the finest, or else the reference."""
-        return next((each for each in self.reference.levels if self.within(each)), self.reference.model)
+        """The plain model if it is within the tolerance, else the finer one."""
+        plain, finer = self.reference.levels
+        return plain if self.within(plain) or not (self.within(finer) or self.tried[finer].differences) else finer
+
+    def beyond(self, model: Variant) -> dict[str, float]:
+        """Sensors of a tried model that are not within the tolerance, with their error and uncertainty."""
+        doubts = self.reference.doubts
+        found = {each.sensor: each.peak_share + doubts[each.sensor] for each in self.tried[model].differences}
+        return {sensor: error for sensor, error in found.items() if error > self.tolerance}
 
     def cheapest_models(self) -> list[Variant]:
         """Cheapest model within the tolerance of each preset that has any.
