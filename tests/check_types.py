@@ -21,7 +21,7 @@ BASELINE = {
     "report": 5,
     "response": 24,
     "scene": 59,
-    "solve": 22,
+    "solve": 21,
     "study": 64,
     "support": 3,
 }

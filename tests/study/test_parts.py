@@ -43,7 +43,7 @@ solve = {preset = "coupled", duration = "0.1 s", steps = 200}
 
 @pytest.fixture(scope="module")
 def found():
-    return terms(with_settings(read_scene("slider-crank-clearance"), SHORT), budget=0.1)
+    return terms(with_settings(read_scene("slider-crank-clearance"), SHORT))
 
 
 def changes(found, group):
@@ -69,13 +69,13 @@ def test_a_knock_matters_and_the_way_of_the_piston_does_not(found):
     clearance = changes(found, "clearance wrist")
     assert clearance["knock"].peak_share > 0.5 and clearance["slide"].peak_share < 2e-3
     assert [effect.needed for effect in found.effects if effect.group.name == "clearance wrist"] == [True]
-    slide = terms(found.scene, budget=0.1, sensors=["slide"])
+    slide = terms(found.scene, sensors=["slide"])
     assert [effect.needed for effect in slide.effects if effect.group.name == "clearance wrist"] == [False]
 
 
 def test_a_smaller_clearance_changes_less():
     scene = with_settings(read_scene("slider-crank-clearance"), [*SHORT, "joints.wrist.clearance.radial=2 um"])
-    assert changes(terms(scene, budget=0.1, sensors=["slide"]), "clearance wrist")["slide"].peak_share < 2e-5
+    assert changes(terms(scene, sensors=["slide"]), "clearance wrist")["slide"].peak_share < 2e-5
 
 
 def test_backlash_is_compared_with_a_shaft_in_one_piece():
@@ -86,7 +86,7 @@ def test_backlash_is_compared_with_a_shaft_in_one_piece():
     solution = solved(scene, *settings)
     expected = 10 + 6 / 0.06 / 40 * (1 - np.cos(40 * solution.times))
     assert solution.series["speed"].values == pytest.approx(expected, rel=1e-7)
-    backlash = changes(terms(scene, budget=0.1), "clearance coupling")
+    backlash = changes(terms(scene), "clearance coupling")
     assert backlash["speed"].peak == pytest.approx(expected.max(), rel=1e-7) and backlash["speed"].peak_share > 0
 
 
@@ -99,7 +99,7 @@ def test_a_guide_made_tight_closes_as_it_stands():
 def test_the_command_says_what_sensors_are_with_and_without(tmp_path):
     folder = tmp_path / "out"
     arguments = [part for setting in SHORT for part in ("--set", setting)]
-    arguments += ["--sensors", "slide", "--budget", "0.1s", "--no-plots"]
+    arguments += ["--sensors", "slide", "--no-plots"]
     result = cli("terms", "slider-crank-clearance", *arguments, "-o", folder)
     assert result.exit_code == 0, result.output
     (group,) = (e for e in json.loads((folder / "terms.json").read_text())["groups"] if e["group"] == "clearance wrist")
@@ -114,7 +114,7 @@ def test_friction_is_compared_with_none():
     removed, left_out = parts(neutral(scene))
     assert removed == {"friction rub": ("joints.rub.friction=none", "sensors.drag=none")} and not left_out
     without = solved(scene, *removed["friction rub"])
-    (effect,) = terms(scene, budget=0.1).effects
+    (effect,) = terms(scene).effects
     assert effect.needed and "drag" not in {change.sensor for change in effect.differences}
     for change in effect.differences:
         assert change.peak == abs(without.series[change.sensor].values).max() and change.peak_share > 0
@@ -125,5 +125,5 @@ def test_what_has_no_sensor_left_is_named(tmp_path):
     result = cli("terms", "slider-crank-clearance", "--sensors", "slid", "-o", tmp_path / "out")
     refused(result, "no such sensor", "slide")
     scene = with_settings(read_scene("slider-crank-clearance"), [*SHORT, "solve.duration=1 ms", "solve.steps=10"])
-    found = terms(scene, budget=0.1, sensors=["pin_force"])
-    assert found.left_out["clearance wrist"] == "no requested sensor exists without it"
+    found = terms(scene, sensors=["pin_force"])
+    assert "no requested sensor exists without it" in found.left_out["clearance wrist"]

@@ -88,10 +88,8 @@ def _trade_text(found: Trade) -> str:
 
 
 def _terms_text(found: Terms) -> str:
-    full = found.full
-    counted = "" if full.operations is None else f"{full.operations} operations and "
-    step = f"{full.ns_per_step:.0f} ns a step (rigid motion and start included)"
-    return f"{terms_table(found)}\nThe model with all groups: {counted}{step}"
+    counted = "" if found.operations is None else f"\nThe model with all groups: {found.operations} operations"
+    return terms_table(found) + counted
 
 
 def _weigh(
@@ -182,7 +180,7 @@ def terms_table(found: Terms) -> str:
     """Table of all groups, those with the largest effect first."""
     from kaneflex.report.tables import table
 
-    head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
+    head = ("group", "", "needed", "most in", "change", "rms", "operations")
     return table(head, [_effect_row(effect) for effect in found.effects], left=4)
 
 
@@ -190,9 +188,8 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.worst is not None:
         changes = (effect.worst.sensor, percent(effect.worst.peak_share), percent(effect.rms))
-    numbers = ((effect.operations, "+d"), (effect.ns_per_step, "+.0f"), (effect.noise_ns, ".0f"))
     own = (effect.group.name, effect.group.meaning, "yes" if effect.needed else "no", *changes)
-    return (*own, *("" if number is None else format(number, form) for number, form in numbers))
+    return (*own, "" if effect.operations is None else f"{effect.operations:+d}")
 
 
 Row = dict[str, object]
@@ -231,14 +228,13 @@ def terms_data(found: Terms) -> Data:
     """Content of ``terms.json`` and ``terms.csv``: times in s or ns, changes as shares of each sensor's peak."""
     rows = []
     for effect in found.effects:
-        most, own = effect.worst, ("rms", "needed", "operations", "ns_per_step", "noise_ns", "reason")
+        most, own = effect.worst, ("rms", "needed", "operations", "reason")
         change = {"change": most and most.peak_share, "worst_sensor": most and most.sensor}
         about: Row = {"group": effect.group.name, "meaning": effect.group.meaning}
         rows.append(about | change | {name: getattr(effect, name) for name in own})
-    groups = zip(rows, found.effects, strict=True)
-    return {
-        "full": asdict(found.full), "groups": [row | {"sensors": _shares(effect.differences)} for row, effect in groups]
-    }, rows  # fmt: skip
+    pairs = zip(rows, found.effects, strict=True)
+    groups = [row | {"sensors": _shares(effect.differences)} for row, effect in pairs]
+    return {"operations": found.operations, "groups": groups}, rows
 
 
 def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:

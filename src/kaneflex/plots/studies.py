@@ -149,7 +149,7 @@ def _costs(axes: Axes, found: Terms) -> None:
                           va="center", fontsize=7.5)  # fmt: skip
             most = max(most, effect.operations)
     axes.set_xlim(0, 1.3 * most)
-    axes.set_title("" if found.full.operations is None else f"of {found.full.operations} operations")
+    axes.set_title("" if found.operations is None else f"of {found.operations} operations")
     axes.set_xlabel("multiply-adds of M, C, K and F")
     axes.grid(axis="y", visible=False)
 

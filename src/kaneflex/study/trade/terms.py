@@ -13,7 +13,7 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
-from kaneflex.study.runs import Cost, Runs, cost
+from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, terms_of
 from kaneflex.study.trade.parts import parts
 from kaneflex.study.trade.ranking import check_request
@@ -59,10 +59,6 @@ class Effect:
         more than the tolerance and the error estimate.
     operations : int or None
         Additional multiply-adds of one evaluation of M, C, K and F.
-    ns_per_step : float or None
-        Additional time per step, from medians; not significant within ``noise_ns``.
-    noise_ns : float or None
-        Half the larger spread of the two, in ns per step; None for a single repeat.
     reason : str
         Why the run without it stopped early.
     """
@@ -71,8 +67,6 @@ class Effect:
     differences: tuple[Difference, ...]
     needed: bool
     operations: int | None
-    ns_per_step: float | None
-    noise_ns: float | None
     reason: str = ""
 
     @property
@@ -97,8 +91,8 @@ class Terms:
     tolerance : float
     effects : tuple of Effect
         Effects, the largest first.
-    full : Cost
-        Cost of the model with all groups.
+    operations : int or None
+        Multiply-adds of one evaluation of M, C, K and F with all groups; None under preset ``coupled``.
     left_out : mapping of str to str
         Groups without result, with the reason.
     """
@@ -107,7 +101,7 @@ class Terms:
     sensors: tuple[str, ...]
     tolerance: float
     effects: tuple[Effect, ...]
-    full: Cost
+    operations: int | None
     left_out: Mapping[str, str]
 
     def __repr__(self) -> str:
@@ -180,37 +174,31 @@ def terms(
     doubts: Mapping[str, float] = {}
     with suppress(SceneError):  # the uncertainty is then unknown
         doubts = doubts_of(runs, sensors, whole) if basis.contacts else {}
-    for model in (each for group in chosen for each in (group.kept, group.dropped)):
-        with suppress(SceneError):  # Runs keeps the error
-            runs.run(model)
-    repeats = runs.repeats(list(runs.kept), time.perf_counter() + budget)
-    costs = {model: cost(first.timing, repeats[model]) for model, first in runs.kept.items()}
+    deadline = time.perf_counter() + budget
     for group in chosen:
-        stopped = runs.failed.get(group.dropped)
-        if isinstance(stopped, StoppedEarly):
-            effects.append(Effect(group, (), True, None, None, None, str(stopped)))
-        elif group.kept in runs.failed or stopped is not None:
-            left_out[group.name] = str(runs.failed.get(group.kept, stopped))
-        else:
-            effect = _effect(runs, sensors, tolerance, group, costs, doubts)
-            if effect.differences or all(name in runs.run(group.dropped).curves.values for name in sensors):
-                effects.append(effect)
+        if effects and time.perf_counter() > deadline:
+            left_out[group.name] = "no time left within the budget"
+            continue
+        try:
+            effects.append(_effect(runs, sensors, tolerance, group, doubts))
+        except SceneError as error:
+            if isinstance(error, StoppedEarly) and group.dropped in runs.failed:
+                effects.append(Effect(group, (), True, None, str(error)))
             else:
-                left_out[group.name] = "no requested sensor exists without it"
+                left_out[group.name] = str(error)
     effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else math.inf if effect.needed else -1.0))
-    return Terms(scene, sensors, tolerance, tuple(effects), costs[whole], left_out)
+    return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
 
 
 def _effect(
-    runs: Runs, sensors: Sequence[str], tolerance: float, group: Group, costs: Mapping[Variant, Cost],
-    doubts: Mapping[str, float],
-) -> Effect:  # fmt: skip
-    kept, dropped = costs[group.kept], costs[group.dropped]
-    without, whole = runs.run(group.dropped).curves, runs.run(group.kept).curves
-    there = [name for name in sensors if name in without.values]
-    found = differences(runs.scene, there, group.dropped.name, without, whole)
+    runs: Runs, sensors: Sequence[str], tolerance: float, group: Group, doubts: Mapping[str, float]
+) -> Effect:
+    """Effect of a group. Raises SceneError if one of its models can't be run, or has none of the sensors."""
+    kept, dropped = runs.run(group.kept), runs.run(group.dropped)
+    there = [name for name in sensors if name in dropped.curves.values]
+    if not there:
+        raise SceneError("sensors", None, "no requested sensor exists without it", "Choose others")
+    found = differences(runs.scene, there, group.dropped.name, dropped.curves, kept.curves)
     needed = any((each.peak_share or 0.0) - doubts.get(each.sensor, 0.0) > tolerance for each in found)
-    added = None if kept.operations is None or dropped.operations is None else kept.operations - dropped.operations
-    spreads = [each.spread * each.ns_per_step for each in (kept, dropped) if each.spread is not None]
-    noise = 0.5 * max(spreads) if spreads else None
-    return Effect(group, found, needed, added, kept.ns_per_step - dropped.ns_per_step, noise)
+    counts = kept.timing.operations, dropped.timing.operations
+    return Effect(group, found, needed, None if None in counts else counts[0] - counts[1])
