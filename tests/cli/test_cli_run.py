@@ -225,7 +225,8 @@ def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(monkeypatch):
 
 def test_what_a_killed_process_left_goes_with_the_next_run_and_what_another_writes_stays():
     killed, other, alike = Path(".r.0123abcd"), Path(".r.89ab0123"), Path(".r.txt")
-    for folder in (killed, other, alike):
+    beginning = Path(".r.99ab0123")  # of a run that has made its folder and not yet locked it
+    for folder in (killed, other, alike, beginning):
         folder.mkdir()
         (folder / "results.nc").write_text("half")
     writing = _locked(other)  # as a run does that is not finished
@@ -233,7 +234,7 @@ def test_what_a_killed_process_left_goes_with_the_next_run_and_what_another_writ
         os.utime(folder, (0, 0))
     with whole_folder(Path("r"), "summary.json") as folder:
         (folder / "summary.json").write_text("new")
-    assert sorted(path.name for path in Path().iterdir()) == [other.name, alike.name, "r"]
+    assert sorted(path.name for path in Path().iterdir()) == [other.name, beginning.name, alike.name, "r"]
     os.close(writing)
 
 
