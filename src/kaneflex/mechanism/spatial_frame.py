@@ -98,13 +98,24 @@ def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> 
 
 def rotation_vector(turned: np.ndarray) -> np.ndarray:
     """Rotation vectors [rad] of rotation matrices (3, 3, n), (3, n), with angles up to pi."""
-    from scipy.spatial.transform import Rotation
+    sines = 0.5 * np.array([turned[(k + 2) % 3, (k + 1) % 3] - turned[(k + 1) % 3, (k + 2) % 3] for k in range(3)])
+    cosine, sine = 0.5 * (np.trace(turned) - 1.0), np.sqrt(_dot(sines, sines))
+    if not (cosine < 0.0).any():  # NaN is kept
+        angle = np.arctan2(sine, cosine)
+        return sines * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
+    from scipy.spatial.transform import Rotation  # its import takes longer than many runs
 
     found = np.full((3, turned.shape[2]), np.nan)
     known = np.isfinite(turned).all(axis=(0, 1))
     if known.any():
         found[:, known] = Rotation.from_matrix(turned[:, :, known].transpose(2, 0, 1)).as_rotvec().T
     return found
+
+
+def rotation_matrix(theta: np.ndarray) -> np.ndarray:
+    """Rotation matrices (n, 3, 3) of rotation vectors [rad], (n, 3): Rodrigues' formula."""
+    angle, tilde = np.linalg.norm(theta, axis=-1)[..., None, None] / np.pi, skew(theta)
+    return np.eye(3) + np.sinc(angle) * tilde + 0.5 * np.sinc(0.5 * angle) ** 2 * tilde @ tilde
 
 
 def applied(matrices: np.ndarray, vector) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.body_frame import rotate
-from kaneflex.mechanism.spatial_frame import applied
+from kaneflex.mechanism.spatial_frame import applied, rotation_matrix
 from kaneflex.mechanism.wrenches import Wrench, moment_of
 from kaneflex.response.section_forces import LinkForces, carried, rate_of_momentum, spread_loads
 
@@ -129,11 +129,9 @@ class Balance:
     @cached_property
     def _turned(self) -> np.ndarray:
         """Axes of the components in the body's axes, columns (3, 3, n_times)."""
-        from scipy.spatial.transform import Rotation
-
         q, *_ = self.motion.modal(self.link)
         turn = self.motion.shapes[self.link].turn
-        return cast(np.ndarray, Rotation.from_rotvec((turn @ q).T).as_matrix().transpose(1, 2, 0))
+        return cast(np.ndarray, rotation_matrix((turn @ q).T).transpose(1, 2, 0))
 
     def _sums(self, e: int, x: float) -> np.ndarray:
         """Rate of momentum of an element up to x [m], less its distributed loads."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -72,10 +73,9 @@ class Rotation(SceneTable):
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Matrix of a rotation by an angle [rad] about a unit vector."""
-    from scipy.spatial.transform import Rotation as Turn
-
-    return Turn.from_rotvec(angle * axis).as_matrix()
+    """Matrix of a rotation by an angle [rad] about a unit vector: Rodrigues' formula."""
+    c, s, (x, y, z) = math.cos(angle), math.sin(angle), axis  # without scipy, whose import takes longer than a run
+    return c * np.eye(3) + (1.0 - c) * np.outer(axis, axis) + s * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 _SAME_MASS = 1e-6  # relative difference permitted between a beam's mass and rho A length if both are given

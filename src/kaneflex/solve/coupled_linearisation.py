@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from scipy.linalg import eigh
 
+from kaneflex.fem.modes import symmetric_modes
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import no_modes
 from kaneflex.multibody.model.independent_speeds import choose
@@ -110,6 +110,6 @@ def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
         raise no_modes(model) from None
     if not len(M):
         return equations.names, np.zeros(0), np.zeros((0, 0))
-    squares, shapes = eigh(K, (M + M.T) / 2.0)
+    squares, shapes = symmetric_modes(K, (M + M.T) / 2.0, len(M))
     largest = shapes[abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
     return equations.names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)

@@ -19,7 +19,6 @@ from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
-from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
@@ -148,6 +147,10 @@ def with_open_reactions(motion: Moving, options: Options) -> Moving:
 
 def check_stage(model: Model) -> None:
     """Raise SceneError if a sensor reads a reaction that is statically indeterminate with deforming links."""
+    if not model.equations.size:
+        return
+    from kaneflex.multibody.model.spatial_elastic import DeformingKinematics, undetermined  # few runs need it
+
     motion = model.motion
     if isinstance(motion, DeformingKinematics):
         instants = motion.at(model.options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE))

@@ -10,10 +10,9 @@ the tree.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh
 
 from kaneflex.fem.links import Link
-from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
+from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients, symmetric_modes
 from kaneflex.mechanism.affine import Matrix
 from kaneflex.mechanism.floating_frames import stations
 from kaneflex.mechanism.planar import GROUND
@@ -34,7 +33,7 @@ def shape_damping(scene: Scene, link: Link, basis: np.ndarray) -> np.ndarray:
         return modal_damping(scene, link, basis, M)
     apart = against_axes(scene, link, basis, M)
     mass = apart.T @ M @ apart
-    modes = eigh(apart.T @ K @ apart, mass)[1]
+    modes = symmetric_modes(apart.T @ K @ apart, mass, len(mass))[1]
     of_modes = modal_damping(scene, link, apart @ modes, M)
     back = modes.T @ mass
     return back.T @ of_modes @ back

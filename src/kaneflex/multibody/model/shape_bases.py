@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from kaneflex.fem.links import Link, static_shapes
-from kaneflex.fem.modes import lowest_modes
+from kaneflex.fem.modes import lowest_modes, symmetric_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, axial_modes, frame_of, stations
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
@@ -151,7 +150,7 @@ def _fixed_interface(K: Matrix, M: Matrix, inner: np.ndarray, count: int, free: 
     if not found.shape[1]:
         return found
     if free:  # with a singular stiffness
-        squares, found[inner] = eigh(*map(as_array, own), subset_by_index=(0, most - 1))
+        squares, found[inner] = symmetric_modes(*map(as_array, own), most)
     else:
         omega, found[inner] = lowest_modes(own[0], own[1], most)
         squares = omega**2
@@ -163,7 +162,8 @@ def _orthogonal(basis: np.ndarray, K: Matrix, M: Matrix, link: Link) -> np.ndarr
     """The same space by the modes within it, of ascending frequency, largest displacement +1."""
     if not basis.shape[1]:
         return basis
-    return _scaled(basis @ eigh(basis.T @ K @ basis, basis.T @ M @ basis)[1], link)
+    K, M = (basis.T @ matrix @ basis for matrix in (K, M))
+    return _scaled(basis @ symmetric_modes(K, M, len(K))[1], link)
 
 
 def _scaled(shapes: np.ndarray, link: Link, others: np.ndarray | None = None) -> np.ndarray:

@@ -87,6 +87,8 @@ class Steps:
 
     def _balls(self) -> Iterator[tuple[int, int, Any]]:
         """First coordinate and speed of every ball, and its axes at all rows."""
+        if not len(self.engine.balls):  # the import takes longer than many runs
+            return
         from scipy.spatial.transform import Rotation
 
         quaternions = self.rows[:, self.engine.columns["quaternions"]].reshape(len(self.rows), -1, 4)

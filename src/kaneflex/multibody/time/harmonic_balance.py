@@ -17,8 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from kaneflex.integrate.spectral import at_instants, rates
 from kaneflex.multibody.model.state import State
@@ -147,6 +145,8 @@ class _Tangent:
     @classmethod
     def of(cls, search: _Search, states: Sequence[State], drag: float) -> _Tangent:
         """About instants of a motion, with a damping of drag M [1/s] besides."""
+        from scipy.linalg import lu_factor  # takes 0.2 s: only where it is used
+
         matrices = np.moveaxis(np.array([search.equations.matrices(state) for state in states]), 0, -1)
         k, instants = matrices.shape[2:]
         matrices[1] += drag * matrices[0]
@@ -157,6 +157,9 @@ class _Tangent:
 
     def answer(self, loads: np.ndarray) -> np.ndarray:
         """Correction dz (k, N) by loads (k, N)."""
+        from scipy.linalg import lu_solve
+        from scipy.sparse.linalg import LinearOperator, gmres
+
         load, shape, (_, k, _, coarse) = loads.ravel(), loads.shape, self.matrices.shape
         M, C, K = at_instants(self.matrices.reshape(-1, coarse), shape[1]).reshape(3, k, k, -1)
         if shape[1] == coarse:
