@@ -14,11 +14,6 @@ LEFT_OUT = {
     "mathieu": "it stays straight: its deflection is rounding",
 }  # fmt: skip
 """Scenes with what is modelled in the plane alone, or without a number to compare."""
-DIFFERENT = {
-    ("engine-elastic-crank", "coupled"): "the rod's strains differ by 5.5e-5 of their peak; the estimates are 4.1e-5 "
-    "in the plane, most of it its modes, and 0.6e-5 in space",
-}  # fmt: skip
-"""What does not agree yet, by scene and preset, and why."""
 
 
 def rejected_in_space(sensor, preset):
@@ -30,11 +25,9 @@ def rejected_in_space(sensor, preset):
 @pytest.mark.exhaustive(share=12)
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("name", [name for name in planar_scenes() if name not in LEFT_OUT])
-def test_a_lifted_scene_gives_the_planar_numbers(name, preset, request):
+def test_a_lifted_scene_gives_the_planar_numbers(name, preset):
     """Within the errors that both runs estimate for themselves."""
     flat = planar(name, preset)
-    if (name, preset) in DIFFERENT:
-        request.node.add_marker(pytest.mark.xfail(reason=DIFFERENT[name, preset], strict=True))
     try:
         found = compared(flat, random_turn(name))
     except RejectedInPlane as rejected:
