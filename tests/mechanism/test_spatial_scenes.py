@@ -64,10 +64,6 @@ def pendulum(*changes, text=PENDULUM):
     ("{free = true}", '{law = "tan(20 * t)"}', r"drives\.hinge = 'tan.*: its motion is unbounded at t = 0\.0785398 s"),
     ("length", "rotation = {axis = [0, 0, 1]}, length",  # it turned nothing, silently
      r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
-    ("", 'loads.push = {force_on = "bar.end", value = 1}',
-     r"^loads\.push\.direction: the force has no direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
-    ("", 'joints.rail.prismatic = ["ground", "bar.end"]',
-     r"^joints\.rail: a prismatic joint slides along a direction\. Give it, like .*, in space \[1, 0, 0\]\.$"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(old, new, said):
     with pytest.raises(SceneError, match=said):
