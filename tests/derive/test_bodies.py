@@ -54,7 +54,7 @@ def printed(module):
 
 
 PLANE, SPACE = printed(body), printed(spatial_shapes).rpartition("\n\n@njit")[0]
-PROOFS = {"plane": (PLANE, proof, (1, 1)), "space": (SPACE, space_proof, ("u", "v"))}
+PROOFS = {"plane": (PLANE, proof, (0, 0)), "space": (SPACE, space_proof, ("u", "v"))}
 
 
 @pytest.mark.parametrize("dimension", PROOFS)
