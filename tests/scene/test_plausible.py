@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex.scene import Scene, read_scene, scene_of, with_settings
 from kaneflex.scene.plausible import implausible, stubby_links
 
 SCENES = [Path(entry.name) for entry in files("kaneflex.scenes").iterdir()]
@@ -82,17 +82,21 @@ def test_beams_that_are_none_are_noted():
     assert not noted(5.0 * gyration, *shear) and not noted(10.1 * gyration)
     (note,) = noted(2.5 * gyration, *shear)
     assert "too short for any beam theory" in note
+    (note,) = stubby_links(bar([0.01, 0.5]))  # bends easily one way, and the other way hardly
+    assert "bodies.bar.length is only 6.9 radii of gyration" in note
+
+
+def bar(rectangle: list[float], **sensors: object) -> Scene:
+    """A bar in space, 1 m long."""
+    return scene_of({
+        "schema": 1,
+        "bodies": {"bar": {"length": 1, "beam": {"material": "steel", "section": {"rectangle": rectangle}}}},
+        "joints": {"root": {"revolute": ["ground", "bar.start"], "axis": [0, 0, 1]}},
+        "drives": {"root": {"speed": 1}}, "sensors": sensors, "solve": {"duration": 1},
+    })  # fmt: skip
 
 
 @pytest.mark.parametrize(("fibre", "told"), [([0.0, 0.05], "is 0.01 m wide"), ([0.05, 0.0], "is 0.03 m high")])
 def test_a_gauge_beside_its_section_is_warned_of_in_space(fibre, told):
-    scene = scene_of({
-        "schema": 1,
-        "bodies": {"bar": {"length": 1, "beam": {"material": "steel", "section": {"rectangle": [0.03, 0.01]}}}},
-        "joints": {"root": {"revolute": ["ground", "bar.start"], "axis": [0, 0, 1]}},
-        "drives": {"root": {"speed": 1}},
-        "sensors": {"gauge": {"strain": "bar.mid", "fibre": fibre}},
-        "solve": {"duration": 1},
-    })  # fmt: skip
-    (warning,) = implausible(scene)
+    (warning,) = implausible(bar([0.03, 0.01], gauge={"strain": "bar.mid", "fibre": fibre}))
     assert told in warning
