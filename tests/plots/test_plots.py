@@ -493,6 +493,7 @@ def test_an_enlargement_opens_no_joint_and_lets_no_body_pass_another():
     straight, bent = np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([[[0.0, 0.1], [0.5, -0.3], [1.0, 0.1]]])
     assert enlarged_module._cross([straight], [bent]) and not enlarged_module._cross([straight], [straight + 0.1])
     assert not enlarged_module._cross([straight], [straight])
+    assert enlarged(view(solved("engine-3"))).factor == 100.0  # cranks and rods of three cylinders cross anyhow
 
 
 def test_paths_of_a_flat_mechanism_leave_no_white_space():
