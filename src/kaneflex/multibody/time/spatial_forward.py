@@ -20,7 +20,7 @@ from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.time import run
+from kaneflex.multibody.time import collocation, run
 from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
@@ -76,15 +76,18 @@ class SpatialRun(run.Run, Curve):
         return False
 
     def _reason(self, ended: int) -> tuple[Outcome, str] | None:
-        """Outcome if bushings turn too far, or the last state is singular; None otherwise."""
+        """Outcome if bushings turn too far, the last state is singular, or steps become too short; None otherwise."""
         stuck = f"the motion can't continue after t = {self.here[0]:.6g} s"
+        advice = f". {BENT_FAR}" if self.engine.shapes.any() else ""
         if far := overturned(self.system.mechanism, self.system.work.springs):  # in the last attempt
             return Outcome.UNSTABLE, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
         try:
             self.system.project(float(self.here[0]), *self.engine.state_of(self.here), self.engine.choice)
         except ArithmeticError as reason:
-            return Outcome.SINGULAR, f"{stuck}: {reason}"
-        return None
+            return Outcome.SINGULAR, f"{stuck}: {reason}{advice}"
+        if ended != collocation.TOO_SMALL:
+            return None
+        return Outcome.UNSTABLE, f"{stuck}: the step size tends to zero{advice}"
 
     def _chosen_anew(self) -> bool:
         """True if other speeds keep the rank: near a singular position fewer rows would leave a freedom open."""
@@ -141,8 +144,6 @@ class SpatialRun(run.Run, Curve):
         self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
         ends: np.ndarray = run.EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
-        if outcome is not Outcome.COMPLETED and self.engine.shapes.any():
-            message = f"{message}. {BENT_FAR}"
         steps, rejected, *_ = self.counts.astype(int).tolist()
         energy = unknown_energy(len(rows))
         return CoupledTrajectory(rows[:, :1], None, energy, steps, rejected, outcome, message, ns, ends, curve=self)
