@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.integrate.gmres import gmres
 from kaneflex.integrate.outcome import Outcome, leading
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.support.errors import SceneError
@@ -73,8 +74,6 @@ def corrected_state(
     d is found by generalised minimal residuals (Saad and Schultz 1986), a cycle an iteration: as many as there are
     disturbances that last a cycle. None where these are too many, or a cycle goes wrong.
     """
-    from scipy.sparse.linalg import LinearOperator, gmres
-
     n = setup.system.n
 
     def after(x: np.ndarray, load: float) -> np.ndarray:
@@ -90,12 +89,11 @@ def corrected_state(
     x = scales * np.pad(np.concatenate((z, v)), (0, len(scales) - 2 * n))
     try:
         left = after(x, 1.0) - x
-        change = LinearOperator((len(x), len(x)), lambda y: y - after(y, 0.0))
-        d, failed = gmres(change, left, rtol=_SHARE, restart=_MOST_CYCLES, maxiter=1)
-    except FloatingPointError:
+        d, missed = gmres(lambda y: y - after(y, 0.0), left, _SHARE, _MOST_CYCLES)
+    except (FloatingPointError, np.linalg.LinAlgError):
         return None
     z, v, *_ = np.split((x + d) / scales, len(setup.scales))
-    return None if failed else (z, v)
+    return (z, v) if missed <= _SHARE else None
 
 
 def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.integrate.gmres import gmres
 from kaneflex.integrate.spectral import at_instants, rates
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.linearisation import Equations
@@ -32,7 +33,7 @@ _WAYS = (32, (0.0,)), (64, (0.0,)), (64, _DRAGS)
 _ROUGH, _FINEST = 0.1, 4096
 """Share of the highest harmonics above which a first grid is rejected; instants of the finest one."""
 _LARGEST = 2304
-"""Unknowns on a first grid: its dense factors take 0.5 s then."""
+"""Unknowns on a first grid: its dense inverse takes 1 s then."""
 _STEPS, _FRESH = 8, 0.2
 """Newton's steps on a grid, and the contraction of one above which the next one linearises again."""
 _SOLVED, _VECTORS = 1e-3, 30
@@ -135,35 +136,30 @@ class _Search:
 class _Tangent:
     """The equations linearised about a motion at the instants of the first grid.
 
-    matrices: M, C and K (3, k, k, N); factors: of all of them together.
+    matrices: M, C and K (3, k, k, N); inverse: of all of them together.
     """
 
     search: _Search
     matrices: np.ndarray
-    factors: tuple[np.ndarray, np.ndarray]
+    inverse: np.ndarray
 
     @classmethod
     def of(cls, search: _Search, states: Sequence[State], drag: float) -> _Tangent:
         """About instants of a motion, with a damping of drag M [1/s] besides."""
-        from scipy.linalg import lu_factor  # takes 0.2 s: only where it is used
-
         matrices = np.moveaxis(np.array([search.equations.matrices(state) for state in states]), 0, -1)
         k, instants = matrices.shape[2:]
         matrices[1] += drag * matrices[0]
         still = np.eye(instants)
         turning = [part.T for part in (*rates(still, search.omega)[::-1], still)]
         whole = sum(np.einsum("abi,ij->aibj", A, D) for A, D in zip(matrices, turning, strict=True))
-        return cls(search, matrices, lu_factor(whole.reshape(k * instants, -1)))
+        return cls(search, matrices, np.linalg.inv(whole.reshape(k * instants, -1)))
 
     def answer(self, loads: np.ndarray) -> np.ndarray:
         """Correction dz (k, N) by loads (k, N)."""
-        from scipy.linalg import lu_solve
-        from scipy.sparse.linalg import LinearOperator, gmres
-
         load, shape, (_, k, _, coarse) = loads.ravel(), loads.shape, self.matrices.shape
         M, C, K = at_instants(self.matrices.reshape(-1, coarse), shape[1]).reshape(3, k, k, -1)
         if shape[1] == coarse:
-            return lu_solve(self.factors, load).reshape(shape)
+            return (self.inverse @ load).reshape(shape)
 
         def forces(z: np.ndarray) -> np.ndarray:
             moved = z.reshape(shape)
@@ -178,12 +174,11 @@ class _Tangent:
             harmonics, low = np.fft.rfft(z.reshape(shape)), coarse // 2
             held = np.fft.irfft(harmonics[:, :low], coarse) * (coarse / shape[1])
             out = np.einsum("hab,bh->ah", of_mean, harmonics)
-            answer = lu_solve(self.factors, held.ravel()).reshape(held.shape)
+            answer = (self.inverse @ held.ravel()).reshape(held.shape)
             out[:, :low] = np.fft.rfft(answer)[:, :low] * (shape[1] / coarse)
             return np.fft.irfft(out, shape[1]).ravel()
 
-        A, P = (LinearOperator((load.size, load.size), each, dtype=float) for each in (forces, near))
-        return gmres(A, load, rtol=_SOLVED, restart=max(_VECTORS, 8 * k), maxiter=1, M=P)[0].reshape(shape)
+        return gmres(forces, load, _SOLVED, max(_VECTORS, 8 * k), near)[0].reshape(shape)
 
 
 def _tail(z: np.ndarray) -> float:
