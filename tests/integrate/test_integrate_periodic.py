@@ -148,6 +148,14 @@ def test_parametric_instability_is_named_with_its_multiplier():
     assert abs(run.multipliers[0]) > 1.3 and f"{abs(run.multipliers[0]):.9g}" in run.message
 
 
+def test_what_grows_beyond_rounding_over_a_cycle_has_no_periodic_state():
+    """By exp(2 pi) its rest z = -1 is found all the same; by exp(8 pi) nothing would be left of it."""
+    for stiffness, found in ((-1.0, -1.0), (-16.0, 0.0)):
+        system, table = constant(np.eye(1), np.zeros((1, 1)), np.full((1, 1), stiffness), np.ones(1))
+        run = integrate(Run(system, table, 0.0, CYCLE / 200, 200, "gauss", start="periodic", period_steps=200))
+        assert run.outcome is Outcome.UNSTABLE and run.z.sum(axis=0) / 201 == pytest.approx(found)
+
+
 @pytest.mark.parametrize("method", COMPILED)
 def test_a_free_body_has_no_periodic_state(method):
     """Two masses and a spring between them: a double multiplier 1, which rounding splits."""

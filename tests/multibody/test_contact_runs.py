@@ -255,6 +255,8 @@ def test_free_joints_beside_a_clearance_start_as_the_tight_mechanism():
     law = "main.speed=none", f"main.law={SPEED}*t + {math.radians(30)}"
     assert np.ravel(started(*left[:2], *law)) == pytest.approx([turn, turning, way, sliding], rel=1e-9)
     assert started("bore.position=0.1701")[1] == (0.1701, 0.0)  # what a scene says it means
+    (behind, _), _ = started(*left[:2], "main.angle=200 deg")  # within half a turn
+    assert behind == pytest.approx(math.radians(160) + math.asin(CRANK / ROD * math.sin(math.radians(20))), rel=1e-12)
 
 
 BRIDGE = """
