@@ -9,6 +9,7 @@ from machines import slider_crank
 from runs import solved
 
 from kaneflex import read_scene, scene_of, terms, with_settings
+from kaneflex.plots.studies import terms as figure
 from kaneflex.study.trade.candidates import neutral
 from kaneflex.study.trade.parts import parts, tightened
 
@@ -114,7 +115,9 @@ def test_friction_is_compared_with_none():
     removed, left_out = parts(neutral(scene))
     assert removed == {"friction rub": ("joints.rub.friction=none", "sensors.drag=none")} and not left_out
     without = solved(scene, *removed["friction rub"])
-    (effect,) = terms(scene).effects
+    found = terms(scene)
+    (effect,) = found.effects
+    assert len(figure(found).axes) == 1  # no operations are counted
     assert effect.needed and "drag" not in {change.sensor for change in effect.differences}
     for change in effect.differences:
         assert change.peak == abs(without.series[change.sensor].values).max() and change.peak_share > 0

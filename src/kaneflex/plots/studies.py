@@ -107,12 +107,14 @@ def _name(axes: Axes, found: Trade) -> None:
 
 
 def terms(found: Terms) -> Figure:
-    """A bar for each group: the largest change of a sensor, its rms in it, and beside it its operations."""
+    """A bar for each group: the largest change of a sensor, its rms in it, and beside it its operations, if counted."""
     names = [effect.group.name for effect in found.effects]
     page = new_figure(9.6, 1.6 + 0.42 * len(names), f"{found.scene.name}: the model without each group")
-    changes, costs = page.subplots(1, 2, sharey=True, width_ratios=(2, 1))
+    ratios = (2,) if found.operations is None else (2, 1)
+    changes, *costs = page.subplots(1, len(ratios), sharey=True, squeeze=False, width_ratios=ratios)[0]
     _changes(changes, found)
-    _costs(costs, found)
+    for axes in costs:
+        _costs(axes, found)
     _name_bars(changes, names)
     return page
 
@@ -149,7 +151,7 @@ def _costs(axes: Axes, found: Terms) -> None:
                           va="center", fontsize=7.5)  # fmt: skip
             most = max(most, effect.operations)
     axes.set_xlim(0, 1.3 * most)
-    axes.set_title("" if found.operations is None else f"of {found.operations} operations")
+    axes.set_title(f"of {found.operations} operations")
     axes.set_xlabel("multiply-adds of M, C, K and F")
     axes.grid(axis="y", visible=False)
 

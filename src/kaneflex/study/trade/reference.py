@@ -71,8 +71,8 @@ class Reference:
         return differences(self.scene, self.sensors, name, curves, self.curves, between)
 
     def within(self, found: Sequence[Difference], tolerance: float) -> bool:
-        """True if every error, plus the reference's own, is within a tolerance."""
-        return all(each.peak_share + self.doubts[each.sensor] <= tolerance for each in found)
+        """True if every error, plus the reference's own, is within a tolerance; False without errors."""
+        return bool(found) and all(each.peak_share + self.doubts[each.sensor] <= tolerance for each in found)
 
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
