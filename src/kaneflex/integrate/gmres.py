@@ -10,7 +10,7 @@ Product = Callable[[np.ndarray], np.ndarray]
 
 
 def gmres(
-    apply: Product, load: np.ndarray, tolerance: float, most: int, near: Product = np.copy
+    apply: Product, load: np.ndarray, tolerance: float, most: int, near: Product = np.asarray
 ) -> tuple[np.ndarray, float]:
     """Solution x (n,) of A x = load, and the residual as a share of the load.
 
@@ -27,8 +27,8 @@ def gmres(
     if size == 0.0:
         return np.zeros_like(load), 0.0
     basis, moves, H = [load / size], list[np.ndarray](), np.zeros((most + 1, most))
-    wanted, y, left = np.zeros(most + 1), np.zeros(0), 1.0
-    wanted[0] = size
+    wanted, left = size * np.eye(1, most + 1)[0], 1.0
+    y: np.ndarray
     for k in range(most):
         moves.append(near(basis[k]))
         rest = apply(moves[k])
