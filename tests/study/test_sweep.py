@@ -15,6 +15,7 @@ from studies import dataset, plan_of, swept_in
 from kaneflex import OutputError, SceneError, read_scene, sweep, with_settings
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.response.time_statistics import statistics, statistics_of_all
+from kaneflex.study.dataset import column
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
@@ -100,6 +101,8 @@ def test_statistics_are_those_of_a_run_by_itself(swept):
 def test_coordinates_carry_the_studys_unit_and_can_be_unstacked(swept):
     _, found = swept
     assert found["drives.main.speed"].attrs["units"] == "rpm"
+    texts, about = column(["137 mm", "0.14 m"])  # in no common one
+    assert (texts.tolist(), about) == (["137 mm", "0.14 m"], {})
     grid = found["crank_torque"].set_index(point=["drives.main.speed", "rod.length"]).unstack("point")
     peaks = grid.sel(statistic="max", **{"rod.length": 137.0})
     assert dict(grid.sizes) == {"statistic": 4, "drives.main.speed": 3, "rod.length": 3}
