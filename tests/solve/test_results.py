@@ -270,6 +270,8 @@ def test_statistics_of_one_instant_of_nothing_and_of_an_explosion():
     assert (sensor([2.0], [0.0]).mean, sensor([2.0], [0.0]).rms) == (2.0, 2.0)
     assert sensor([0.0, 0.0], [0.0, 1.0]).rms == 0.0
     assert sensor([1e200, -1e200], [0.0, 1.0]).rms == pytest.approx(1e200)
+    unknown_first = sensor([np.nan, 3.0, 1.0, 2.0], [0.0, 1.0, 2.0, 3.0])
+    assert (unknown_first.at_min.time_s, unknown_first.at_max.time_s, unknown_first.mean) == (2.0, 1.0, 1.75)
 
 
 def test_the_drives_angle_lies_within_its_cycle(solution):
