@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
     from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Effect, Terms
-    from kaneflex.study.trade.trials import Trial
+    from kaneflex.study.trade.trials import Ranked
 
 _ALIKE = 1.1
 """Ratio of times up to which a setting is as fast as another."""
@@ -137,7 +137,7 @@ def trade_table(found: Trade) -> str:
     return table(head, [_row(found, entry) for entry in found.ranked], left=3)
 
 
-def _row(found: Trade, entry: Trial) -> tuple[str, ...]:
+def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
     cost = entry.cost
     return (
         "*" if entry in found.front else "", entry.name, entry.worst.sensor, percent(entry.error),
@@ -187,7 +187,7 @@ def terms_table(found: Terms) -> str:
 def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.worst is not None:
-        changes = (effect.worst.sensor, percent(effect.worst.peak_share), percent(effect.rms))
+        changes = (effect.worst.sensor, percent(effect.worst.error), percent(effect.rms))
     own = (effect.group.name, effect.group.meaning, "yes" if effect.needed else "no", *changes)
     return (*own, "" if effect.operations is None else f"{effect.operations:+d}")
 
@@ -229,7 +229,7 @@ def terms_data(found: Terms) -> Data:
     rows = []
     for effect in found.effects:
         most, own = effect.worst, ("rms", "needed", "operations", "reason")
-        change = {"change": most and most.peak_share, "worst_sensor": most and most.sensor}
+        change = {"change": most and most.error, "worst_sensor": most and most.sensor}
         about: Row = {"group": effect.group.name, "meaning": effect.group.meaning}
         rows.append(about | change | {name: getattr(effect, name) for name in own})
     pairs = zip(rows, found.effects, strict=True)
@@ -239,6 +239,6 @@ def terms_data(found: Terms) -> Data:
 
 def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:
     return {
-        each.sensor: {"peak": each.peak_share, "rms": each.rms_share, "with": each.reference_peak, "without": each.peak}
+        each.sensor: {"peak": each.error, "rms": each.rms_error, "with": each.reference_peak, "without": each.peak}
         for each in found
     }

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from kaneflex.study.sensitivity.report import Sensitivities
     from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Terms
-    from kaneflex.study.trade.trials import Trial
+    from kaneflex.study.trade.trials import Ranked
 
 _LEAST_ERROR, _MOST_ERROR = 1e-8, 5.0
 """Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""
@@ -80,11 +80,11 @@ def trade(found: Trade) -> Figure:
     return page
 
 
-def _preset(entry: Trial) -> str:
+def _preset(entry: Ranked) -> str:
     return entry.candidate.settings[0].removeprefix("solve.preset=")
 
 
-def _places(entries: Sequence[Trial]) -> tuple[list[float], list[float]]:
+def _places(entries: Sequence[Ranked]) -> tuple[list[float], list[float]]:
     """Times [ms] and errors [%]."""
     errors = [min(max(entry.error, _LEAST_ERROR), _MOST_ERROR) for entry in entries]
     return [1e3 * entry.cost.total for entry in entries], [100 * error for error in errors]
@@ -127,7 +127,7 @@ def _changes(axes: Axes, found: Terms) -> None:
             said = "needed: does not run without" if effect.needed else "shows only rounding"
             axes.annotate(said, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
             continue
-        peak, rms = 100 * effect.worst.peak_share, 100 * effect.rms
+        peak, rms = 100 * effect.worst.error, 100 * effect.rms
         axes.barh(row, max(peak, _CHANGE), height=0.7, color=shade(colour, 0.45))
         axes.barh(row, max(rms, _CHANGE), height=0.4, color=colour)
         axes.annotate(
@@ -135,7 +135,7 @@ def _changes(axes: Axes, found: Terms) -> None:
             fontsize=7.5, bbox={"color": "white", "pad": 0.5},
         )  # fmt: skip
     axes.axvline(100 * found.tolerance, color="black", linestyle="--", linewidth=0.9, zorder=0.5)
-    peaks = [100 * effect.worst.peak_share for effect in found.effects if effect.worst is not None]
+    peaks = [100 * effect.worst.error for effect in found.effects if effect.worst is not None]
     least = max(_CHANGE, 0.2 * min(peak for peak in [*peaks, 100 * found.tolerance] if peak > 0))
     axes.set_xlim(least, 30 * max([*peaks, 100 * found.tolerance]))
     axes.set_title(f"largest change of a sensor, dark: rms; dashed: {100 * found.tolerance:.3g} %, red: needed")

@@ -60,14 +60,24 @@ class Difference:
     rms_difference: float
 
     @property
+    def error(self) -> float:
+        """Largest difference as a share of the reference's peak, which is not zero."""
+        return self.peak_difference / self.reference_peak
+
+    @property
+    def rms_error(self) -> float:
+        """Rms difference as a share of the reference's peak, which is not zero."""
+        return self.rms_difference / self.reference_peak
+
+    @property
     def peak_share(self) -> float | None:
         """Largest difference as a share of the reference's peak; None if that is zero."""
-        return self.peak_difference / self.reference_peak if self.reference_peak else None
+        return self.error if self.reference_peak else None
 
     @property
     def rms_share(self) -> float | None:
         """Rms difference as a share of the reference's peak; None if that is zero."""
-        return self.rms_difference / self.reference_peak if self.reference_peak else None
+        return self.rms_error if self.reference_peak else None
 
 
 def difference(
@@ -118,7 +128,7 @@ def differences(
 
 def worst(found: Sequence[Difference]) -> Difference:
     """Sensor with the largest error as a share of its reference's peak."""
-    return max(found, key=lambda difference: difference.peak_share)
+    return max(found, key=lambda difference: difference.error)
 
 
 def _floors(scene: Scene, reference: Curves) -> dict[str, float]:

@@ -83,7 +83,7 @@ def chosen(
         model=model.name,
         settings=[*neutral_settings(scene), *model.settings],
         dropped=[each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped],
-        errors={each.sensor: each.peak_share for each in trials.tried[model].differences if each.sensor not in beyond},
+        errors={each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
         open=dict(reference.open) | beyond,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene), *reference.model.settings],

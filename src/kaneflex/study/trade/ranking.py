@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from kaneflex.study.differences import check_sensors
 from kaneflex.study.runs import Runs, cost
 from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings, own_model
 from kaneflex.study.trade.reference import KNOWN, Reference, find_reference
-from kaneflex.study.trade.trials import Trial, Trials
+from kaneflex.study.trade.trials import Ranked, Trials
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed, refuse
 from kaneflex.support.terminal import silent
@@ -36,7 +36,7 @@ class Trade:
     tolerance : float
         Share of a sensor's peak.
     reference : Reference
-    ranked : tuple of Trial
+    ranked : tuple of Ranked
         Candidates by total time, the cheapest first.
     own : Variant or None
         The scene's own model; None if only given candidates were run.
@@ -47,31 +47,31 @@ class Trade:
     scene: Scene
     tolerance: float
     reference: Reference
-    ranked: tuple[Trial, ...]
+    ranked: tuple[Ranked, ...]
     left_out: Mapping[str, str]
     own: Variant | None = None
 
     def __repr__(self) -> str:
         return f"Trade({self.scene.name}: {len(self.ranked)} models, chosen {self.chosen and self.chosen.name})"
 
-    def settings_of(self, entry: Trial) -> tuple[str, ...]:
+    def settings_of(self, entry: Ranked) -> tuple[str, ...]:
         """Settings path=value that select this model."""
         return (*neutral_settings(self.scene), *entry.candidate.settings)
 
     @cached_property
-    def chosen(self) -> Trial | None:
+    def chosen(self) -> Ranked | None:
         """Cheapest candidate within the tolerance; None if there is none."""
         return next((entry for entry in self.ranked if entry.within), None)
 
     @property
-    def of_scene(self) -> Trial | None:
+    def of_scene(self) -> Ranked | None:
         """Entry of the scene's own model; None if it was not run."""
         return next((entry for entry in self.ranked if entry.candidate == self.own), None)
 
     @cached_property
-    def front(self) -> tuple[Trial, ...]:
+    def front(self) -> tuple[Ranked, ...]:
         """Pareto front, the cheapest first: candidates without a cheaper and more accurate one."""
-        found: list[Trial] = []
+        found: list[Ranked] = []
         for entry in self.ranked:
             if not found or entry.error < found[-1].error:
                 found.append(entry)
@@ -119,7 +119,7 @@ def trade(
     if candidates is None:
         candidates, own = candidates_of(basis), own_model(scene)
         own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
-        candidates = dict.fromkeys((own, *candidates))
+        candidates = tuple(dict.fromkeys((own, *candidates)))
     left_out = {sensor: f"its error estimate is {100 * doubt:.2g} %" for sensor, doubt in reference.open.items()}
     for candidate in candidates:
         if time.perf_counter() > begun + _FIRST_RUNS * budget:
@@ -132,7 +132,7 @@ def trade(
         raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
     repeats = runs.repeats([trial.candidate for trial in found], begun + budget)
     costs = (cost(runs.run(model).timing, repeated) for model, repeated in repeats.items())
-    ranked = [replace(trial, cost=each) for trial, each in zip(found, costs, strict=True)]
+    ranked = [Ranked(**vars(trial), cost=each) for trial, each in zip(found, costs, strict=True)]
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, tolerance, reference, tuple(ranked), left_out, own)
 

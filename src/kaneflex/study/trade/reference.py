@@ -72,7 +72,7 @@ class Reference:
 
     def within(self, found: Sequence[Difference], tolerance: float) -> bool:
         """True if every error, plus the reference's own, is within a tolerance; False without errors."""
-        return bool(found) and all(each.peak_share + self.doubts[each.sensor] <= tolerance for each in found)
+        return bool(found) and all(each.error + self.doubts[each.sensor] <= tolerance for each in found)
 
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
@@ -127,10 +127,10 @@ def _finer(scene: Scene, plain: Variant) -> Variant:
         # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
         mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
         name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"
-        finer = (f"solve.tolerance={tolerance!r}", f"solve.modes={modes}")
+        finer = [f"solve.tolerance={tolerance!r}", f"solve.modes={modes}"]
     else:
         counts = ", ".join(map(str, dict.fromkeys(mesh.values())))
-        name, finer = f"stiffened, {counts} elements, {steps} steps", ("solve.integrator=radau",)
+        name, finer = f"stiffened, {counts} elements, {steps} steps", ["solve.integrator=radau"]
     return Variant(name, (*plain.settings, *finer, *elements_set(mesh), f"solve.steps={steps}"))
 
 

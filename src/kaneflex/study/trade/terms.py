@@ -77,7 +77,7 @@ class Effect:
     @property
     def rms(self) -> float | None:
         """Largest rms change of a sensor as a share of its peak."""
-        return max((found.rms_share for found in self.differences), default=None)
+        return max((found.rms_error for found in self.differences), default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def terms(
                 effects.append(Effect(group, (), True, None, str(error)))
             else:
                 left_out[group.name] = str(error)
-    effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else math.inf if effect.needed else -1.0))
+    effects.sort(key=lambda effect: -(effect.worst.error if effect.worst else math.inf if effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
 
 
@@ -199,6 +199,6 @@ def _effect(
     if not there:
         raise SceneError("sensors", None, "no requested sensor exists without it", "Choose others")
     found = differences(runs.scene, there, group.dropped.name, dropped.curves, kept.curves)
-    needed = any((each.peak_share or 0.0) - doubts.get(each.sensor, 0.0) > tolerance for each in found)
-    counts = kept.timing.operations, dropped.timing.operations
-    return Effect(group, found, needed, None if None in counts else counts[0] - counts[1])
+    needed = any(each.error - doubts.get(each.sensor, 0.0) > tolerance for each in found)
+    whole, less = kept.timing.operations, dropped.timing.operations
+    return Effect(group, found, needed, None if whole is None or less is None else whole - less)

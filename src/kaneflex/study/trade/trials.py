@@ -33,8 +33,6 @@ class Trial:
         Whether only its steps are too few: it is within at its own instants, or does not resolve its loads.
     reason : str
         Why it can't be run, or the loads that it does not resolve.
-    cost : Cost or None
-        Of repeated runs, if these were made.
     """
 
     candidate: Variant
@@ -42,7 +40,6 @@ class Trial:
     within: bool = False
     coarse: bool = False
     reason: str = ""
-    cost: Cost | None = None
 
     @property
     def name(self) -> str:
@@ -56,12 +53,19 @@ class Trial:
     @property
     def error(self) -> float:
         """Largest error max|y - y_ref| / max|y_ref| of a sensor; infinite if the model can't be run."""
-        return self.worst.peak_share if self.differences else math.inf
+        return self.worst.error if self.differences else math.inf
 
     @property
     def rms(self) -> float:
         """Largest rms error of a sensor as a share of its peak."""
-        return max(difference.rms_share for difference in self.differences)
+        return max(difference.rms_error for difference in self.differences)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked(Trial):
+    """A model with its errors, and the cost of repeated runs."""
+
+    cost: Cost
 
 
 @dataclass(eq=False)
@@ -111,7 +115,7 @@ class Trials:
     def beyond(self, model: Variant) -> dict[str, float]:
         """Sensors of a tried model that are not within the tolerance, with their error and uncertainty."""
         doubts = self.reference.doubts
-        found = {each.sensor: each.peak_share + doubts[each.sensor] for each in self.tried[model].differences}
+        found = {each.sensor: each.error + doubts[each.sensor] for each in self.tried[model].differences}
         return {sensor: error for sensor, error in found.items() if error > self.tolerance}
 
     def cheapest_models(self) -> list[Variant]:
