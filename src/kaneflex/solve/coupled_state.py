@@ -18,7 +18,6 @@ from kaneflex.support.labelled import read_labelled
 from kaneflex.support.units import ANGLE, LENGTH
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.scene import Scene
@@ -166,16 +165,6 @@ def last_state(solution: RunResult) -> SavedState:
     if model.in_space is not None:
         names, q, v = with_turns(names, q, v, model.in_space.turned(t))
     return SavedState(repr(solution), t, names, q, v)
-
-
-def first_state(model: Model) -> SavedState | None:
-    """State from which a run in space continues another one; None if it starts as the scene does."""
-    if model.in_space is None or model.in_space.curve.turned is None:
-        return None
-    start, turned = model.in_space.curve.start, model.in_space.curve.turned
-    rates = rates_of(model.in_space.module.system.engine, start.q[None], start.u[None])[0]
-    turns = {name: (angle, 0.0) for name, angle in turned.items()}
-    return SavedState(repr(model), start.t, *with_turns(start_coordinates(model), start.q, rates, turns))
 
 
 def with_turns(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.solve.run_result import RunResult
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from kaneflex.multibody.time.trajectory import CoupledTrajectory
     from kaneflex.scene import Scene
-    from kaneflex.solve.coupled_state import SavedState
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
@@ -54,9 +53,7 @@ class Solution(RunResult):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the scene, from which the model is loaded again."""
-        from kaneflex.solve.coupled_state import first_state
-
-        return _restored, (self.model.given, self.trajectory, self.seconds, self.whole, first_state(self.model))
+        return _restored, (self.model.given, self.trajectory, self.seconds, self.whole)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -161,9 +158,8 @@ class Solution(RunResult):
 
 
 def _restored(
-    scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None,
-    after: SavedState | None,
-) -> Solution:  # fmt: skip
+    scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
+) -> Solution:
     """Solution from its pickled parts."""
     from kaneflex.solve.free_motion import integrated
     from kaneflex.solve.loading import load
@@ -171,9 +167,8 @@ def _restored(
     model = load(scene)
     if isinstance(trajectory, Trajectory):
         return Solution(integrated(model), trajectory, seconds, whole)
-    from kaneflex.solve.coupled import as_result, simulate_coupled
+    from kaneflex.solve.coupled import as_result
 
-    if model.coupled is None:  # the run of a mechanism in space is not pickled
-        run: Any = simulate_coupled(model, after=after).trajectory
-        trajectory = replace(trajectory, curve=run.curve)
+    if trajectory.curve is not None:
+        trajectory = replace(trajectory, curve=trajectory.curve.of(model.coupled_system))
     return replace(Solution.of(as_result(model, trajectory, seconds)), whole=whole)

@@ -150,7 +150,7 @@ def _fixed_interface(K: Matrix, M: Matrix, inner: np.ndarray, count: int, free: 
     if not found.shape[1]:
         return found
     if free:  # with a singular stiffness
-        squares, found[inner] = symmetric_modes(*map(as_array, own), most)
+        squares, found[inner] = symmetric_modes(as_array(own[0]), as_array(own[1]), most)
     else:
         omega, found[inner] = lowest_modes(own[0], own[1], most)
         squares = omega**2

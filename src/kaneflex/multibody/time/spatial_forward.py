@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
@@ -43,6 +44,15 @@ class SpatialRun(run.Run, Curve):
         self.start, self.pace = start, Pace(float(times[-1] - times[0]))
         super().__init__(system, start, times, method, given)
         self.sloped = DAMPED if system.has_slopes and method.integrator == "radau" else 0.0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What reading the run needs, without its system; see :meth:`of`."""
+        return {name: getattr(self, name) for name in ("start", "turned", "times", "here", "pieces", "counts")}
+
+    def of(self, system: SpatialSystem) -> Self:
+        """The run, pickled and restored, of its system loaded again."""
+        self.system, self.engine = system, system.engine
+        return self
 
     def _begun(self, start: State) -> tuple[bool, float]:
         free = start.choice.independent

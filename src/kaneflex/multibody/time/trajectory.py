@@ -40,7 +40,7 @@ class CoupledTrajectory:
     floquet : ndarray or None
         Floquet multipliers of a cycle, by decreasing modulus, if requested.
     curve : SpatialRun or None
-        The run of a mechanism in space, see :mod:`kaneflex.multibody.time.spatial_forward`; it is not pickled.
+        The run of a mechanism in space, see :mod:`kaneflex.multibody.time.spatial_forward`.
     """
 
     rows: np.ndarray
@@ -57,9 +57,6 @@ class CoupledTrajectory:
     changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
     curve: Any = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "curve": None}
 
     @cached_property
     def times(self) -> np.ndarray:
