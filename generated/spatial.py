@@ -23,7 +23,7 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # sec: the numbers of section i begin at 15 i
 SECTION = (
-    'r_x', 'r_y', 'r_z', 'v_x', 'v_y', 'v_z', 'a_x', 'a_y', 'a_z', 'omega_x', 'omega_y', 'omega_z', 'epsilon_x',
+    'r_x', 'r_y', 'r_z', 'v_x', 'v_y', 'v_z', 'omega_x', 'omega_y', 'omega_z', 'a_x', 'a_y', 'a_z', 'epsilon_x',
     'epsilon_y', 'epsilon_z',
 )
 
@@ -112,8 +112,8 @@ def inertia(p, o, out, n):
 @njit(**OPTIONS)
 def coincide(sec, i, j, out, n):
     """The points of two sections are one: three rows at out[n], out[n + 15] and out[n + 30]."""
-    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1 = unpacked(sec, 9, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
+    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, _, _, _, a_x_1, a_y_1, a_z_1 = unpacked(sec, 12, 15 * i)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, _, _, _, a_x_2, a_y_2, a_z_2 = unpacked(sec, 12, 15 * j)
     out[n] = -r_x_1 + r_x_2
     out[n + 1] = -v_x_1 + v_x_2
     out[n + 2] = -a_x_1 + a_x_2
@@ -131,8 +131,8 @@ def coincide(sec, i, j, out, n):
 @njit(**OPTIONS)
 def perpendicular(sec, i, j, axes, k, l, out, n):
     """Axis k of the first section and axis l of the second are at right angles: a row at out[n]."""
-    omega_x_1, omega_y_1, omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1 = unpacked(sec, 6, 15 * i + 9)
-    omega_x_2, omega_y_2, omega_z_2, epsilon_x_2, epsilon_y_2, epsilon_z_2 = unpacked(sec, 6, 15 * j + 9)
+    omega_x_1, omega_y_1, omega_z_1, _, _, _, epsilon_x_1, epsilon_y_1, epsilon_z_1 = unpacked(sec, 9, 15 * i + 6)
+    omega_x_2, omega_y_2, omega_z_2, _, _, _, epsilon_x_2, epsilon_y_2, epsilon_z_2 = unpacked(sec, 9, 15 * j + 6)
     n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
     n_x_2, n_y_2, n_z_2 = unpacked(axes, 3, 3 * l)
     w0 = n_y_2*omega_z_2
@@ -160,10 +160,10 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
     (
-        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, a_x_1, a_y_1, a_z_1, omega_x_1, omega_y_1, omega_z_1, epsilon_x_1,
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, omega_x_1, omega_y_1, omega_z_1, a_x_1, a_y_1, a_z_1, epsilon_x_1,
         epsilon_y_1, epsilon_z_1,
     ) = unpacked(sec, 15, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2 = unpacked(sec, 9, 15 * j)
+    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, _, _, _, a_x_2, a_y_2, a_z_2 = unpacked(sec, 12, 15 * j)
     n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2

@@ -4,9 +4,9 @@ Residuals of joints are those of :mod:`kaneflex.mechanism.joints`, in space thos
 springs are those of :mod:`kaneflex.mechanism.springs`. Here they are differentiated.
 
 A section in the plane is nine numbers of ``sec`` at 9 i: x, y [m], theta [rad], their rates v_x, v_y, omega and the
-rates of these, all global. In space it is fifteen numbers at 15 i: place, velocity, acceleration of its point, angular
-velocity and acceleration of its body, each x, y, z and global. Axes in space are three numbers of ``axes`` at 3 k, unit
-vectors that turn with their body, global, too.
+rates of these, all global. In space it is fifteen numbers at 15 i: place and velocity of its point, angular velocity of
+its body, then acceleration and angular acceleration, each x, y, z and global. Axes in space are three numbers of
+``axes`` at 3 k, unit vectors that turn with their body, global, too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kaneflex.mechanism.parts import ROWS, Joint, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
-_SPATIAL_SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "a", "omega", "epsilon") for axis in XYZ)
+_SPATIAL_SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "omega", "a", "epsilon") for axis in XYZ)
 _RELATIVE = tuple(f"{name}{rate}" for rate in ("", "_rate", "_second_rate") for name in ("gap_x", "gap_y", "phi"))
 """The second section's numbers less those of the first."""
 _D, _ANGLE = sm.symbols("d_x d_y"), sm.Symbol("angle")

@@ -50,11 +50,6 @@ def bristle_force(
     return stiffness * z + damping * rate + viscous * v
 
 
-def numbers_of_virtual(inertia: float) -> tuple[float, ...]:
-    """Numbers of an entry without a law that subtracts a virtual inertia [kg m^2], stored as its arm."""
-    return (*(0.0,) * 9, inertia, -1.0, -1.0, 0.0, 0.0)
-
-
 def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, ...]:
     """Numbers of a friction for the kernels of ``generated/friction.py``, in the order of its NUMBERS.
 

@@ -107,7 +107,7 @@ class Engine(Views):
 
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the current position."""
-        inertia = np.zeros(self.size)
+        inertia = self.parts["weightless"]
         if len(dependent) and self.light:
             free = np.isin(np.arange(self.size), self.open_speeds)
             inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
@@ -128,11 +128,10 @@ class Engine(Views):
         plan[at.KEPT], plan[at.BENDS] = kept, self.shapes[choice.dependent].any()
         led, nodes = bisect_right(self._last_columns, min(choice.dependent, default=self.size)), self.parts["nodes"]
         plan[at.LED] = self.parts["frames"][led, JOINT_NODE] if led < len(self._last_columns) else len(nodes)
-        if self.in_space:
-            speeds = np.flatnonzero(choice.virtual_inertia)
-            plan[at.YIELDING] = len(speeds)
-            plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
-            self.work.virtual_inertia[:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
+        speeds = np.flatnonzero(choice.virtual_inertia)
+        plan[[at.VIRTUAL, at.YIELDING]] = len(speeds)
+        plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
+        self.work.virtual_inertia[:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
         self.chosen[0] = choice
 
     @cached_property
@@ -195,19 +194,15 @@ class Engine(Views):
         Contacts with overlapping sides are closed. The ``held`` coordinates are not accelerated, as far as the joints
         allow: they have a mass much larger than all others.
         """
-        n, mass = self.size, self.masses.sum()
-        stiffness, damping = (self.numbers(part, n) for part in (at.STIFFNESS, at.DAMPING))
-        kept, rows, done = (stiffness.copy(), damping.copy()), rows.copy(), 0
-        if len(held):
-            stiffness[:] = damping[:] = 0.0
-            stiffness[list(held)] = _HUGE * mass
+        rows, done = rows.copy(), 0
         while done < len(rows):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
+            self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
             before, done = done, self.call(unfolding.states, rows, len(rows), done, len(held) > 0)
             if done == before:
                 break
-        stiffness[:], damping[:] = kept
+        self.work.virtual_inertia[:] = self.choice.virtual_inertia
         return rows if done == len(rows) else None
 
     def integrate(

@@ -17,7 +17,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, UniTuple
 
-from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS
+from kaneflex.multibody.model.layout import IN_ORDER
 
 
 class Vectors(types.Type):
@@ -159,15 +159,8 @@ def row_length(m):
 
 
 @njit(**IN_ORDER)
-def copy_vectors(of, out, count):
-    """Copy vectors, real ones also into complex ones."""
+def copy(of, out, count):
+    """Copy numbers or vectors, real ones also into complex ones."""
     inside()
     for k in range(count):
         out[k] = of[k]
-
-
-@njit(**OPTIONS)
-def copy(w, of, into, count):
-    """Copy numbers of the tables."""
-    for k in range(count):
-        w[into + k] = w[of + k]

@@ -163,6 +163,49 @@ times, add_product = by_size(times, _times_6), by_size(add_product, _add_product
 
 
 @njit(**IN_ORDER)
+def linear_size(t):
+    """Sum of the sizes of a twist's velocity, or a wrench's force, in each direction."""
+    inside()
+    return abs(t[0]) + abs(t[1])
+
+
+@njit(**IN_ORDER)
+def _linear_size_6(t):
+    inside()
+    return abs(t[0]) + abs(t[1]) + abs(t[2])
+
+
+@njit(**IN_ORDER)
+def angular_size(t):
+    """The same of the angular velocity or the moment."""
+    inside()
+    return abs(t[2])
+
+
+@njit(**IN_ORDER)
+def _angular_size_6(t):
+    inside()
+    return abs(t[3]) + abs(t[4]) + abs(t[5])
+
+
+@njit(**IN_ORDER)
+def absolute(a):
+    """Sizes of the components."""
+    inside()
+    return abs(a[0]), abs(a[1]), abs(a[2])
+
+
+@njit(**IN_ORDER)
+def _absolute_6(a):
+    inside()
+    return abs(a[0]), abs(a[1]), abs(a[2]), abs(a[3]), abs(a[4]), abs(a[5])
+
+
+linear_size, angular_size = by_size(linear_size, _linear_size_6), by_size(angular_size, _angular_size_6)
+absolute = by_size(absolute, _absolute_6)
+
+
+@njit(**IN_ORDER)
 def zero_like(a):
     """Zero of the type of a, real or complex."""
     inside()

@@ -20,8 +20,6 @@ from kaneflex.multibody.model.layout import (
     N,
 )  # fmt: skip
 
-SECTION = 15
-"""Numbers of a section, and of a cut's row, in space."""
 (
     NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN,
 ) = range(11)  # fmt: skip
@@ -33,17 +31,19 @@ coordinates."""
 def _parts(d: int) -> dict[str, Type]:
     """Arrays of a mechanism by their names: its tables, then those that compiled functions fill.
 
-    ``twisting``: speeds of torsional springs; ``balls``: places of every ball's quaternion in q, and of its rotation
-    vector in y; ``own``: of all other coordinates.
+    ``K``, ``C``: stiffness and damping of the shapes of every body, (count, count), ``joint_stiffness``,
+    ``joint_damping``: of springs at joints of the tree, by their speeds; ``balls``: places of every ball's quaternion
+    in q, and of its rotation vector in y; ``own``: of all other coordinates.
     """
-    numbers = ("block", "K", "virtual_inertia", "row_measure", "kept", "q", "u", "du", "multipliers", "along",
-               "deforming", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0", "mass_1", "mass_2")  # fmt: skip
-    vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "rows", "sections",
-               "axes", "x3")  # fmt: skip
+    numbers = ("block", "K", "C", "joint_stiffness", "joint_damping", "virtual_inertia", "row_measure", "kept", "q",
+               "u", "du", "multipliers", "along", "deforming", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0",
+               "mass_1", "mass_2", "rows", "sections", "sizes", "springs")  # fmt: skip
+    vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "axes",
+               "x3")  # fmt: skip
     twists = ("twist", "rate", "wrenches", "slow", "I", "E", "S", "phi", "F")
     return {
         "nodes": Fixed(10), "frames": Fixed(5), "balls": Fixed(2), "own": Fixed(2),
-        **dict.fromkeys(("counts", "on", "axis_on", "twisting"), Fixed(1)), **dict.fromkeys(numbers, N),
+        **dict.fromkeys(("counts", "on", "axis_on"), Fixed(1)), **dict.fromkeys(numbers, N),
         **dict.fromkeys(vectors, Vectors(float64, 3)), **dict.fromkeys(twists, Vectors(float64, d)),
     }  # fmt: skip
 
@@ -157,6 +157,7 @@ class Work(Instants):
     phi : ndarray (n_phi, d)
         Twist of a section for a unit of every shape of its body, in the body's axes.
     sections : ndarray (n_sections, 3 + 2 d)
+        Place, in the plane with its angle, then twist and its rate.
     axes : ndarray (n_axes, 3)
     virtual_inertia : ndarray (s,)
         Virtual inertia of dependent speeds.

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import by_size, chosen, inside, size_of
+from kaneflex.multibody.compile.values import by_size, chosen, inside, size_of, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     first,
@@ -40,9 +40,16 @@ from kaneflex.multibody.model.tree_layout import (
     TURN,
 )  # fmt: skip
 
-_PLACE, _AXIS, _PLANAR_NUMBERS, _NUMBERS = 3, 4, 3, 6
-"""Vectors of a node's numbers in space: rotation (3), joint's point, axis, and the joint's point in its own axes. In
-the plane the first one is missing: the point has the angle."""
+_PLACE, _AXIS = 3, 2
+"""Places of the joint's point and axis among the D vectors of a node's numbers, from their end, which is the point in
+its own axes. In space three of a rotation precede them; in the plane the point has the angle."""
+
+
+@njit(**OPTIONS)
+def _number(m, n, place):
+    """Point or axis of a node's joint."""
+    inside()
+    return m.numbers[width(m) * (n + 1) - place]
 
 
 @njit(**IN_ORDER)
@@ -121,7 +128,7 @@ def joint_place(m, n):
     """Point of a node's joint at its coordinates, in the plane with the angle there; sets the node's axes."""
     inside()
     kind, parent, s = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED]
-    P, axis = m.numbers[_PLANAR_NUMBERS * n], m.numbers[_PLANAR_NUMBERS * n + 1]
+    P, axis = _number(m, n, _PLACE), _number(m, n, _AXIS)
     if kind == STATION:
         P = plus(P, m.moved[n])
     if parent >= 0:
@@ -163,8 +170,8 @@ def _turn_by(m, n, x, y, z):
 @njit(**OPTIONS)
 def _joint_place_in_space(m, n):
     apart()
-    kind, parent, own, s = m.nodes[n, KIND], m.nodes[n, PARENT], _NUMBERS * n, m.nodes[n, SPEED]
-    P, y, q, R = m.numbers[own + _PLACE], m.y, m.q, 3 * n
+    kind, parent, own, s = m.nodes[n, KIND], m.nodes[n, PARENT], width(m) * n, m.nodes[n, SPEED]
+    P, axis, y, q, R = _number(m, n, _PLACE), _number(m, n, _AXIS), m.y, m.q, 3 * n
     if kind == STATION:
         P = plus(P, m.moved[n])
     for i in range(3):
@@ -177,9 +184,9 @@ def _joint_place_in_space(m, n):
     if parent >= 0:
         P = plus(turned(m.R, 3 * parent, P), m.r[parent])
     if kind == SLIDE:
-        P = axpy(y[s], turned(m.R, R, m.numbers[own + _AXIS]), P)
+        P = axpy(y[s], turned(m.R, R, axis), P)
     elif kind == TURN:
-        a, b, c = scaled(math.sin(0.5 * y[s]), m.numbers[own + _AXIS])
+        a, b, c = scaled(math.sin(0.5 * y[s]), axis)
         _turn(m, n, math.cos(0.5 * y[s]), a, b, c, 2.0)
     elif kind == BALL:
         k = m.nodes[n, COORDINATE]
@@ -195,7 +202,7 @@ def directions(m, n):
     inside()
     kind, s = m.nodes[n, KIND], m.nodes[n, SPEED]
     if kind == TURN or kind == SLIDE:
-        axis = to_global(m, n, m.numbers[_PLANAR_NUMBERS * n + 1])
+        axis = to_global(m, n, _number(m, n, _AXIS))
         m.S[s] = twist_at(axis, minus(m.r[n], m.P[n]))
     elif kind == FREE:
         m.S[s], m.S[s + 1], m.S[s + 2] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -206,9 +213,9 @@ def _directions_in_space(m, n):
     apart()
     kind, s, arm, nothing = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n]), (0.0, 0.0, 0.0)
     if kind == SLIDE:
-        m.S[s] = joined(turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS]), nothing)
+        m.S[s] = joined(turned(m.R, 3 * n, _number(m, n, _AXIS)), nothing)
     elif kind == TURN:
-        m.S[s] = twist_at(joined(nothing, turned(m.R, 3 * n, m.numbers[_NUMBERS * n + _AXIS])), arm)
+        m.S[s] = twist_at(joined(nothing, turned(m.R, 3 * n, _number(m, n, _AXIS))), arm)
     elif kind == BALL:
         theta = m.y[s], m.y[s + 1], m.y[s + 2]
         b, c, _, _ = turning(theta)

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, minus, plus, scaled, turned
+from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, last, minus, plus, scaled, turned, twist_at
+from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.model.layout import AT, NUMBERS_AT, ON, OPTIONS, ROW_AT, apart, larger
 from kaneflex.support.inner import once
 
@@ -48,10 +49,10 @@ def cushion(m, act, row):
     proportional to d' and omega.
     """
     apart()
-    w, j, E, one, two = m.w, m.acts[act, NUMBERS_AT], m.acts[act, ROW_AT], 5 * m.acts[act, AT], 5 * m.acts[act, ON]
-    other, away = E + 3, minus(m.sections[two], m.sections[one])
-    rate = minus(minus(m.sections[two + 1], m.sections[one + 1]), cross(m.sections[one + 3], away))
-    omega = minus(m.sections[two + 3], m.sections[one + 3])
+    w, j, E, one, two = m.w, m.acts[act, NUMBERS_AT], m.acts[act, ROW_AT], m.acts[act, AT], m.acts[act, ON]
+    other, away = E + 3, minus(section_place(m, two), section_place(m, one))
+    slow = axpy(-1.0, twist_at(twist_at_section(m, one), away), twist_at_section(m, two))
+    rate, omega = (slow[0], slow[1], slow[2]), last(slow)
     a, b = turned(m.axes, E, m.axes[other]), turned(m.axes, E, m.axes[other + 1])
     c = turned(m.axes, E, m.axes[other + 2])  # the second side's axes in those of the first
     cosine = larger(0.5 * math.sqrt(larger(1.0 + a[0] + b[1] + c[2], 0.0)), _HALF_TURN)

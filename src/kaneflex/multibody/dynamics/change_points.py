@@ -24,15 +24,12 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     CROSSING,
     DEPENDENT,
-    GRADIENT,
     KEPT,
     LEAST,
     MEASURE,
-    NOW,
     OPTIONS,
     PASSED,
     PASSING,
-    RATE,
     REACH,
     REACTIONS,
     SCALE,
@@ -41,6 +38,7 @@ from kaneflex.multibody.model.layout import (
     WHEN,
     apart,
     larger,
+    shifted,
 )  # fmt: skip
 
 REGULAR = 0.06
@@ -75,7 +73,7 @@ def project(m, t, i):
         return True
     if not react(m):
         return False
-    copy(m.w, m.plan[NOW], m.plan[STAGE_R] + m.plan[REACTIONS] * i, m.plan[REACTIONS])
+    copy(m.multipliers, shifted(m.w, m.plan[STAGE_R] + m.plan[REACTIONS] * i), m.plan[REACTIONS])
     return True
 
 
@@ -86,7 +84,7 @@ def react_at_end(m, t):
     if not crosses(m, t):
         return False
     for r in range(m.plan[REACTIONS]):
-        m.w[m.plan[NOW] + r] = 0.0
+        m.multipliers[r] = 0.0
     demand(m, t)
     react(m)
     return True
@@ -101,7 +99,7 @@ def strays(m, table, h, here):
     for k in range(plan[KEPT]):
         i = plan[plan[DEPENDENT] + k]
         rate = here[1 + n + i] + h * (b[0] * w[of + i] + b[1] * w[of + n + i] + b[2] * w[of + 2 * n + i])
-        moved = abs(w[plan[RATE] + i] - rate)
+        moved = abs(m.u[i] - rate)
         if moved > _STRAYED * fastest * w[plan[MEASURE] + i] and h * moved > 100.0 * w[plan[SCALE] + i]:
             return True
     return False
@@ -112,8 +110,8 @@ def _fastest(m, row):
     """Largest rate in units of each coordinate [1/s], of coordinates that move a kept row; of all if it is -1."""
     plan, w, fastest = m.plan, m.w, 0.0
     for i in range(plan[COORDINATES]):
-        if row < 0 or w[plan[GRADIENT] + plan[COORDINATES] * row + i] != 0.0:
-            fastest = larger(fastest, abs(w[plan[RATE] + i]) / w[plan[MEASURE] + i])
+        if row < 0 or m.J[plan[COORDINATES] * row + i] != 0.0:
+            fastest = larger(fastest, abs(m.u[i]) / w[plan[MEASURE] + i])
     return fastest
 
 

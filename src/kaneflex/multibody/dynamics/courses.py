@@ -5,7 +5,6 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.model.layout import (
-    ACCEL,
     ACTS,
     CONTACTS,
     COURSE,
@@ -16,10 +15,8 @@ from kaneflex.multibody.model.layout import (
     LOADS,
     OPTIONS,
     PRESCRIBED,
-    RATE,
     SPRINGS,
     WORKS,
-    Y,
     apart,
     kernel,
 )  # fmt: skip
@@ -44,7 +41,7 @@ def prescribe(m, t):
         i, at = plan[plan[PRESCRIBED] + k], plan[COURSE] + 3 * k
         w[at + 2] += w[plan[INPUT] + loads + k]
         if i >= 0:
-            w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = w[at], w[at + 1], w[at + 2]
+            m.y[i], m.u[i], m.du[i] = w[at], w[at + 1], w[at + 2]
 
 
 @njit(**OPTIONS)

@@ -6,11 +6,10 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
-from kaneflex.multibody.compile.values import by_size, numbers_of
-from kaneflex.multibody.dynamics.arrays import SECTION as ROW
+from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.dynamics.forces import rest_rows
 from kaneflex.multibody.model import layout as of
-from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
+from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
 
 
@@ -19,26 +18,25 @@ def cut_rows(m):
     """Residuals of the cuts with their rates and Jacobians by the sections' twists; in the plane those of drives less
     their courses."""
     apart()
-    plan, w, acts = m.plan, m.w, m.acts
-    sec = shifted(w, plan[of.SECTION])
+    plan, w, acts, sections, rows = m.plan, m.w, m.acts, m.sections, m.rows
     for n in range(plan[of.CUTS], plan[of.HOLDS]):
         kind, one, two, j = acts[n, of.WHAT], acts[n, of.AT], acts[n, of.ON], acts[n, of.NUMBERS_AT]
-        k = plan[of.CUT] + of.ROW_SIZE * acts[n, of.ROW_AT]
+        k = row_length(m) * acts[n, of.ROW_AT]
         if kind == of.REVOLUTE:
-            planar_laws.revolute(sec, one, two, w[j], w[j + 1], w[j + 2], w, k)
+            planar_laws.revolute(sections, one, two, w[j], w[j + 1], w[j + 2], rows, k)
         elif kind == of.PRISMATIC:
-            planar_laws.prismatic(sec, one, two, w[j], w[j + 1], w[j + 2], w, k)
+            planar_laws.prismatic(sections, one, two, w[j], w[j + 1], w[j + 2], rows, k)
         elif kind == of.WELD:
-            planar_laws.weld(sec, one, two, w[j], w[j + 1], w[j + 2], w, k)
+            planar_laws.weld(sections, one, two, w[j], w[j + 1], w[j + 2], rows, k)
         elif kind == of.TURN:
-            planar_laws.turn(sec, one, two, w[j], w[j + 1], w[j + 2], w, k)
+            planar_laws.turn(sections, one, two, w[j], w[j + 1], w[j + 2], rows, k)
         else:
-            planar_laws.slide(sec, one, two, w[j], w[j + 1], w[j + 2], w, k)
+            planar_laws.slide(sections, one, two, w[j], w[j + 1], w[j + 2], rows, k)
         if acts[n, of.COURSE_AT] >= 0:
             course = plan[of.COURSE] + 3 * acts[n, of.COURSE_AT]
-            w[k] -= w[course]
-            w[k + 1] -= w[course + 1]
-            w[k + 2] -= w[course + 2]
+            rows[k] -= w[course]
+            rows[k + 1] -= w[course + 1]
+            rows[k + 2] -= w[course + 2]
     if plan[of.RIGID]:
         rest_rows(m)
 
@@ -46,9 +44,9 @@ def cut_rows(m):
 @njit(**OPTIONS)
 def _cut_rows_in_space(m):
     apart()
-    sections, axes, out = numbers_of(m.sections), numbers_of(m.axes), numbers_of(m.rows)
+    sections, axes, out = m.sections, numbers_of(m.axes), m.rows
     for c in range(m.plan[of.CUTS], m.plan[of.HOLDS]):
-        what, one, two, n = m.acts[c, of.WHAT], m.acts[c, of.AT], m.acts[c, of.ON], ROW * m.acts[c, of.ROW_AT]
+        what, one, two, n = m.acts[c, of.WHAT], m.acts[c, of.AT], m.acts[c, of.ON], row_length(m) * m.acts[c, of.ROW_AT]
         axis = m.acts[c, of.NUMBERS_AT]
         if what == COINCIDE:
             laws.coincide(sections, one, two, out, n)

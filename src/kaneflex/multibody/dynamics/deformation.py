@@ -11,23 +11,12 @@ from numba import njit
 from kaneflex.generated import body
 from kaneflex.generated import spatial_shapes as laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import after, by_size, numbers_of
+from kaneflex.multibody.compile.values import after, by_size, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import axpy, first, joined, last, plus, scaled, twist_at
 from kaneflex.multibody.dynamics.arrays import NODES
 from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.tree_layout import AT, COUNT, KIND, ROW_OF, SHAPES, SPEED
 from kaneflex.support.inner import once
-
-
-@njit(**OPTIONS)
-def shift(m, n):
-    """Place of a node's joint in its axes without deformation."""
-    return m.numbers[3 * n + 2]
-
-
-@njit(**OPTIONS)
-def _shift_in_space(m, n):
-    return m.numbers[6 * n + 5]
 
 
 @njit(**OPTIONS)
@@ -116,8 +105,7 @@ def _growth_in_space(m, n):
     return joined(x, (m.x[24], m.x[25], m.x[26]))
 
 
-shift, displace = by_size(shift, _shift_in_space), by_size(displace, _displace_in_space)
-growth = by_size(growth, _growth_in_space)
+displace, growth = by_size(displace, _displace_in_space), by_size(growth, _growth_in_space)
 
 
 @of_stiffness(None)
@@ -136,7 +124,7 @@ def deform(m):
 def _turn_back(m, n):
     """Twists of a body's axes relative to the section of its joint, and the section's place in these axes."""
     phi = after(m.phi, m.nodes[n, ROW_OF])
-    m.offset[n] = plus(shift(m, n), m.moved[n])
+    m.offset[n] = plus(m.numbers[width(m) * (n + 1) - 1], m.moved[n])
     back = scaled(-1.0, m.offset[n])
     for j in range(m.nodes[n, COUNT]):
         phi[j] = scaled(-1.0, twist_at(phi[j], back))

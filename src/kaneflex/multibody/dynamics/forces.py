@@ -10,14 +10,15 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
-from kaneflex.multibody.compile.values import by_size, inside
+from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
+from kaneflex.multibody.compile.values import by_size, inside, row_length
 from kaneflex.multibody.dynamics.algebra import scaled
+from kaneflex.multibody.dynamics.kinematics import section_at
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACTS, AT, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, FORCE, GAP, GAP_ACCEL, GAP_RATE,
-    INPUT, LAW, LOADS, LOSING, MAGNITUDES, MEMORY, MODE, NOW, NUMBERS_AT, ON, OPEN, OPTIONS, RATE, ROOM, ROW_AT,
-    ROW_SIZE, SEC, SECTION, SIZE, SPRINGS, STAYS, STORED, SUMS, SWITCH, TURN, WHAT, X, Y, apart, kernel, shifted,
+    ACTS, AT, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, DRIVES, FORCE, GAP, GAP_ACCEL, GAP_RATE, INPUT, LAW,
+    LOADS, LOSING, MAGNITUDES, MEMORY, MODE, NUMBERS_AT, ON, OPEN, OPTIONS, ROOM, ROW_AT, SIZE, SPRINGS, STAYS, STORED,
+    SUMS, SWITCH, TURN, WHAT, X, apart, kernel,
 )  # fmt: skip
 
 
@@ -41,11 +42,11 @@ def rests(m, act):
 def joint_row(m, act):
     """Row of a joint in laws that is a cut, at SUMS: its coordinate and two rates, then its Jacobian; in space zero."""
     apart()
-    w, sec, j = m.w, shifted(m.w, m.plan[SECTION]), m.acts[act, NUMBERS_AT]
+    w, j = m.w, m.acts[act, NUMBERS_AT]
     if m.acts[act, WHAT] == TURN:
-        laws.turn(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
+        laws.turn(m.sections, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
     else:
-        laws.slide(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
+        laws.slide(m.sections, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
 
 
 @njit(**OPTIONS)
@@ -65,7 +66,7 @@ def load_sizes(m, t):
         k, i = plan[X] + 2 * (n - plan[DRIVES]), m.acts[n, COURSE_AT]
         second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
         if i >= 0:
-            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+            w[k], w[k + 1], w[second_rate] = m.y[i], m.u[i], m.du[i]
         else:
             joint_row(m, n)
             w[k], w[k + 1], w[second_rate] = w[plan[SUMS]], w[plan[SUMS] + 1], w[plan[SUMS] + 2]
@@ -74,7 +75,7 @@ def load_sizes(m, t):
     take_sides(m)
     kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
     for k in range(plan[SPRINGS] - plan[LOADS]):
-        w[plan[SIZE] + k] += w[plan[INPUT] + k]
+        m.sizes[k] += w[plan[INPUT] + k]
 
 
 @of_changes(None)
@@ -87,15 +88,6 @@ def take_sides(m):
     for n in range(plan[CONTACTS], plan[ACTS]):
         if m.acts[n, WHAT] == SWITCH:
             w[first + m.acts[n, ROW_AT]] = w[numbers_at(m, n) + MEMORY]
-
-
-@of_changes(None)
-@njit(**OPTIONS)
-def meet_switches(m):
-    """Numbers of all switching arguments, where there are no contacts."""
-    plan = m.plan
-    for n in range(plan[CONTACTS], plan[ACTS]):
-        meet_switch(m, n, numbers_at(m, n))
 
 
 @of_changes(None)
@@ -118,10 +110,10 @@ def meet_switch(m, n, k):
     w[k + GAP], w[k + GAP_RATE] = value, rate
 
 
-@of_contacts(None)
+@of_changes(None)
 @njit(**OPTIONS)
 def press(m, n):
-    """Contact force of a closed contact on its sections."""
+    """Contact force of a closed contact on its sections; of a switch its numbers alone."""
     apart()
     w, k = m.w, meet(m, n)
     if w[k + FORCE] != 0.0:
@@ -136,25 +128,39 @@ def numbers_at(m, act):
 
 
 @njit(**OPTIONS)
+def _gap(m, n, j, row):
+    """Row of a contact; in space there are none yet."""
+    first, second = section_at(m, m.acts[n, AT]), section_at(m, m.acts[n, ON])
+    touching.gap(m.acts[n, WHAT], m.sections, first, second, m.w, j, m.rows, row)
+
+
+@njit(**OPTIONS)
+def _no_gap(m, n, j, row):
+    inside()
+
+
+_gap = by_size(_gap, _no_gap)
+
+
+@njit(**OPTIONS)
 def meet(m, n):
     """Row and numbers of a contact, and their place; nothing else is changed.
 
     A released contact exerts no force and loses its stored energy. One at rest under Newton's law exerts the reaction
     of its row, an unknown.
     """
-    plan, w, sec = m.plan, m.w, m.plan[SECTION]
-    k, j, law, row = numbers_at(m, n), m.acts[n, NUMBERS_AT], m.acts[n, LAW], plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
+    w, k, j, law, row = m.w, numbers_at(m, n), m.acts[n, NUMBERS_AT], m.acts[n, LAW], row_length(m) * m.acts[n, ROW_AT]
     w[k + FORCE] = w[k + STORED] = w[k + LOSING] = 0.0
     if m.acts[n, WHAT] == SWITCH:
         meet_switch(m, n, k)
         return k
-    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, row)
-    w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = w[row], w[row + 1], w[row + 2]
+    _gap(m, n, j, row)
+    w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = m.rows[row], m.rows[row + 1], m.rows[row + 2]
     mode, gap, rate = w[k + MODE], w[k + GAP], w[k + GAP_RATE]
     if mode == OPEN:
         return k
     if law == NEWTON:
-        w[k + FORCE] = w[plan[NOW] + m.acts[n, ROW_AT]]
+        w[k + FORCE] = m.multipliers[m.acts[n, ROW_AT]]
         return k
     if mode == CLOSED:
         w[k + FORCE] = touching.normal_force(law, w, j, w[k + MEMORY], gap, rate)

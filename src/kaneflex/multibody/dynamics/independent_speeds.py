@@ -15,7 +15,7 @@ from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT, CUT_OF, CUT_ROWS, DEPENDENT, ENTRY, EXTENT, GRADIENT, HOLDS,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, DEPENDENT, ENTRY, EXTENT, GRADIENT, HOLDS,
     JOINT_ROWS, KEPT, MEASURE, MECHANISM, MODE, N, OPEN, OPTIONS, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH, apart, larger,
     shifted,
 )  # fmt: skip
@@ -45,12 +45,12 @@ def stands(m, row):
 def open_rows(m):
     """Residuals of all these rows at the current coordinates, with their derivatives by all coordinates at GRADIENT."""
     apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    plan, n = m.plan, m.plan[COORDINATES]
     deform(m)
     place(m, 0)
     cut_rows(m)
     for k in range(plan[REACTIONS] * n):
-        w[plan[GRADIENT] + k] = 0.0
+        m.J[k] = 0.0
     for row in range(plan[REACTIONS]):
         if stands(m, row):
             gradient(m, row, True, plan[GRADIENT] + n * row)
@@ -62,7 +62,7 @@ def openings(m, t, out):
     prescribe(m, t)
     open_rows(m)
     for row in range(m.plan[REACTIONS]):
-        out[row] = m.w[m.plan[CUT] + row_length(m) * row] if stands(m, row) else 0.0
+        out[row] = m.rows[row_length(m) * row] if stands(m, row) else 0.0
 
 
 @of_impacts(None)
@@ -144,7 +144,7 @@ def _by_joints(m, level, row):
     plan, size = m.plan, 0.0
     for i in range(plan[COORDINATES]):
         if level[i] < OF_SHAPE:
-            size = larger(size, abs(m.w[plan[GRADIENT] + plan[COORDINATES] * row + i]) * m.w[plan[MEASURE] + i])
+            size = larger(size, abs(m.J[plan[COORDINATES] * row + i]) * m.w[plan[MEASURE] + i])
     return size
 
 
@@ -159,7 +159,7 @@ def _scale(m, level, even):
         if not even:
             unit = larger(_ROUNDED * unit, _by_joints(m, level, row))
         for i in range(n * row, n * row + n):
-            w[_matrix(m) + i] = w[plan[GRADIENT] + i] * w[plan[MEASURE] + i - n * row] / unit
+            w[_matrix(m) + i] = m.J[i] * w[plan[MEASURE] + i - n * row] / unit
 
 
 @njit(**_EXACT)

@@ -11,16 +11,15 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as spatial_laws
-from kaneflex.multibody.compile.values import by_size, numbers_of, width
+from kaneflex.multibody.compile.values import by_size, width
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
 from kaneflex.multibody.dynamics.forces import load_sizes, press
 from kaneflex.multibody.dynamics.bushings import cushion
-from kaneflex.multibody.dynamics.kinematics import twist_at_section
+from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import along, push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NOW, NUMBERS_AT, ON, OPTIONS,
-    PUSHED, PUSHES, ROW_AT, SEC, SECTION, SIZE, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, Y, apart, larger,
-    shifted, turned,
+    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, OPTIONS, PUSHED,
+    PUSHES, ROW_AT, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, apart, larger, turned,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import exert
 from kaneflex.support.inner import once
@@ -33,11 +32,10 @@ def unit_wrench(m, act):
     if what >= TORQUE:
         return 0.0, 0.0, 1.0
     if what == STRAIGHT:
-        sec = shifted(w, m.plan[SECTION])
-        x, z = sec[SEC * second] - sec[SEC * first], sec[SEC * second + 1] - sec[SEC * first + 1]
+        x, z, _ = minus(section_place(m, second), section_place(m, first))
         length = larger(math.sqrt(x * x + z * z), 1e-300)
         return x / length, z / length, 0.0
-    theta = w[m.plan[SECTION] + SEC * m.acts[act, ROW_AT] + 2] if what == FOLLOWER else 0.0
+    theta = section_place(m, m.acts[act, ROW_AT])[2] if what == FOLLOWER else 0.0
     x, z = turned(w, theta, m.acts[act, NUMBERS_AT])
     return x, z, 0.0
 
@@ -46,7 +44,7 @@ def unit_wrench(m, act):
 def _unit_wrench_6(m, act):
     what, nothing = m.acts[act, WHAT], (0.0, 0.0, 0.0)
     if what == STRAIGHT:
-        d = minus(m.sections[5 * m.acts[act, ON]], m.sections[5 * m.acts[act, AT]])
+        d = minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT]))
         return joined(scaled(1.0 / larger(math.sqrt(dot(d, d)), 1e-300), d), nothing)
     axis = m.axes[m.acts[act, ROW_AT]]
     if what >= TORQUE:
@@ -63,11 +61,11 @@ def spring_size(m):
 @njit(**OPTIONS)
 def stretch(m, act, k):
     """Fill the numbers of a spring at w[k]; returns its wrench on the second section."""
-    w, j, sec = m.w, m.acts[act, NUMBERS_AT], shifted(m.w, m.plan[SECTION])
+    w, j, first, second = m.w, m.acts[act, NUMBERS_AT], m.acts[act, AT], m.acts[act, ON]
     if m.acts[act, WHAT] == TORSIONAL:
-        planar_laws.twist(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], w[j + 2], w, k)
+        planar_laws.twist(m.sections, first, second, w[j], w[j + 1], w[j + 2], w, k)
         return 0.0, 0.0, -w[k + 1]
-    planar_laws.pull(sec, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], w[j + 2], w, k)
+    planar_laws.pull(m.sections, first, second, w[j], w[j + 1], w[j + 2], w, k)
     return w[k + 2], w[k + 3], 0.0
 
 
@@ -75,18 +73,18 @@ def stretch(m, act, k):
 def _stretch_6(m, act, k):
     w, j, what, first, second = m.w, m.acts[act, NUMBERS_AT], m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON]
     if what == STRAIGHT:
-        spatial_laws.pull(numbers_of(m.sections), first, second, w[j], w[j + 1], w[j + 2], w, k)
+        spatial_laws.pull(m.sections, first, second, w[j], w[j + 1], w[j + 2], w, k)
         return w[k + 2], w[k + 3], w[k + 4], 0.0, 0.0, 0.0
     unit = unit_wrench(m, act)
     if what == TORSIONAL:  # at a joint of the tree, whose coordinate counts turns
-        w[k] = w[m.plan[Y] + m.twisting[act - m.plan[SPRINGS]]]
+        w[k] = m.y[m.acts[act, COURSE_AT]]
         angle, rate = w[k] - w[j + 2], dot(unit, axpy(-1.0, twist_at_section(m, first), twist_at_section(m, second)))
         w[k + 1], w[k + 5], w[k + 6] = w[j] * angle + w[j + 1] * rate, 0.5 * w[j] * angle**2, w[j + 1] * rate**2
     elif what == BUSHING:
         cushion(m, act, k)
     force = scaled(w[k + 1], unit)
     if what < TORQUE:  # of a bushing, whose force acts at the second point on both sides
-        away = minus(m.sections[5 * second], m.sections[5 * first])
+        away = minus(section_place(m, second), section_place(m, first))
         push(m, first, joined((0.0, 0.0, 0.0), cross(away, (force[0], force[1], force[2]))))
     return scaled(-1.0, force)
 
@@ -114,10 +112,10 @@ def along_both(m, act, wrench, bends, out):
 def act(m, t):
     """Subtract loads, springs and contacts from the inertia forces."""
     apart()
-    plan, w, acts = m.plan, m.w, m.acts
+    plan, acts = m.plan, m.acts
     load_sizes(m, t)
     for n in range(plan[PUSHES], plan[PUSHED]):
-        _push_both(m, n, scaled(w[plan[SIZE] + acts[n, COURSE_AT]], unit_wrench(m, n)))
+        _push_both(m, n, scaled(m.sizes[acts[n, COURSE_AT]], unit_wrench(m, n)))
     for n in range(plan[SPRINGS], plan[CONTACTS]):
         _push_both(m, n, stretch(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
     for n in range(plan[CONTACTS], plan[ACTS]):
@@ -129,13 +127,13 @@ def act(m, t):
 def react(m):
     """Subtract the reactions of the cuts from the inertia forces."""
     apart()
-    plan, w, acts = m.plan, m.w, m.acts
+    plan, acts = m.plan, m.acts
     for n in range(plan[CUTS], plan[DRIVES]):
         first, end = acts[n, ROW_AT], acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
         for side in range(2):
             wrench = zero_like(row_wrench(m, first, side))
             for row in range(first, end):
-                wrench = axpy(w[plan[NOW] + row], row_wrench(m, row, side), wrench)
+                wrench = axpy(m.multipliers[row], row_wrench(m, row, side), wrench)
             push(m, acts[n, AT + side], wrench)
 
 

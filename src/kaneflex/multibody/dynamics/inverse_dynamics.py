@@ -13,7 +13,7 @@ from kaneflex.generated import body
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import after, by_size, inside, width
+from kaneflex.multibody.compile.values import after, by_size, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     dot,
@@ -30,7 +30,6 @@ from kaneflex.multibody.dynamics.algebra import (
 )
 from kaneflex.multibody.dynamics.arrays import BODIES, NODES, SPEEDS
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
-from kaneflex.multibody.dynamics.forces import meet_switches
 from kaneflex.multibody.dynamics.interactions import act, react
 from kaneflex.multibody.dynamics.kinematics import relative
 from kaneflex.multibody.model.layout import (
@@ -90,19 +89,7 @@ def _demand_of_shapes(m, n):
     shape_laws.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
 
 
-@njit(**OPTIONS)
-def _switches(m):
-    """Numbers of switching arguments, in space; in the plane they are met with the contacts."""
-    inside()
-
-
-@njit(**OPTIONS)
-def _switches_in_space(m):
-    meet_switches(m)
-
-
 demand_of_body = by_size(demand_of_body, _demand_of_body_in_space)
-_switches = by_size(_switches, _switches_in_space)
 
 
 @once
@@ -118,7 +105,6 @@ def demand(m, t):
     for n in range(m.counts[NODES]):
         m.wrenches[n] = demand_of_body(m, n) if m.nodes[n, BODY] >= 0 else zero_like(m.wrenches[n])
     act(m, t)
-    _switches(m)
     react(m)
     gather(m, m.wrenches, m.h)
 

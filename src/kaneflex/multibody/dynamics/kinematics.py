@@ -11,13 +11,10 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import by_size, inside
+from kaneflex.multibody.compile.values import inside, row_length, twists, vectors
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     coriolis,
-    first,
-    joined,
-    last,
     minus,
     plus,
     rate_at,
@@ -36,72 +33,37 @@ from kaneflex.multibody.dynamics.axes import (
 )
 from kaneflex.multibody.dynamics.deformation import growth
 from kaneflex.multibody.dynamics.arrays import NODES, SECTIONS
-from kaneflex.multibody.model.layout import OPTIONS, apart
-from kaneflex.multibody.model.tree_layout import (
-    COUNT,
-    KIND,
-    PARENT,
-    ROW_OF,
-    SPEED,
-    STATION,
-)  # fmt: skip
+from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
+from kaneflex.multibody.model.tree_layout import COUNT, KIND, PARENT, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
+
+
+@njit(**OPTIONS)
+def section_at(m, n):
+    """Place of a section's numbers in ``sections``."""
+    inside()
+    return row_length(m) * n
 
 
 @njit(**OPTIONS)
 def section_place(m, n):
     """Place of a section, in the plane with its angle."""
     inside()
-    return m.sections[3 * n]
+    return vectors(shifted(m.sections, section_at(m, n)))[0]
 
 
 @njit(**OPTIONS)
-def _section_place_in_space(m, n):
+def section_motion(m, n, rate):
+    """Twist of a section (``rate`` 0), or its rate (1)."""
     inside()
-    return m.sections[5 * n]
-
-
-@njit(**OPTIONS)
-def _set_place(m, n, place):
-    inside()
-    m.sections[3 * n] = place
-
-
-@njit(**OPTIONS)
-def _set_place_in_space(m, n, place):
-    inside()
-    m.sections[5 * n] = place
-
-
-@njit(**OPTIONS)
-def _set_rate(m, n, rate, twist):
-    """Set the twist (``rate`` 1) or the acceleration (2) of a section."""
-    inside()
-    m.sections[3 * n + rate] = twist
-
-
-@njit(**OPTIONS)
-def _set_rate_in_space(m, n, rate, twist):
-    inside()
-    m.sections[5 * n + rate], m.sections[5 * n + rate + 2] = first(twist), last(twist)
+    return twists(m, shifted(m.sections, section_at(m, n) + 3))[rate]
 
 
 @njit(**OPTIONS)
 def twist_at_section(m, n):
     """Velocity and angular velocity of a section."""
     inside()
-    return m.sections[3 * n + 1]
-
-
-@njit(**OPTIONS)
-def _twist_at_section_in_space(m, n):
-    inside()
-    return joined(m.sections[5 * n + 1], m.sections[5 * n + 3])
-
-
-section_place = by_size(section_place, _section_place_in_space)
-_set_place, _set_rate = by_size(_set_place, _set_place_in_space), by_size(_set_rate, _set_rate_in_space)
-twist_at_section = by_size(twist_at_section, _twist_at_section_in_space)
+    return section_motion(m, n, 0)
 
 
 @once
@@ -118,7 +80,8 @@ def place(m, first_node):
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= first_node:
-            _set_place(m, n, plus(to_global(m, on, m.at[n]), m.r[on]))
+            point = vectors(shifted(m.sections, section_at(m, n)))
+            point[0] = plus(to_global(m, on, m.at[n]), m.r[on])
 
 
 @njit(**OPTIONS)
@@ -149,7 +112,8 @@ def move(m, first_node):
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= first_node:
-            _set_rate(m, n, 1, twist_at(m.twist[on], minus(section_place(m, n), m.r[on])))
+            motion = twists(m, shifted(m.sections, section_at(m, n) + 3))
+            motion[0] = twist_at(m.twist[on], minus(section_place(m, n), m.r[on]))
 
 
 @once
@@ -177,7 +141,8 @@ def accelerate(m, first_node):
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= first_node:
-            _set_rate(m, n, 2, rate_at(m.rate[on], m.twist[on], minus(section_place(m, n), m.r[on])))
+            motion = twists(m, shifted(m.sections, section_at(m, n) + 3))
+            motion[1] = rate_at(m.rate[on], m.twist[on], minus(section_place(m, n), m.r[on]))
 
 
 @of_stiffness(6 * (0.0,))

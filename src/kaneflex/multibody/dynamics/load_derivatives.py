@@ -27,9 +27,9 @@ from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT,
-    OPTIONS, PUSHED, PUSHES, RATE, REACTION, SIZE, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE,
-    SPRINGS, SUMS, TOUCH, VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
+    AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, OPTIONS,
+    PUSHED, PUSHES, REACTION, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, SUMS, TOUCH,
+    VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
 )  # fmt: skip
 
 STIFF, DAMPED = 1.0, 2.0
@@ -73,7 +73,7 @@ def _derive_sizes(m, t, h):
             w[at] = before + _NUDGE * (unit / h if rate else unit)
             kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[VARIED])
             for n in range(plan[SPRINGS] - plan[LOADS]):
-                change = w[plan[VARIED] + n] + w[plan[INPUT] + n] - w[plan[SIZE] + n]
+                change = w[plan[VARIED] + n] + w[plan[INPUT] + n] - m.sizes[n]
                 slope = change / (w[at] - before)
                 w[_slope(m, plan[LOADS] + n) + 2 * j + rate] = slope if abs(slope) < 1e300 else 0.0
             w[at] = before
@@ -109,7 +109,7 @@ def find(m, t, h, here):
     apart()
     plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
     for k in range(n):
-        w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+        m.u[k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
     move(m, 0)
     _fill_ways(m)
     _derive_sizes(m, t, h)

@@ -17,12 +17,11 @@ from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
-from kaneflex.multibody.compile.values import by_size, copy, inside, row_length
+from kaneflex.multibody.compile.values import copy, row_length
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ACCEL, BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, CUT, DEMAND, DEPENDENT,
-    GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE, NOW, OPTIONS, PASSING, PIVOTS, RATE, REACH, REACTION, REACTIONS,
-    ROW_OF, SIDE, WHEN, Y, YIELDING, apart, larger,
+    BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
+    OPTIONS, PASSING, PIVOTS, REACH, REACTION, REACTIONS, ROW_OF, SIDE, WHEN, YIELDING, apart, larger, shifted,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -78,12 +77,12 @@ def close(m, near):
         if not gradients(m, plan[BENDS] != 0):
             return False
         for r in range(count):
-            w[plan[SIDE] + r] = -w[plan[CUT] + row_length(m) * plan[plan[ROW_OF] + r]]
+            w[plan[SIDE] + r] = -m.rows[row_length(m) * plan[plan[ROW_OF] + r]]
         dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         size = 0.0
         for k in range(count):
             i = plan[plan[DEPENDENT] + k]
-            w[plan[Y] + i] += w[plan[SIDE] + k]
+            m.y[i] += w[plan[SIDE] + k]
             size = larger(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
         if size < (EXACT if near < 0.0 and turn <= ENOUGH else CLOSED):
             return True
@@ -104,7 +103,7 @@ def follow(m, t):
     if not crosses(m, t):  # there rates select the branch
         for k in range(m.plan[KEPT]):
             i = m.plan[m.plan[DEPENDENT] + k]
-            m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
+            m.u[i] = m.du[i] = 0.0
     return follow_on(m, t, 0.0)
 
 
@@ -133,7 +132,7 @@ def _follow_here(m, near):
         return False
     count = plan[KEPT]
     for rate in range(1, 3):
-        of = plan[RATE] if rate == 1 else plan[ACCEL]
+        rates = m.u if rate == 1 else m.du
         for turn in range(2 if count else 1):
             if rate == 1:
                 move(m, turn * plan[LED])
@@ -142,10 +141,10 @@ def _follow_here(m, near):
             if turn == 0 and count:
                 cut_rows(m)
                 for r in range(count):
-                    w[plan[SIDE] + r] = -w[plan[CUT] + row_length(m) * plan[plan[ROW_OF] + r] + rate]
+                    w[plan[SIDE] + r] = -m.rows[row_length(m) * plan[plan[ROW_OF] + r] + rate]
                 dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
                 for k in range(count):
-                    w[of + plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
+                    rates[plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
     return True
 
 
@@ -160,9 +159,9 @@ def _follow_across(m, t):
     plan, w = m.plan, m.w
     n, count, kept, reach = plan[COORDINATES], plan[KEPT], plan[CROSSING] + CHANGE_POINT, w[plan[CROSSING] + REACH]
     sums, here = kept + 3 * n, (t - w[plan[CROSSING] + WHEN]) / reach
-    copy(w, plan[Y], kept, n)
-    copy(w, plan[RATE], kept + n, n)
-    copy(w, plan[ACCEL], kept + 2 * n, n)
+    copy(m.y, shifted(w, kept), n)
+    copy(m.u, shifted(w, kept + n), n)
+    copy(m.du, shifted(w, kept + 2 * n), n)
     for k in range((3 + n) * count):
         w[sums + k] = 0.0
     for k in range(-SIDES, SIDES + 1):
@@ -174,19 +173,19 @@ def _follow_across(m, t):
                 weight *= (here - j) / (k - j)
         shift = reach * (k - here)
         for i in range(n):
-            w[plan[Y] + i] = w[kept + i] + shift * w[kept + n + i]
-        copy(w, kept + n, plan[RATE], n)
-        copy(w, kept + 2 * n, plan[ACCEL], n)
+            m.y[i] = w[kept + i] + shift * w[kept + n + i]
+        copy(shifted(w, kept + n), m.u, n)
+        copy(shifted(w, kept + 2 * n), m.du, n)
         if not _follow_here(m, -1.0):
             return False
         _add_dependent(m, sums, weight)
-    copy(w, kept, plan[Y], n)
-    copy(w, kept + n, plan[RATE], n)
-    copy(w, kept + 2 * n, plan[ACCEL], n)
+    copy(shifted(w, kept), m.y, n)
+    copy(shifted(w, kept + n), m.u, n)
+    copy(shifted(w, kept + 2 * n), m.du, n)
     for r in range(count):
         i = plan[plan[DEPENDENT] + r]
-        w[plan[Y] + i], w[plan[RATE] + i] = w[sums + 3 * r], w[sums + 3 * r + 1]
-        w[plan[ACCEL] + i] = w[sums + 3 * r + 2]
+        m.y[i], m.u[i] = w[sums + 3 * r], w[sums + 3 * r + 1]
+        m.du[i] = w[sums + 3 * r + 2]
     deform(m)
     place(m, 0)
     move(m, 0)
@@ -203,12 +202,12 @@ def _add_dependent(m, sums, weight):
     n, count = plan[COORDINATES], plan[KEPT]
     for r in range(count):
         i = plan[plan[DEPENDENT] + r]
-        w[sums + 3 * r] += weight * w[plan[Y] + i]
-        w[sums + 3 * r + 1] += weight * w[plan[RATE] + i]
-        w[sums + 3 * r + 2] += weight * w[plan[ACCEL] + i]
+        w[sums + 3 * r] += weight * m.y[i]
+        w[sums + 3 * r + 1] += weight * m.u[i]
+        w[sums + 3 * r + 2] += weight * m.du[i]
     for i in range(n):
         for r in range(count):
-            w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+            w[plan[SIDE] + r] = m.J[n * r + i]
         dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         for r in range(count):
             w[sums + 3 * count + n * r + i] -= weight * w[plan[SIDE] + r]
@@ -223,9 +222,9 @@ def reduce_across(m):
     n, count = plan[COORDINATES], plan[KEPT]
     derivatives = plan[CROSSING] + CHANGE_POINT + 3 * n + 3 * count
     for r in range(count):
-        asked = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
+        asked = m.h[plan[plan[DEPENDENT] + r]]
         for i in range(n):
-            w[plan[DEMAND] + i] += asked * w[derivatives + n * r + i]
+            m.h[i] += asked * w[derivatives + n * r + i]
 
 
 @njit(**OPTIONS)
@@ -252,47 +251,30 @@ def rows_of_frictions(m):
         rows.row_of(m, n)
 
 
-@njit(**OPTIONS)
-def hold_rows(m):
-    """Rows of the mass matrix beside those of cuts: of sticking frictions; in space their number is known."""
-    m.pivots[YIELDING] = factors.rows_now(m, 0)
-
-
-@njit(**OPTIONS)
-def _known(m):
-    inside()
-
-
-hold_rows = by_size(hold_rows, _known)
-
-
 @once
 @njit(**OPTIONS)
-def mend(m, t, A, h, turns):
-    """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular.
-
-    ``h``: 0, or 1 if STIFFNESS is an additional mass of coordinates.
-    """
+def mend(m, t, A, turns):
+    """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular."""
     apart()
-    plan, w = m.plan, m.w
+    plan = m.plan
     rows_of_frictions(m)
     assemble(m)
-    hold_rows(m)
-    if not factorise_closed(m, h, A, plan[PIVOTS]):
+    factors.use_rows_now(m)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for _ in range(turns):
         demand(m, t)
         for k in range(plan[COORDINATES]):
-            A[answer + k] = -w[plan[DEMAND] + k]
+            A[answer + k] = -m.h[k]
         factors.prescribe_now(m, A)
         solve_closed(m, A, plan[PIVOTS])
         for r in range(plan[KEPT] + m.pivots[YIELDING]):
             row = factors.reaction_of(m, r)
             if row >= 0:
-                w[plan[NOW] + row] += A[plan[REACTION] + r]
+                m.multipliers[row] += A[plan[REACTION] + r]
         for i in range(plan[COORDINATES]):
-            w[plan[ACCEL] + i] += A[answer + i]
+            m.du[i] += A[answer + i]
         if not follow(m, t):
             return False
     return True
@@ -300,15 +282,13 @@ def mend(m, t, A, h, turns):
 
 @once
 @njit(**OPTIONS)
-def project_now(m, t, A, h, turns):
-    """Accelerations and reactions for the current independent coordinates and rates; False: singular.
-
-    ``h`` and ``turns``: see :func:`mend`.
-    """
+def project_now(m, t, A, turns):
+    """Accelerations and reactions for the current independent coordinates and rates, in ``turns`` iterations; False:
+    singular."""
     apart()
-    plan, w = m.plan, m.w
+    plan = m.plan
     for i in range(plan[COORDINATES]):
-        w[plan[ACCEL] + i] = 0.0
+        m.du[i] = 0.0
     for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = 0.0
-    return follow(m, t) and mend(m, t, A, h, turns)
+        m.multipliers[r] = 0.0
+    return follow(m, t) and mend(m, t, A, turns)

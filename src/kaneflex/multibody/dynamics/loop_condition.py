@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import by_size, row_length, width
+from kaneflex.multibody.compile.values import by_size
 from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.dynamics.algebra import linear_size
 from kaneflex.multibody.dynamics.interactions import gradient
+from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     BENDS,
     BODIES,
     CHANGE_POINT,
     COORDINATES,
     CROSSING,
-    CUT,
     DEPENDENT,
     DOF,
     FIRST,
@@ -63,11 +64,7 @@ def _largest(m, row):
 @njit(**OPTIONS)
 def pushes(m, row):
     """True if a row's reaction is a force and not just a moment."""
-    k = m.plan[CUT] + row_length(m) * row + 3
-    for i in range((width(m) + 1) // 2):
-        if m.w[k + i] != 0.0:
-            return True
-    return False
+    return linear_size(row_wrench(m, row, 0)) != 0.0
 
 
 @njit(**OPTIONS)
@@ -92,7 +89,7 @@ def margin(m):
         size = _SLIGHT * (of_forces if force else of_moments)
         for r in range(plan[KEPT]):
             if pushes(m, plan[plan[ROW_OF] + r]) == force:
-                derivative = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+                derivative = m.J[plan[COORDINATES] * r + i]
                 size = larger(size, abs(derivative) * w[plan[MEASURE] + i])
         share = w[plan[MEASURE] + i] / (size * abs(w[plan[LOOP] + (plan[KEPT] + 1) * k]))
         if share < least:
@@ -114,7 +111,7 @@ def determined(m):
         chosen = False
         for r in range(count):
             chosen = chosen or plan[plan[DEPENDENT] + r] == i
-            w[plan[SIDE] + r] = w[plan[GRADIENT] + plan[COORDINATES] * r + i]
+            w[plan[SIDE] + r] = m.J[plan[COORDINATES] * r + i]
         dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         for k in range(0 if chosen else count):
             one = w[plan[MEASURE] + plan[plan[DEPENDENT] + k]]
@@ -193,7 +190,7 @@ def ill_conditioned(m):
             chosen = plan[plan[FREED] + i] == 0
             for r in range(count):
                 chosen = chosen or plan[plan[DEPENDENT] + r] == i
-                w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+                w[plan[SIDE] + r] = m.J[n * r + i]
             if chosen:
                 continue
             dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])

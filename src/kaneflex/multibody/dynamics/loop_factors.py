@@ -1,6 +1,6 @@
 """Compiled linear equations of a tree with closed loops: the tree's factors, and the responses to unit reactions.
 
-Rows are those of the kept cut joints, then of compliant contacts and frictions.
+Rows are those of the kept cut joints, then of virtual inertia, compliant contacts and frictions.
 """
 
 from __future__ import annotations
@@ -9,38 +9,22 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
-from kaneflex.multibody.compile.values import by_size, inside, row_length, twists
+from kaneflex.multibody.compile.values import row_length, twists
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
 from kaneflex.multibody.model.layout import (
     AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, OPTIONS, REACTION, ROW_OF, SCHUR,
-    TOUCHING, YIELDING, apart, shifted,
+    YIELDING, apart, shifted,
 )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def virtual(m, r):
-    """Coordinate whose virtual inertia a row removes, in space; -1 for the rows of cuts, contacts and frictions."""
-    inside()
-    return -1
-
-
-@njit(**OPTIONS)
-def _virtual_in_space(m, r):
-    inside()
-    return m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]] if r >= m.plan[KEPT] else -1
-
-
-virtual = by_size(virtual, _virtual_in_space)
 
 
 @njit(**OPTIONS)
 def pull(m, t, r):
     """Add the generalised forces of a row's unit reaction, with the friction that it brings."""
     apart()
-    if virtual(m, r) >= 0:
-        t.y[virtual(m, r)] += 1.0
+    if factors.virtual(m, r) >= 0:
+        t.y[factors.virtual(m, r)] += 1.0
         return
     cut, k = row_at(m, r)
     n = factors.slips_by(m, r)
@@ -55,8 +39,8 @@ def pull(m, t, r):
 def opening(m, t, r):
     """Rate of a row for the rates of the tree's bodies and coordinates."""
     apart()
-    if virtual(m, r) >= 0:
-        return t.y[virtual(m, r)]
+    if factors.virtual(m, r) >= 0:
+        return t.y[factors.virtual(m, r)]
     cut, k = row_at(m, r)
     sides = twists(m, shifted(m.w, k))
     return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
@@ -101,20 +85,15 @@ def factorise_closed(m, h, A, pivots):
 
 @njit(**OPTIONS)
 def soften(m, r, count, h, A, most):
-    """Add the compliance of the row of a contact or friction; ``most``: largest force limit of these."""
-    n, own = factors.row_in(m, r), m.plan[SCHUR] + (count + 1) * r
+    """Add the compliance of a row beside those of cuts, negative where it removes virtual inertia; ``most``: largest
+    force limit of frictions."""
+    own, k = m.plan[SCHUR] + (count + 1) * r, factors.virtual(m, r)
+    if k >= 0:
+        A[own] -= 1.0 / m.virtual_inertia[k]
+        return
+    n = factors.row_in(m, r)
     if not factors.by_force(m, n, r, count, h, A):
         A[own] += factors.compliance(m, n, h, A[own], most)
-
-
-@njit(**OPTIONS)
-def _soften_in_space(m, r, count, h, A, most):
-    """Negative compliance of a row that removes virtual inertia."""
-    plan = m.plan
-    A[plan[SCHUR] + (count + 1) * r] -= 1.0 / m.virtual_inertia[m.pivots[plan[TOUCHING] + r - plan[KEPT]]]
-
-
-soften = by_size(soften, _soften_in_space)
 
 
 @njit(**OPTIONS)

@@ -11,9 +11,8 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DAMPED, DEMAND, DRIVES, LOADS, LOSING, MODAL, NOW, ON,
-    OPTIONS, POWER, PRESCRIBED, PUSHED, PUSHES, RATE, ROW_AT, SHAPES, SIZE, SPRING, SPRINGS, SQUARE, STORED, SUMS,
-    WORKS, apart, shifted,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, LOSING, MODAL, ON, OPTIONS, POWER, PRESCRIBED, PUSHED,
+    PUSHES, ROW_AT, SHAPES, SPRINGS, SQUARE, STORED, SUMS, WORKS, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 
@@ -38,13 +37,12 @@ def energies(m):
         x, z = body.energy(m.block, o, m.y, m.u, m.bodies[b, MODAL], c, s, v_x, v_y, omega, sums)
         w[at + 3] -= g_x * (mass * r_x + x) + g_y * (mass * r_y + z)
     for n in range(plan[CONTACTS] - plan[SPRINGS]):
-        k = plan[SPRING] + spring_size(m) * n
-        w[at + 1] += w[k + 4]
-        w[at + 2] += w[k + 5]
+        k = spring_size(m) * n
+        w[at + 1] += m.springs[k + 4]
+        w[at + 2] += m.springs[k + 5]
     for n in range(-rows.frictions(m), rows.contacts(m)):
         w[at + 1] += w[rows.at(m, n) + STORED]
         w[at + 2] += w[rows.at(m, n) + LOSING]
-    w[at] -= rows.virtual_energy(m)
 
 
 @njit(**OPTIONS)
@@ -57,14 +55,14 @@ def losses(m, out):
     plan, w, acts = m.plan, m.w, m.acts
     lost = 0.0
     for b in range(plan[BODIES]):
-        size, rates, c = m.bodies[b, SHAPES], plan[RATE] + m.bodies[b, MODAL], plan[DAMPED] + m.bodies[b, SQUARE]
+        size, first, square = m.bodies[b, SHAPES], m.bodies[b, MODAL], m.bodies[b, SQUARE]
         for i in range(size):
             total = 0.0
             for j in range(size):
-                total += w[c + size * i + j] * w[rates + j]
-            lost += w[rates + i] * total
+                total += m.C[square + size * i + j] * m.u[first + j]
+            lost += m.u[first + i] * total
     for n in range(plan[SPRINGS], plan[CONTACTS]):
-        lost += w[plan[SPRING] + spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
+        lost += m.springs[spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
     for n in range(-rows.frictions(m), rows.contacts(m)):
         w[out + plan[WORKS] - rows.contacts(m) + n] = rows.power(m, n)
     w[out] = lost
@@ -73,7 +71,7 @@ def losses(m, out):
     for n in range(plan[PUSHES], plan[PUSHED]):
         unit, load = unit_wrench(m, n), acts[n, COURSE_AT]
         rate = dot(unit, twist_at_section(m, acts[n, ON])) - dot(unit, twist_at_section(m, acts[n, AT]))
-        w[out + 1 + load] += w[plan[SIZE] + load] * rate
+        w[out + 1 + load] += m.sizes[load] * rate
 
 
 @njit(**OPTIONS)
@@ -86,8 +84,8 @@ def powers(m):
     out = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
     for k in range(courses(m)):
         if plan[plan[PRESCRIBED] + k] >= 0:
-            w[out + k] = w[plan[DEMAND] + plan[plan[PRESCRIBED] + k]] * w[plan[COURSE] + 3 * k + 1]
+            w[out + k] = m.h[plan[plan[PRESCRIBED] + k]] * w[plan[COURSE] + 3 * k + 1]
     for n in range(plan[CUTS], plan[DRIVES]):
         if acts[n, COURSE_AT] >= 0:
             rate = w[plan[COURSE] + 3 * acts[n, COURSE_AT] + 1]
-            w[out + acts[n, COURSE_AT]] = w[plan[NOW] + acts[n, ROW_AT]] * rate
+            w[out + acts[n, COURSE_AT]] = m.multipliers[acts[n, ROW_AT]] * rate

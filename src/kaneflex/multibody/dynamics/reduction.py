@@ -17,8 +17,8 @@ from kaneflex.multibody.dynamics.loop_closure import follow, gradients
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
-    OPTIONS, PASSING, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
+    COORDINATES, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, OPTIONS, PASSING, REACTIONS,
+    ROW_OF, SIDE, apart, shifted,
 )  # fmt: skip
 
 
@@ -38,29 +38,21 @@ def react(m):
         gradient(m, plan[plan[ROW_OF] + r], True, at)
         for k in range(count):
             w[plan[LOOP] + count * k + r] = w[at + plan[plan[DEPENDENT] + k]]
-        w[plan[SIDE] + r] = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
+        w[plan[SIDE] + r] = m.h[plan[plan[DEPENDENT] + r]]
     if not dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS]):
         return False
     dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
     for r in range(count):
         size = w[plan[SIDE] + r]
-        w[plan[NOW] + plan[plan[ROW_OF] + r]] += size
+        m.multipliers[plan[plan[ROW_OF] + r]] += size
         for i in range(n):
-            w[plan[DEMAND] + i] -= size * w[plan[GRADIENT] + n * r + i]
+            m.h[i] -= size * m.J[n * r + i]
     return True
 
 
 @njit(**OPTIONS)
 def stand_at(m, q):
-    """Set coordinates, in space those of balls as quaternions; returns their number."""
-    apart()
-    for i in range(m.plan[COORDINATES]):
-        m.w[m.plan[Y] + i] = q[i]
-    return m.plan[COORDINATES]
-
-
-@njit(**OPTIONS)
-def _stand_at_in_space(m, q):
+    """Set coordinates, those of balls as quaternions; returns their number."""
     apart()
     for n in range(m.counts[OWN]):
         m.y[m.own[n, 1]] = q[m.own[n, 0]]
@@ -77,7 +69,6 @@ def _settled(m):
     return True
 
 
-stand_at = by_size(stand_at, _stand_at_in_space)
 settled = by_size(_settled, rotation_vectors.rebase)
 """True if rates do not yet belong to the closed position: where a ball has turned, and always in the plane."""
 
@@ -90,9 +81,9 @@ def stand_near(m, given, width):
     speeds = stand_at(m, given)
     added = width - speeds - 2 * n
     for i in range(n):
-        w[plan[RATE] + i] = given[speeds + i]
+        m.u[i] = given[speeds + i]
         if width > speeds + n:
-            w[plan[ACCEL] + i] = given[speeds + n + i]
+            m.du[i] = given[speeds + n + i]
     for k in range(added):
         w[plan[INPUT] + k] = given[speeds + 2 * n + k]
     return added
@@ -112,7 +103,7 @@ def reduced_demand(m, independent, free, times, count, given, width, out):
     for row in range(count):
         added = stand_near(m, shifted(given, row * width), width)
         for r in range(plan[REACTIONS]):
-            w[plan[NOW] + r] = 0.0
+            m.multipliers[r] = 0.0
         if not follow(m, times[row]) or (settled(m) and not follow(m, times[row])):
             break
         demand(m, times[row])
@@ -121,9 +112,9 @@ def reduced_demand(m, independent, free, times, count, given, width, out):
         settled(m)
         here = shifted(out, row * (free + n))
         for k in range(free):
-            here[k] = w[plan[DEMAND] + independent[k]]
+            here[k] = m.h[independent[k]]
         for i in range(n):
-            here[free + i] = w[plan[RATE] + i]
+            here[free + i] = m.u[i]
         done += 1
     for k in range(added):
         w[plan[INPUT] + k] = 0.0
@@ -142,7 +133,7 @@ def basis(m, independent, count, out):
             B[s] = 0.0
         B[independent[j]] = 1.0
         for r in range(kept):
-            w[plan[SIDE] + r] = -w[plan[GRADIENT] + n * r + independent[j]]
+            w[plan[SIDE] + r] = -m.J[n * r + independent[j]]
         dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         for r in range(kept):
             B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]

@@ -114,23 +114,3 @@ def settle(m):
         for i in range(3):
             for s in range(m.balls[ball, 1], m.balls[ball, 1] + 3):
                 m.w[m.plan[LAST_A] + n * i + s] = m.alpha[n * i + s]
-
-
-@njit(**OPTIONS)
-def standing(m):
-    """Number of entries of a row for the quaternions of balls."""
-    return 4 * m.counts[BALLS]
-
-
-@njit(**OPTIONS)
-def stands(m, row):
-    """Set the quaternions of balls from a row."""
-    for k in range(4 * m.counts[BALLS]):
-        m.q[m.balls[k // 4, 0] + k % 4] = row[k]
-
-
-@njit(**OPTIONS)
-def stored(m, row):
-    """Store them in a row."""
-    for k in range(4 * m.counts[BALLS]):
-        row[k] = m.q[m.balls[k // 4, 0] + k % 4]

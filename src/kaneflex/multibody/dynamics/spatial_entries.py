@@ -11,7 +11,7 @@ from numba import njit
 from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody.compile.stand_ins import of_changes
-from kaneflex.multibody.compile.values import after
+from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import independent_speeds, loop_closure, reduction, unfolding
 from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN, SPACE
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
@@ -108,7 +108,7 @@ def _stand(m, t):
         return OPEN
     if m.plan[KEPT_ROWS] < m.plan[REACTIONS]:
         for row in range(m.plan[REACTIONS]):
-            if not abs(m.rows[5 * row][0]) <= CLOSED * m.row_measure[row]:
+            if not abs(m.rows[row_length(m) * row]) <= CLOSED * m.row_measure[row]:
                 return APART
     return DONE
 
@@ -131,7 +131,7 @@ def _project(m, t):
         return OPEN
     if m.now[2] != 0.0:  # else drives prescribe everything: inertia does not matter
         use(m, 0)
-        if not mend(m, t, m.real, 0.0, 1):
+        if not mend(m, t, m.real, 1):
             return MASSLESS
     rebase(m)
     _give(m)
@@ -155,20 +155,13 @@ def _decide(m, t):
 def project(m, t, q, u):
     """State at t with accelerations and wrenches, near coordinates q with speeds u; returns the outcome."""
     reduction.stand_at(m, q)
-    copy_to(m.u, u, m.plan[COORDINATES])
+    copy(u, m.u, m.plan[COORDINATES])
     outcome = _project(m, t)
     if outcome == DONE:
         outcome = _decide(m, t)
     if outcome == DONE:
         _complete(m, t)
     return outcome
-
-
-@njit(**OPTIONS)
-def copy_to(out, of, count):
-    """Copy numbers."""
-    for k in range(count):
-        out[k] = of[k]
 
 
 @njit(**ENTRY)
@@ -228,7 +221,7 @@ def _complete(m, t):
     """Complete an instant by the joints' wrenches and the energies of deforming bodies."""
     apart()
     demand(m, t)
-    copy_to(m.along, m.h, m.plan[COORDINATES])
+    copy(m.h, m.along, m.plan[COORDINATES])
     deforming(m)
 
 

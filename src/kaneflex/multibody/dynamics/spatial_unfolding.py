@@ -9,10 +9,11 @@ from numba import njit
 from numba.types import CPointer, boolean, int64, void
 
 from kaneflex.multibody.compile.values import after, vectors
-from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, joined, last, minus, plus, scaled, store, turned
+from kaneflex.multibody.dynamics.algebra import axpy, first, force_at, last, minus, plus, scaled, store, turned
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN, SPACE
 from kaneflex.multibody.dynamics.independent_speeds import PRESCRIBED, choose, differs, is_dependent, open_rows
 from kaneflex.multibody.dynamics.spatial_entries import project
+from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     BENDS,
     BODIES,
@@ -92,7 +93,7 @@ def _exerted(m, joints, points, n):
         arm = minus(m.r[joints[n, NODE]], place)
         wrench = force_at(scaled(float(joints[n, SIGN]), m.wrenches[joints[n, NODE]]), arm)
     for r in range(joints[n, FIRST_ROW], joints[n, LAST_ROW]):
-        wrench = axpy(m.multipliers[r], joined(m.rows[5 * r + 3], m.rows[5 * r + 4]), wrench)
+        wrench = axpy(m.multipliers[r], row_wrench(m, r, 1), wrench)
     return wrench
 
 

@@ -13,28 +13,8 @@ from collections import namedtuple
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import (
-    after,
-    by_size,
-    copy,
-    copy_vectors,
-    inside,
-    row_length,
-    twists,
-    vectors,
-    width,
-)  # fmt: skip
-from kaneflex.multibody.dynamics.algebra import (
-    axpy,
-    dot,
-    force_at,
-    minus,
-    plus,
-    scaled,
-    times,
-    twist_at,
-    zero_like,
-)  # fmt: skip
+from kaneflex.multibody.compile.values import after, by_size, copy, inside, row_length, twists, vectors, width
+from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus, plus, scaled, times, twist_at, zero_like
 from kaneflex.multibody.dynamics.arrays import GEOMETRY, NODES, SECTIONS
 from kaneflex.multibody.dynamics.arrays import PHI as ROWS
 from kaneflex.multibody.dynamics.articulated import transport
@@ -48,11 +28,8 @@ from kaneflex.multibody.model.layout import (
     BODIES,
     COORDINATES,
     COUPLING,
-    COUPLINGS,
     FREED,
     IN_ORDER,
-    INERTIAS,
-    MASSES,
     MIDDLE,
     MODAL,
     OPTIONS,
@@ -74,8 +51,6 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.model.tree_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 
-PLANE = 3
-"""D of a mechanism in the plane, whose contacts have rows, too."""
 Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room")
 
 
@@ -95,12 +70,18 @@ def _place_in_use(m, what):
 place_of = by_size(place_of, _place_in_use)
 
 
+@njit(**OPTIONS)
+def _row_numbers(m):
+    """Count of the numbers of all rows: of cuts, holds, contacts and switches."""
+    return row_length(m) * (m.plan[of.CUT_ROWS] + m.plan[of.ACTS] - m.plan[of.CONTACTS])
+
+
 @once
 @njit(**OPTIONS)
 def use(m, i):
     """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors."""
     n, bodies, phi, sections = m.plan[COORDINATES], m.plan[BODIES], m.counts[ROWS], 3 * m.counts[SECTIONS]
-    first = m.counts[GEOMETRY] + i * (6 * (n + phi + bodies) + sections + row_length(m) * m.plan[of.CUT_ROWS])
+    first = m.counts[GEOMETRY] + i * (6 * (n + phi + bodies) + sections + _row_numbers(m))
     m.pivots[AXES], m.pivots[PHI] = first, first + 6 * n
     m.pivots[PLACES] = first + 6 * (n + phi)
     m.pivots[ARMS] = first + 6 * (n + phi) + 3 * bodies
@@ -175,13 +156,12 @@ def _move_inertia(m, b, back):
 def keep_rows(m):
     """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes."""
     apart()
-    plan, arms = m.plan, vectors(shifted(m.w, place_of(m, MIDDLE)))
+    arms = vectors(shifted(m.w, place_of(m, MIDDLE)))
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= 0:
             arms[n] = minus(section_place(m, n), m.r[m.frames[m.nodes[on, OWNER], 2]])
-    count = plan[of.CUT_ROWS] + (plan[of.ACTS] - plan[of.CONTACTS] if width(m) == PLANE else 0)
-    copy(m.w, plan[of.CUT], place_of(m, of.MIDDLE_CUT), row_length(m) * count)
+    copy(m.rows, shifted(m.w, place_of(m, of.MIDDLE_CUT)), _row_numbers(m))
 
 
 @njit(**OPTIONS)
@@ -198,13 +178,26 @@ def tree(m, A, y):
     )  # fmt: skip
 
 
-@njit(**OPTIONS)
-def stiffen(m, t, h):
-    """Add h C + h^2 K of shapes and joints, in space also virtual inertia of coordinates, to the tree's matrices."""
+@njit(**IN_ORDER)
+def fill(m, t, h):
+    """Fill the tree's matrices with those of M + h C + h^2 K at the middle of the step."""
     apart()
-    plan, damping, stiffness = m.plan, shifted(m.w, m.plan[of.DAMPING]), shifted(m.w, m.plan[of.STIFFNESS])
+    plan = m.plan
+    last = plan[BODIES] - 1
+    copy(m.I, t.I, width(m) * plan[BODIES])
+    copy(m.E, t.E, m.bodies[last, COUPLING] + m.bodies[last, SHAPES])
+    for k in range(m.bodies[last, SQUARE] + m.bodies[last, SHAPES] * m.bodies[last, SHAPES]):
+        t.L[k] = m.L[k] + h * (m.C[k] + h * m.K[k])
+    _fill_joints(m, t, h)
+
+
+@njit(**OPTIONS)
+def _fill_joints(m, t, h):
+    """Fill D with h C + h^2 K of springs at joints, and with virtual inertia, which shapes have on their diagonals."""
+    apart()
+    plan = m.plan
     for k in range(plan[COORDINATES]):
-        t.D[k] = h * (damping[k] + h * stiffness[k])
+        t.D[k] = m.virtual_inertia[k] + h * (m.joint_damping[k] + h * m.joint_stiffness[k])
     for b in range(plan[BODIES]):
         size, square, first = m.bodies[b, SHAPES], m.bodies[b, SQUARE], m.bodies[b, MODAL]
         for j in range(size):
@@ -212,53 +205,17 @@ def stiffen(m, t, h):
 
 
 @njit(**OPTIONS)
-def _stiffen_in_space(m, t, h):
-    apart()
-    damping = m.plan[of.DAMPED]
-    for k in range(m.plan[COORDINATES]):
-        t.D[k] = m.virtual_inertia[k] + 0.0 * h
-    last = m.plan[BODIES] - 1
-    for k in range(m.bodies[last, SQUARE] + m.bodies[last, SHAPES] * m.bodies[last, SHAPES]):
-        t.L[k] += h * (m.w[damping + k] + h * m.K[k])
-
-
-@njit(**OPTIONS)
 def resist(m, h, x, A, answer):
-    """Forces -(h C + h^2 K) x of shapes and joints for accelerations x, stored from ``answer`` on."""
-    plan, w = m.plan, m.w
-    for k in range(plan[COORDINATES]):
-        A[answer + k] = -h * (w[plan[of.DAMPING] + k] + h * w[plan[of.STIFFNESS] + k]) * x[k]
-
-
-@njit(**OPTIONS)
-def _resist_in_space(m, h, x, A, answer):
+    """Forces -(h C + h^2 K) x of shapes and joints' springs for accelerations x, stored from ``answer`` on."""
     apart()
-    damping = m.plan[of.DAMPED]
     for k in range(m.plan[COORDINATES]):
-        A[answer + k] = 0.0 * h
+        A[answer + k] = -h * (m.joint_damping[k] + h * m.joint_stiffness[k]) * x[k]
     for b in range(m.plan[BODIES]):
         count, first, square = m.bodies[b, SHAPES], m.bodies[b, MODAL], m.bodies[b, SQUARE]
         for i in range(count):
             for j in range(count):
                 at = square + count * i + j
-                A[answer + first + i] -= h * (m.w[damping + at] + h * m.K[at]) * x[first + j]
-
-
-stiffen, resist = by_size(stiffen, _stiffen_in_space), by_size(resist, _resist_in_space)
-
-
-@njit(**IN_ORDER)
-def fill(m, t, h):
-    """Fill the tree's matrices with those of M + h C + h^2 K at the middle of the step."""
-    apart()
-    plan, w = m.plan, m.w
-    last = plan[BODIES] - 1
-    copy_vectors(twists(m, shifted(w, plan[INERTIAS])), t.I, width(m) * plan[BODIES])
-    copy_vectors(twists(m, shifted(w, plan[COUPLINGS])), t.E, m.bodies[last, COUPLING] + m.bodies[last, SHAPES])
-    masses = shifted(w, plan[MASSES])
-    for k in range(m.bodies[last, SQUARE] + m.bodies[last, SHAPES] * m.bodies[last, SHAPES]):
-        t.L[k] = masses[k]
-    stiffen(m, t, h)
+                A[answer + first + i] -= h * (m.C[at] + h * m.K[at]) * x[first + j]
 
 
 @njit(**OPTIONS)

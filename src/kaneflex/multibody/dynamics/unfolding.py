@@ -18,9 +18,9 @@ from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, BODIES, COORDINATES, COURSE, COURSES, CUT, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES,
-    MEASURE, MECHANISM, MODAL, MODE, N, NOW, OPEN, OPTIONS, POWER, RATE, REACTIONS, SHAPES, SHUT,
-    SUMS, TOUCH, WORKS, Y, apart, kernel, shifted,
+    ACCEL, BODIES, COORDINATES, COURSE, COURSES, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES, MEASURE,
+    MECHANISM, MODAL, MODE, N, NOW, OPEN, OPTIONS, POWER, RATE, REACTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart,
+    kernel, shifted,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import JOINT_NODE, KIND, SIGN, SLIDE, SPEED
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -110,7 +110,7 @@ def _stays(m, side):
         return True
     cut_rows(m)
     for row in range(plan[JOINT_ROWS]):
-        if not abs(w[plan[CUT] + row_length(m) * row]) <= _OPENED * w[plan[TOUCH] + EXTENT]:
+        if not abs(m.rows[row_length(m) * row]) <= _OPENED * w[plan[TOUCH] + EXTENT]:
             return False
     return True
 
@@ -151,8 +151,8 @@ def follow_rows(m, rows, first, count, given, width, side):
 def states(m, rows, count, first, held):
     """Close the loops of rows from the ``first`` one on, and compute their accelerations and reactions.
 
-    held: STIFFNESS is an additional mass of coordinates if true. Returns the row that is singular, or whose resting
-    contacts differ from those of the dependent coordinates, or their number.
+    ``held``: some coordinates have a large virtual inertia. Returns the row that is singular, or whose resting contacts
+    differ from those of the dependent coordinates, or their number.
     """
     for row in range(first, count):
         out = shifted(rows, row * row_size(m))
@@ -160,7 +160,7 @@ def states(m, rows, count, first, held):
         for n in range(contacts(m)):
             if rigid(m, n) and (m.w[at(m, n) + MODE] != OPEN) != (m.w[at(m, n) + SHUT] != 0.0):
                 return row
-        done = project_now(m, out[0], m.real, 1.0 if held else 0.0, 1 if held else 2)
+        done = project_now(m, out[0], m.real, 1 if held else 2)
         if not (done and (held or stand_closed(m, out[0], m.real))):
             return row
         give(m, out[0], out)

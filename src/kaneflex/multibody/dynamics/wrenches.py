@@ -8,7 +8,7 @@ from kaneflex.multibody.compile.values import after, row_length, twists
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes
 from kaneflex.multibody.dynamics.kinematics import section_place
-from kaneflex.multibody.model.layout import CUT, OPTIONS, apart, shifted
+from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
 from kaneflex.multibody.model.tree_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.support.inner import once
 
@@ -27,7 +27,7 @@ def push(m, n, wrench):
 @njit(**OPTIONS)
 def row_wrench(m, row, side):
     """Wrench of a row's unit reaction on one of its sections."""
-    return twists(m, shifted(m.w, m.plan[CUT] + row_length(m) * row + 3))[side]
+    return twists(m, shifted(m.rows, row_length(m) * row + 3))[side]
 
 
 @once

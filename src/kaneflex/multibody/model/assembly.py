@@ -28,18 +28,25 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
     numbers = Numbers()
     numbers.put(built.w.whole)
     plan, views, size = assign(counts, numbers)
-    _put_elastic(built, plan, numbers)
+    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else built.size for _, unit in layout.coordinates])
     w = numbers.whole
     balls = t.nodes[t.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]] if counts.in_space else np.zeros((0, 2), int)
     of_balls = zip((counts.positions, counts.coordinates), balls.T, (4, 3), strict=True)
     own = np.column_stack([np.setdiff1d(np.arange(count), first[:, None] + np.arange(wide))
                            for count, first, wide in of_balls])  # fmt: skip
     parts = {name: part for name, part in t._asdict().items() if name not in ("bodies", "acts", "ranges")}
-    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": _square(built.K), "counts": np.array([
+    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": _square(built.K), "C": _square(built.C)}
+    parts["weightless"] = np.zeros(counts.coordinates) if built.virtual is None else built.virtual
+    parts |= {"counts": np.array([
         counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
         views["kept"][1][0], counts.twists, views["geometry"][0], len(balls), len(own),
     ])}  # fmt: skip
     assign_rows(plan, t.acts)
+    of_joints = t.acts[t.ranges[4] : t.ranges[5]]
+    of_joints = of_joints[of_joints[:, at.COURSE_AT] >= 0]
+    springs = np.zeros((counts.coordinates, 2))
+    np.add.at(springs, of_joints[:, at.COURSE_AT], w[of_joints[:, [at.NUMBERS_AT]] + np.arange(2)])
+    parts |= dict(zip(("joint_stiffness", "joint_damping"), np.ascontiguousarray(springs.T), strict=True))
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
     room, pairs = np.zeros(size), np.zeros(size, complex)
     p = np.ascontiguousarray(p, float)
@@ -52,18 +59,6 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
         work.R[:, 0] = 1.0
     w[plan[at.TOUCH] + at.EXTENT] = built.size or 1.0
     return engine
-
-
-def _put_elastic(built: Built, plan: np.ndarray, numbers: Numbers) -> None:
-    """Units of the coordinates, and their stiffness and damping."""
-    put, units = numbers.put, [unit for _, unit in built.layout.coordinates]
-    plan[at.MEASURE] = put([1.0 if unit == "rad" else built.size for unit in units])
-    plan[at.DAMPED] = put(_square(built.C))
-    if built.hold is not None:
-        hold = built.hold.copy()
-        for K, C, modal in zip(built.K, built.C, built.tables.bodies[:, at.MODAL].tolist(), strict=True):
-            hold[modal : modal + len(K)] = np.column_stack([np.diag(K), np.diag(C)])
-        plan[at.STIFFNESS], plan[at.DAMPING] = put(hold[:, 0]), put(hold[:, 1])
 
 
 def _square(matrices: Any) -> np.ndarray:

@@ -16,7 +16,6 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.pivots import pivots
 from kaneflex.multibody.model.state import NONE, Choice, State
-from kaneflex.multibody.unilateral.rows import ARM, LAW_AT
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
@@ -139,16 +138,12 @@ def check_weighty(system: CoupledSystem, placement: Placement) -> None:
     bodies, masses = engine.tables.bodies, engine.masses
     least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2
     free = np.isin(np.arange(engine.size), engine.open_speeds) & ~engine.shapes
-    carried, virtual = masses.copy(), np.zeros(len(masses))
-    for fields in engine.tables.acts[engine.count(at.HOLDS) : engine.count(at.DRIVES)]:
-        of_hold = engine.tables.w[fields[at.NUMBERS_AT] :]
-        if of_hold[LAW_AT] < 0.0:  # a hold removes its virtual inertia once the loops are closed
-            virtual[engine.owners[fields[at.ON]]] += of_hold[ARM]
+    carried, virtual = masses.copy(), engine.parts["weightless"]
     for b in range(len(bodies) - 1, -1, -1):
         if bodies[b, at.PARENT_BODY] >= 0:
             carried[bodies[b, at.PARENT_BODY]] += carried[b]
     for b, s in pivots(A, bodies, free):
-        A[s, s] += virtual[b] * engine.turns[s]
+        A[s, s] += virtual[s]
         if A[s, s] <= least:
             raise _missing([*layout.node_of][b], layout.inboard[b], carried[b] <= 0.0 or not engine.turns[s])
 

@@ -13,7 +13,7 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.mechanism.spatial import Side, SpatialMechanism
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import ORIGIN, Interactions, TreeBuilder, whole
-from kaneflex.multibody.model.tree_layout import ANGLES
+from kaneflex.multibody.model.tree_layout import ANGLES, SPEED
 from kaneflex.support.errors import SceneError
 
 _ANGLES = {at.WELD: (False, False, True), at.REVOLUTE: (False, False), at.PRISMATIC: (False, True), at.TURN: (True,),
@@ -31,40 +31,35 @@ def side_of(point: BodyPoint) -> Side:
     return Side(point.body, (float(point.at[0]), float(point.at[1]), 0.0))
 
 
-def virtual_inertias(
-    builder: TreeBuilder, mechanism: NumericMechanism, order: Sequence[Branch], measure: float
-) -> dict[int, float]:  # fmt: skip
-    """Section -> virtual inertia [kg m^2] of bodies that could turn freely without it, until their cut joints hold
-    them.
+def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, order: Sequence[Branch]) -> np.ndarray:
+    """Virtual inertia [kg m^2] of the speeds of bodies that could turn freely without it, until their cut joints hold
+    them, (speeds,).
 
     A body without inertia on frictional joints, or also on a pin at its centre, has no place in a tree; nor has one
-    without mass at the end of a branch that a cut guide or weld turns. A hold removes the virtual inertia again. Raises
-    SceneError for a body without mass with frictional joints.
+    without mass at the end of a branch that a cut guide or weld turns. A row of the factors removes the virtual inertia
+    again. Raises SceneError for a body without mass with frictional joints.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
-    found: dict[int, float] = {}
+    found, measure = np.zeros(len(builder.speeds)), mechanism.size
     for body, joint, child in order:
         own = [each.name for each in rubbing if body in each.bodies]
         turns = joint is None or joint.kind == "revolute"
         if not turns or body in builder.shapes:
             continue
-        block = builder.own[body]
-        mass, x, y, second = block[:4]
+        mass, x, y, second = builder.own[body][:4]
+        turning = builder.nodes[builder.node_of[body]][SPEED] + (2 if joint is None else 0)
         if not own:
             if joint is not None and mass <= 0.0 and second <= 0.0 and _turned_by_cuts(mechanism, order, joint, body):
-                whole_mass = sum(each[0] for each in builder.own.values())
-                found[builder.section(side_of(joint.sides[child]))] = block[3] = whole_mass * measure**2
+                found[turning] = sum(each[0] for each in builder.own.values()) * measure**2
             continue
         if mass <= 0.0:
             raise SceneError(
                 f"bodies.{body}.mass", float(mass),
                 f"the mass matrix is singular: the friction of {own[0]} acts on a body without mass", "Give it a mass",
             )  # fmt: skip
-        inboard = Side(body, ORIGIN) if joint is None else side_of(joint.sides[child])
-        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at[:2]  # pivot
+        p_x, p_y = (x / mass, y / mass) if joint is None else side_of(joint.sides[child]).at[:2]  # pivot
         if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
-            found[builder.section(inboard)] = mass * measure**2
-            block[3] += mass * measure**2
+            found[turning] = mass * measure**2
     return found
 
 
@@ -76,16 +71,11 @@ def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboar
     return ends and any(joint.kind != "revolute" for joint in others)
 
 
-def _hold_acts(
-    builder: TreeBuilder, mechanism: NumericMechanism, cuts: Sequence[str], row: int, virtual: Mapping[int, float]
-) -> list[Row]:
-    """Rows of holds: those that remove virtual inertia, then frictions."""
+def _hold_acts(builder: TreeBuilder, mechanism: NumericMechanism, cuts: Sequence[str], row: int) -> list[Row]:
+    """Rows of frictions."""
     found: list[Row] = []
-    for section, inertia in virtual.items():
-        place = builder.w.put(friction.numbers_of_virtual(inertia))
-        found.append((at.TURN, 0, section, -1, row + len(found), place))
     after = len(mechanism.drives) + len(mechanism.observed) + len(mechanism.loads) + len(mechanism.springs)
-    first_contact = len(cuts) + len(virtual) + len(mechanism.frictions) + after
+    first_contact = len(cuts) + len(mechanism.frictions) + after
     for name, held in mechanism.frictions.items():
         pair: Joint | Contact
         if name in mechanism.joints:
@@ -105,9 +95,8 @@ def _sections(builder: TreeBuilder, of: Joint | Contact) -> list[int]:
 
 
 def list_acts(
-    builder: TreeBuilder, mechanism: NumericMechanism, prescribed: Sequence[str], virtual: Mapping[int, float],
-    switches: int,
-) -> Interactions:  # fmt: skip
+    builder: TreeBuilder, mechanism: NumericMechanism, prescribed: Sequence[str], switches: int
+) -> Interactions:
     """Interactions in the plane.
 
     Joints used by laws follow the drives, switching arguments follow the contacts, forces and moments of loads follow
@@ -128,7 +117,7 @@ def list_acts(
             cuts.append((kind, *_sections(builder, joint), course, row, put([*joint.direction, angle])))
             names.append(name)
             row += len(_ANGLES[kind])
-    holds = _hold_acts(builder, mechanism, names, row, virtual)
+    holds = _hold_acts(builder, mechanism, names, row)
     drives = list[Row]()
     for name in (*mechanism.drives, *mechanism.observed):
         joint, hung = joints[name], name in builder.tree
@@ -139,7 +128,8 @@ def list_acts(
     for spring in mechanism.springs.values():
         kind, sides = at.STRAIGHT if spring.joint is None else at.TORSIONAL, map(side_of, spring.sides)
         place = put([spring.stiffness, spring.damping, spring.free])
-        springs.append((kind, *map(builder.section, sides), 0 if spring.joint in builder.tree else -1, -1, place))
+        speed = builder.speed(spring.joint) if spring.joint in builder.tree else -1
+        springs.append((kind, *map(builder.section, sides), speed, -1, place))
     touching = list[Row]()
     for k, contact in enumerate(mechanism.contacts.values(), start=row + len(holds)):
         law, sections = contacts.LAWS.index(contact.law), _sections(builder, contact)
@@ -151,13 +141,12 @@ def list_acts(
 
 
 def _in_turn(
-    parts: Sequence[Sequence[Row]], pushes: Sequence[Row], cuts: Mapping[str, slice], angles: Sequence[bool],
-    twisting: Sequence[int] = (),
-) -> Interactions:  # fmt: skip
+    parts: Sequence[Sequence[Row]], pushes: Sequence[Row], cuts: Mapping[str, slice], angles: Sequence[bool]
+) -> Interactions:
     """Rows of all kinds in turn."""
     ranges = tuple(np.cumsum([0, *map(len, parts)]).tolist())
     acts = whole([row for part in (*parts, pushes) for row in part], 6)
-    return Interactions(acts, ranges, cuts, angles, np.array(twisting, int))
+    return Interactions(acts, ranges, cuts, angles)
 
 
 def _load_acts(builder: TreeBuilder, mechanism: NumericMechanism) -> Iterator[Row]:
@@ -196,7 +185,7 @@ def list_spatial_acts(
 
     ``cuts``: their rows, and those of every joint; ``in_laws``: joints whose coordinates may occur in laws.
     """
-    joints, springs, bushings, twisting = (list[Row](), list[Row](), list[Row](), list[int]())
+    joints, springs, bushings = list[Row](), list[Row](), list[Row]()
     for name in in_laws:
         kind = at.SLIDE if mechanism.joints[name].kind == "prismatic" else at.TURN
         joints.append((kind, 0, 0, builder.speed(name) if mechanism.joints[name].freedoms == 1 else -1, -1, -1))
@@ -213,13 +202,12 @@ def list_spatial_acts(
         kind, axis, speed = at.STRAIGHT, -1, -1
         if joint is not None:
             kind, speed, axis = at.TORSIONAL, builder.speed(joint.name), builder.axis(joint.sides[0], joint.moves[0][1])
-        springs.append((kind, *sections, -1, axis, builder.w.put(spring.numbers)))
-        twisting.append(speed)
+        springs.append((kind, *sections, speed, axis, builder.w.put(spring.numbers)))
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
     switching: list[Row] = [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     parts = cuts[0], list[Row](), joints, loads, [*springs, *bushings], switching
     angles = [angle for kind, *_ in cuts[0] for angle in ANGLES[kind]]
-    return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles, twisting)
+    return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles)
 
 
 def _pushes(builder: TreeBuilder, mechanism: SpatialMechanism) -> list[Row]:

@@ -33,9 +33,8 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-SEC, ROW_SIZE, CONTACT_SIZE = 9, 9, 45
-"""Sizes of entries in the plane. A section: x, y, theta and two rates. A cut's row: residual, two rates, Jacobian by
-the two twists. A unilateral or frictional row: see :mod:`kaneflex.multibody.unilateral.rows`."""
+CONTACT_SIZE = 45
+"""Numbers of a unilateral or frictional row, see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
 """Columns of ``bodies``, in the order of the tree: number of shapes n, and of coordinates of the joint; first
@@ -45,12 +44,11 @@ the body hangs on, or -1 where no shape moves it; first row in ``E``; place in `
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
 """Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections, the first that of the
-ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's number, 0 or -1 for a spring at a joint
-of the tree or elsewhere, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
+ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's number, the coordinate of a spring at a
+joint of the tree or -1, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
 following force, in space the axis of a load or a spring; its numbers: a cut's direction and angle, a drive's or a
 load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
-(:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has
-two."""
+(:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has two."""
 
 WELD, REVOLUTE, PRISMATIC, TURN, SLIDE, ALONG = range(6)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
@@ -113,44 +111,44 @@ energy lost, x and y of its begin; number of impacts after which Python must col
 them."""
 
 (
-    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
+    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED, VIRTUAL,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
-    Y, RATE, ACCEL, SECTION, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
-    STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
+    Y, RATE, ACCEL, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
+    MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
     INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
-    MASS_ROWS, DAMPED, PUSHES, PUSHED, PLAN,
-) = range(105)  # fmt: skip
+    MASS_ROWS, PUSHES, PUSHED, PLAN,
+) = range(101)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
-works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the
-first ones, that no dependent coordinate moves. First places in ``acts`` of cuts, holds, drives, loads, springs and
-contacts, and the end; numbers of contacts and holds, and of loads and springs, in the next factors, counted by
-compiled code; 1 if the step is near a change point. Places in ``w``: the motion (coordinates, rates, accelerations),
-sections, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts,
-residuals of coordinates, powers. Stiffness, damping and unit of every coordinate, the errors allowed in it,
-its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
+works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no dependent
+coordinate moves; number of coordinates with virtual inertia, each a row of the factors. First places in ``acts`` of
+cuts, holds, drives, loads, springs and contacts, and the end; numbers of rows of the next factors beside the kept ones,
+and of loads and springs there, counted by compiled code; 1 if the step is near a change point. Places in ``w``: the
+motion (coordinates, rates, accelerations), sections, cut rows, courses, drives' coordinates and rates, loads' sizes,
+springs, sums, reactions of the cuts, residuals of coordinates, powers. Unit of every coordinate, the errors allowed in
+it, its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
 kept rows, its dependent square, their right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
 row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
 preceded by the holds' numbers, shared numbers of contacts, numbers of change points, completed impacts, arrays for
-rigid contacts at one instant. In ``plan``: contacts and holds in the factors (holds by numbers below zero), or
-touching contacts. In ``w``, at the middle of a step: matrices I, E and L of the bodies at their inboard sections, axes
-of joints, twists of sections by shapes, places and arms (:mod:`kaneflex.multibody.dynamics.tree`), arms of sections
-and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and
-reactions of the last step, and residuals of its stages; gradients of joints' coordinates and springs, partial
-velocities of loads, slopes of loads and springs, sizes of loads elsewhere
-(:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists of its bodies;
-working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the reactions' effect
-on the cuts; reactions; required accelerations of holds; responses to a unit of each load and spring with slopes, their
-matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the pivots of either factors,
+rigid contacts at one instant. In ``plan``: coordinates with virtual inertia, then contacts and holds in the factors
+(holds by numbers below zero), and touching contacts. In ``w``, at the middle of a step: matrices I, E and L of the
+bodies at their inboard sections, axes of joints, twists of sections by shapes, places and arms
+(:mod:`kaneflex.multibody.dynamics.tree`), arms of sections and cut rows; stages' accelerations, reactions, powers and
+rates of courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
+gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of loads
+elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists of its
+bodies; working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the reactions'
+effect on the cuts; reactions; required accelerations of holds; responses to a unit of each load and spring with slopes,
+their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the pivots of either factors,
 those loads and springs, the pivots of their matrices, the coordinate that each course prescribes, or -1 if it is that
 of a cut. In space: in ``w`` residuals of the stages as reactions, in factors accelerations and reactions given for the
-right-hand side, in ``plan`` pivots of the stages' mass matrices, and the number of their rows. In ``w`` damping
-matrices of the bodies' shapes. First forces and moments of loads in ``acts``, and their end."""
+right-hand side, in ``plan`` pivots of the stages' mass matrices, and the number of their rows. First forces and moments
+of loads in ``acts``, and their end."""
 
 
 class Tables(NamedTuple):

@@ -43,6 +43,8 @@ class Counts:
         The coordinate that each course prescribes, or -1 for that of a cut.
     rigid : bool
         True if contacts are by Newton's law.
+    lent : int
+        In the plane coordinates with virtual inertia.
     """
 
     d: int
@@ -58,6 +60,7 @@ class Counts:
     driven: Sequence[int]
     switches: int
     rigid: bool
+    lent: int
 
     @classmethod
     def of(cls, built: Built) -> Counts:
@@ -68,6 +71,7 @@ class Counts:
             len(layout.coordinates), len(layout.positions), len(t.nodes), len(t.on), len(t.axis_on),
             int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)),
             max((rows.stop for rows in layout.cuts.values()), default=0), built.driven, built.switches, built.rigid,
+            0 if built.virtual is None else int(np.count_nonzero(built.virtual)),
         )  # fmt: skip
 
     @property
@@ -76,13 +80,13 @@ class Counts:
 
     @property
     def row_size(self) -> int:
-        """Numbers of a cut's row."""
+        """Numbers of a row, or of a section."""
         return 3 + 2 * self.d
 
     @property
     def rows(self) -> int:
-        """Rows of cuts, in the plane also of holds and contacts."""
-        return self.joint_rows if self.in_space else self.cut_rows + self.touching
+        """Rows of cuts, holds and contacts."""
+        return self.cut_rows + self.touching
 
     @property
     def springs(self) -> int:
@@ -126,6 +130,11 @@ class Counts:
         return self.joint_rows + self.holds
 
     @property
+    def virtual(self) -> int:
+        """Most coordinates with virtual inertia; in space they are dependent ones."""
+        return self.cut_rows if self.in_space else self.lent
+
+    @property
     def courses(self) -> int:
         return len(self.driven)
 
@@ -150,7 +159,7 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, Views, int]:
         plan[what] = numbers.room(count)
     plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
     n, d, pulls = c.coordinates, c.d, c.ranges[5] - c.ranges[3]
-    rows = c.cut_rows + c.touching + c.cut_rows * c.in_space  # in space rows may also remove virtual inertia
+    rows = c.cut_rows + c.touching + c.virtual
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
@@ -161,7 +170,7 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, Views, int]:
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
     of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * c.in_space}
-    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.cut_rows * c.in_space
+    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.virtual
     of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS, at.CUT_OF), rows)
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
@@ -195,15 +204,15 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     views |= {name: (int(plan[what]), shape) for name, (what, shape) in at_plan.items()}
     more = {
         **dict.fromkeys(("P", "moved", "offset"), (n, 3)), "slow": (n, d), "bent": (n * in_space, 3, 3), "S": (s, d),
-        "phi": (c.twists, d), "sections": (c.sections, at.SEC + 6 * in_space), "axes": (c.axes, 3),
+        "phi": (c.twists, d), "sections": (c.sections, c.row_size), "axes": (c.axes, 3),
         "M": (s * in_space, s), "F": (n * in_space, d), "alpha": (3 * s * in_space,),
         "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
         "row_measure": (c.joint_rows,), **{f"mass_{k}": (size * in_space,) for k in range(3)},
         "geometry": (4 * (6 * (s + c.twists + b) + 3 * c.sections + c.row_size * c.rows) * in_space,),
     }  # fmt: skip
     views |= {name: (numbers.room(math.prod(shape)), shape) for name, shape in more.items()}
-    for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.CUT: "rows", at.SPRING: "springs",
-                       at.SIZE: "sizes", at.SECTION: "sections"}.items():  # fmt: skip
+    for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.SPRING: "springs",
+                       at.SIZE: "sizes"}.items():  # fmt: skip
         plan[what] = views[name][0]
     return views | {"x3": views["x"]}
 

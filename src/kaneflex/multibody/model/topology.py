@@ -48,18 +48,14 @@ def build_tables(mechanism: NumericMechanism, blocks: Blocks, switches: int = 0)
             _hang(builder, joint, child)
     prescribed = sorted((name for name, drive in drives.items() if not drive.free),
                         key=lambda name: drives[name].kind == "given")  # fmt: skip
-    virtual = virtual_inertias(builder, mechanism, order, mechanism.size)
-    found = list_acts(builder, mechanism, prescribed, virtual, switches)
+    virtual = virtual_inertias(builder, mechanism, order)
+    found = list_acts(builder, mechanism, prescribed, switches)
     driven = [builder.speed(name) if name in builder.tree else -1 for name in prescribed]
-    hold = np.zeros((len(builder.speeds), 2))
-    for spring in mechanism.springs.values():
-        if spring.joint in builder.tree:
-            hold[builder.speed(spring.joint)] += spring.stiffness, spring.damping
     elastic = [blocks.elastic(body) for body, *_ in order]
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
     return Built(
         builder.tables(found, mechanism.gravity), builder.layout(found.cuts, prescribed), builder.w, driven,
-        found.angles, mechanism.size, switches, [K for K, _ in elastic], [C for _, C in elastic], hold, rigid,
+        found.angles, mechanism.size, switches, [K for K, _ in elastic], [C for _, C in elastic], rigid, virtual,
     )  # fmt: skip
 
 

@@ -14,8 +14,7 @@ from kaneflex.multibody.model.layout import DOF, MODAL
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     AT, AXED, AXES_NODE, AXIS, BODY, COORDINATE, COUNT, KIND, OWNER, PARENT, PLACE, ROW_OF, SHAPES, SHIFT, SPEED,
-    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, carried,
-    leading,
+    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, carried, leading,
 )  # fmt: skip
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -51,7 +50,6 @@ class Interactions(NamedTuple):
     ranges: tuple[int, ...]
     cuts: Mapping[str, slice]
     angles: Sequence[bool]
-    twisting: np.ndarray
 
 
 class Built(NamedTuple):
@@ -71,10 +69,10 @@ class Built(NamedTuple):
         Number of switches of loads' laws.
     K, C : sequence of ndarray
         Stiffness and damping matrices of the shapes of every body, (count, count).
-    hold : ndarray (s, 2)
-        In the plane stiffness and damping of springs at the joints of the tree, by speeds.
     rigid : bool
         True if contacts are by Newton's law.
+    virtual : ndarray (s,), optional
+        In the plane virtual inertia of speeds of bodies without inertia.
     """
 
     tables: Tables
@@ -86,8 +84,8 @@ class Built(NamedTuple):
     switches: int
     K: Sequence[np.ndarray]
     C: Sequence[np.ndarray]
-    hold: np.ndarray | None = None
     rigid: bool = False
+    virtual: np.ndarray | None = None
 
 
 class TreeBuilder(ABC):
@@ -222,7 +220,7 @@ class TreeBuilder(ABC):
         bodies, frames = self._bodies()
         return Tables(
             whole(self.nodes, 10), np.array(self.numbers), bodies, frames, self.block.whole,
-            *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges, found.twisting,
+            *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges,
             np.array([*gravity, 0.0][:3]),
         )  # fmt: skip
 

@@ -66,8 +66,6 @@ class Tables(NamedTuple):
     ranges : tuple of int
         First places in ``acts`` of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches,
         and the end; forces and moments of loads follow.
-    twisting : ndarray (n_springs,)
-        In space the speed of the joint of every torsional spring, -1 of straight springs; without bushings.
     gravity : ndarray (3,)
     """
 
@@ -82,7 +80,6 @@ class Tables(NamedTuple):
     axis_at: np.ndarray
     acts: np.ndarray
     ranges: tuple[int, ...]
-    twisting: np.ndarray
     gravity: np.ndarray
 
 

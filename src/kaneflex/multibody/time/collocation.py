@@ -34,10 +34,10 @@ from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follo
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
-    ACCEL, ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED,
-    HOLDS, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE, RATE_SCALE,
-    REACTION, REACTIONS, ROW_AT, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C,
-    STAGE_P, STAGE_R, WORKS, Y, YIELDING, apart, larger, shifted, smaller,
+    ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED, HOLDS,
+    KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION,
+    REACTIONS, ROW_AT, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R,
+    WORKS, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
@@ -82,10 +82,10 @@ def _factors(m, table, t, h, here, A, B, sloped):
     ``sloped``: include derivatives of loads and springs, see :mod:`kaneflex.multibody.dynamics.load_derivatives`.
     """
     apart()
-    plan, w = m.plan, m.w
+    plan = m.plan
     n, step = plan[COORDINATES], h * change_points.begin(m, t, h)
     for k in range(n):
-        w[plan[Y] + k] = here[1 + k] + step * (here[1 + n + k] + 0.5 * step * here[1 + 2 * n + k])
+        m.y[k] = here[1 + k] + step * (here[1 + n + k] + 0.5 * step * here[1 + 2 * n + k])
     prescribe(m, t + step)
     if not close(m, NEAR):
         return False
@@ -120,16 +120,16 @@ def _stage(m, table, t, h, i, here):
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
         v_0, j = here[1 + n + k], 3 * i
-        w[plan[RATE] + k] = v_0 + h * (a_1[j] * a + a_1[j + 1] * b + a_1[j + 2] * d)
-        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
-    copy(w, of + n * i, plan[ACCEL], n)
-    copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
+        m.u[k] = v_0 + h * (a_1[j] * a + a_1[j + 1] * b + a_1[j + 2] * d)
+        m.y[k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
+    copy(shifted(w, of + n * i), m.du, n)
+    copy(shifted(w, plan[STAGE_R] + r * i), m.multipliers, r)
     if not follow_on(m, t + c * h, NEAR):
         return False
     demand(m, t + c * h)
     if not change_points.project(m, t + c * h, i):
         return False
-    copy(w, plan[ACCEL], of + n * i, n)
+    copy(m.du, shifted(w, of + n * i), n)
     count = courses(m)
     for k in range(count):
         w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
@@ -239,26 +239,26 @@ def _error(m, table, h, here, A):
     """
     apart()
     plan, w, c = m.plan, m.w, table.nodes
-    n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real[0]
+    n, of, step = plan[COORDINATES], plan[STAGE_A], h * table.real[0]
     w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
     for k in range(n):
-        w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
+        m.du[k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
     answer = plan[COLUMNS] + plan[KEPT] * n
     error = 1e-12
     for k in range(n):
-        error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
-    resist(m, step, shifted(w, at), A, answer)
+        error = _also(error, abs(m.du[k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
+    resist(m, step, m.du, A, answer)
     if m.pivots[YIELDING]:
         step_rows.resist_defect(m, step, A, answer)
     if m.pivots[SLOPED]:
-        load_derivatives.resist_defect(m, step, shifted(w, at), A, answer)
+        load_derivatives.resist_defect(m, step, m.du, A, answer)
     factors.prescribe_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, step, A, plan[SLOPE_PIVOTS])
     for k in range(n):
         if plan[plan[FREED] + k] != 0:
-            missed = abs(w[at + k] + A[answer + k])
+            missed = abs(m.du[k] + A[answer + k])
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
@@ -278,12 +278,12 @@ def _finish(m, table, h, end, here, A):
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
         v_0 = here[1 + n + k]
-        w[plan[RATE] + k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
-        w[plan[Y] + k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
-        w[plan[ACCEL] + k] = w_0 * a + w_1 * b + w_2 * d
+        m.u[k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
+        m.y[k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
+        m.du[k] = w_0 * a + w_1 * b + w_2 * d
     of = plan[STAGE_R]
     for k in range(r):
-        w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
+        m.multipliers[k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
     step_rows.bent_at_end(m, table, h, here)
     if not follow(m, end):
         return SINGULAR
@@ -292,13 +292,13 @@ def _finish(m, table, h, end, here, A):
     change_points.end(m, end, h)
     if not stick_slip.restore_stuck(m, end, h, A):
         return SINGULAR
-    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
+    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 1):
         return SINGULAR
     for i in range(3):
         for k in range(plan[WORKS]):
             here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
-    copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
-    copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
+    copy(shifted(w, plan[STAGE_A]), shifted(w, plan[LAST_A]), 3 * n)
+    copy(shifted(w, plan[STAGE_R]), shifted(w, plan[LAST_R]), 3 * r)
     stage_residuals.settle(m)
     give(m, end, here)
     return DONE
@@ -311,7 +311,7 @@ def project(m, t):
     The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts with overlapping sides are closed. False at a
     singular state.
     """
-    closed = project_now(m, t, m.real, 0.0, 2) and active_set.stand_closed(m, t, m.real)
+    closed = project_now(m, t, m.real, 2) and active_set.stand_closed(m, t, m.real)
     return closed and stick_slip.decide(m, t, m.real) == 0
 
 

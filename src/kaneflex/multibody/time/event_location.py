@@ -14,19 +14,19 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
+from kaneflex.multibody.dynamics.algebra import angular_size
 from kaneflex.multibody.dynamics.forces import rests
+from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.model.layout import (
     AIM, ALLOWED, AT, BENDING, CLOSED, DUE, FLANK, FLOWING, FORCE, FOUND_AT, GAP, GAP_ACCEL, GAP_RATE, HIGH, LARGEST,
-    LAW, LOW, MEMORY, MODE, NODES, NOW, OPEN, OPTIONS, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID,
-    SEC, SECTION, SHIFT, SLIPPING, STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
+    LAW, LOW, MEMORY, MODE, NODES, OPEN, OPTIONS, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID, SHIFT,
+    SLIPPING, STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import take
 from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.unilateral import stick_slip
-from kaneflex.multibody.unilateral.active_set import (
-    CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
 from kaneflex.multibody.unilateral.rows import (
     EPS, act_of, at, contacts, exert, extent, frictions, law_at, near, no_force, rigid, row_at, switches,
@@ -127,8 +127,8 @@ def begin(m, t):
         k, rate = at(m, n), w[at(m, n) + GAP_RATE]
         if rigid(m, n) and w[k + MODE] == OPEN:
             zero, bent = near(m, n, t, rate), w[k + GAP_ACCEL]
-            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * motion_size(m, n, 6)), NOISE * motion_size(m, n, 3))
-            parts = abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * motion_size(m, n, 6)
+            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * motion_size(m, n, 1)), NOISE * motion_size(m, n, 0))
+            parts = abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * motion_size(m, n, 1)
             w[k + SHIFT] = 8.0 * zero if parts else 0.0
             aim = _meets(gap_of(m, n), rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
@@ -187,7 +187,7 @@ def unturned(m):
         act = act_of(m, n)
         if w[at(m, n) + MODE] == OPEN and m.acts[act, WHAT] != FLANK:
             for side in range(2):
-                fastest = larger(fastest, abs(w[m.plan[SECTION] + SEC * m.acts[act, AT + side] + 5]))
+                fastest = larger(fastest, angular_size(twist_at_section(m, m.acts[act, AT + side])))
     return 1.0 / fastest
 
 
@@ -249,7 +249,7 @@ def _note_rests(m, t, h, last):
     plan, w, found = m.plan, m.w, False
     for n in range(contacts(m)):
         if rests(m, act_of(m, n)):
-            if not found and not mend(m, t + h, m.real, 0.0, 1):
+            if not found and not mend(m, t + h, m.real, 1):
                 return False
             k, row, found = at(m, n), row_at(m, n), True
             unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * extent(m, n) * w[k + RESISTING_MASS] / (h * h)
@@ -257,7 +257,7 @@ def _note_rests(m, t, h, last):
                 j = k + NODES + 4 * i
                 w[j + 2] = w[plan[STAGE_R] + plan[REACTIONS] * (i - 1) + row]
                 w[j + 3] = w[j + 2] + unsure
-            w[k + NODES + 4 * last + 3] = w[plan[NOW] + row]
+            w[k + NODES + 4 * last + 3] = m.multipliers[row]
     return True
 
 

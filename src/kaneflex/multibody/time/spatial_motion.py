@@ -168,7 +168,8 @@ class SpatialKinematics(RigidKinematics):
                   *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
-        tensions, straight = found.springs[:, :, 1].T, len(system.tables.twisting)
+        tensions = found.springs[:, :, 1].T
+        straight = sum(not spring.is_bushing for spring in mechanism.springs.values())
         springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip

@@ -19,8 +19,9 @@ def displacements(
     ``sections``: the engine's at an instant; ``moved``: their change in unit motions, (n, sections, .).
     """
     in_plane = engine.handed.d == 3
-    places, v = (sections[:, :2], moved[:, :, 3:5]) if in_plane else (sections[:, :3], moved[:, :, 3:6])
-    omega, axes = moved[:, :, 5:6] if in_plane else moved[:, :, 9:12], np.ones((1, 1)) if in_plane else engine.work.axes
+    flat = 2 if in_plane else 3
+    places, (v, omega, _) = sections[:, :flat], np.split(moved[:, :, 3:], [flat, engine.handed.d], axis=2)
+    axes = np.ones((1, 1)) if in_plane else engine.work.axes
     springs = engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.CONTACTS)]
     for kind, first, second, _, axis, place in springs.tolist():
         numbers = engine.tables.w[place:]

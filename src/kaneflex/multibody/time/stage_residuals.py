@@ -25,7 +25,6 @@ from kaneflex.multibody.model.layout import (
     COLUMNS,
     CONTACTS,
     COORDINATES,
-    DEMAND,
     GIVEN,
     GIVEN_REACTION,
     KEPT,
@@ -36,7 +35,6 @@ from kaneflex.multibody.model.layout import (
     RESISTING,
     RESISTING_R,
     SLOPED,
-    SPRING,
     SPRINGS,
     WHAT,
     apart,
@@ -47,7 +45,7 @@ from kaneflex.multibody.model.layout import (
 @njit(**OPTIONS)
 def keep(m, i, first):
     """Store the residual of stage i; False if it is not defined (in space). ``first``: in the first iteration."""
-    copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + m.plan[COORDINATES] * i, m.plan[COORDINATES])
+    copy(m.h, shifted(m.w, m.plan[RESISTING] + m.plan[COORDINATES] * i), m.plan[COORDINATES])
     return True
 
 
@@ -64,12 +62,12 @@ def _keep_accelerations(m, i, first):
     apart()
     plan, w, A = m.plan, m.w, _mass(m, i)
     for act in range(plan[SPRINGS], plan[CONTACTS]):
-        if m.acts[act, WHAT] == BUSHING and not w[plan[SPRING] + SIZE * (act - plan[SPRINGS])] <= MOST:
+        if m.acts[act, WHAT] == BUSHING and not m.springs[SIZE * (act - plan[SPRINGS])] <= MOST:
             return False
     if not rotation_vectors.note_turns(m, i):
         return False
     if m.pivots[BY_FORCES]:
-        copy(w, plan[DEMAND], plan[RESISTING] + plan[COORDINATES] * i, plan[COORDINATES])
+        copy(m.h, shifted(w, plan[RESISTING] + plan[COORDINATES] * i), plan[COORDINATES])
         return True
     n, kept, pivots = plan[COORDINATES], plan[KEPT], plan[MASS_PIVOTS] + plan[MASS_ROWS] * i
     tree.use(m, i + 1)
@@ -79,7 +77,7 @@ def _keep_accelerations(m, i, first):
             return False
     answer = plan[COLUMNS] + kept * n
     for k in range(n):
-        A[answer + k] = -w[plan[DEMAND] + k]
+        A[answer + k] = -m.h[k]
     solve_closed(m, A, pivots)
     for k in range(n):
         w[plan[RESISTING] + n * i + k] = A[answer + k]

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import by_size, inside
-from kaneflex.multibody.dynamics import rotation_vectors
+from kaneflex.multibody.dynamics.arrays import BALLS
 from kaneflex.multibody.unilateral.rows import at, contacts, frictions
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, MEMORY, MODE, MODE_SIZE, NOW, OPTIONS, RATE, REACTIONS, WORKS, Y, apart, shifted,
+    COORDINATES, MEMORY, MODE, MODE_SIZE, OPTIONS, REACTIONS, WORKS, apart, shifted,
 )  # fmt: skip
 
 
 @njit(**OPTIONS)
 def row_size(m):
     """Length of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and frictions,
-    MODE and MEMORY of the frictions and contacts, in space quaternions of balls, works."""
+    MODE and MEMORY of the frictions and contacts, quaternions of balls, works."""
     return works_at(m) + m.plan[WORKS]
 
 
 @njit(**OPTIONS)
 def works_at(m):
     """Place of the works in a row."""
-    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + standing(m)
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + modes(m) + 4 * m.counts[BALLS]
 
 
 @njit(**OPTIONS)
@@ -32,73 +31,34 @@ def modes(m):
 
 
 @njit(**OPTIONS)
-def standing(m):
-    """Number of entries of a row for modes and, in space, for the quaternions of balls."""
-    inside()
-    return modes(m)
-
-
-@njit(**OPTIONS)
-def _standing_in_space(m):
-    inside()
-    return modes(m) + rotation_vectors.standing(m)
-
-
-@njit(**OPTIONS)
-def _take_modes(m, row):
-    """Set the modes of contacts and frictions from a row."""
+def stands(m, row):
+    """Set the modes and the quaternions of balls from a row."""
     for n in range(-frictions(m), contacts(m)):
         k, i = at(m, n), MODE_SIZE * (n + frictions(m))
         m.w[k + MODE], m.w[k + MEMORY] = row[i], row[i + 1]
-
-
-@njit(**OPTIONS)
-def stands(m, row):
-    """Set the modes and, in space, the quaternions of balls from a row."""
-    inside()
-    _take_modes(m, row)
-
-
-@njit(**OPTIONS)
-def _stands_in_space(m, row):
-    _take_modes(m, row)
-    rotation_vectors.stands(m, shifted(row, modes(m)))
-
-
-@njit(**OPTIONS)
-def _store_modes(m, row):
-    """Store the modes of contacts and frictions in a row."""
-    for n in range(-frictions(m), contacts(m)):
-        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
-        row[i], row[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
+    for k in range(4 * m.counts[BALLS]):
+        m.q[m.balls[k // 4, 0] + k % 4] = row[modes(m) + k]
 
 
 @njit(**OPTIONS)
 def stored(m, row):
-    """Store the modes and, in space, the quaternions of balls in a row."""
-    inside()
-    _store_modes(m, row)
-
-
-@njit(**OPTIONS)
-def _stored_in_space(m, row):
-    _store_modes(m, row)
-    rotation_vectors.stored(m, shifted(row, modes(m)))
-
-
-standing, stored = by_size(standing, _standing_in_space), by_size(stored, _stored_in_space)
-stands = by_size(stands, _stands_in_space)
+    """Store the modes and the quaternions of balls in a row."""
+    for n in range(-frictions(m), contacts(m)):
+        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
+        row[i], row[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
+    for k in range(4 * m.counts[BALLS]):
+        row[modes(m) + k] = m.q[m.balls[k // 4, 0] + k % 4]
 
 
 @njit(**OPTIONS)
 def take(m, row):
     """Set the motion from a row."""
     apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    plan, n = m.plan, m.plan[COORDINATES]
     for i in range(n):
-        w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
+        m.y[i], m.u[i], m.du[i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
     for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = row[1 + 3 * n + r]
+        m.multipliers[r] = row[1 + 3 * n + r]
     stands(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
 
 
@@ -106,10 +66,10 @@ def take(m, row):
 def give(m, t, row):
     """Store the motion in a row, without works."""
     apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    plan, n = m.plan, m.plan[COORDINATES]
     row[0] = t
     for i in range(n):
-        row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+        row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = m.y[i], m.u[i], m.du[i]
     for r in range(plan[REACTIONS]):
-        row[1 + 3 * n + r] = w[plan[NOW] + r]
+        row[1 + 3 * n + r] = m.multipliers[r]
     stored(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))

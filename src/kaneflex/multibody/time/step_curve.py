@@ -11,8 +11,7 @@ from numba import njit
 from kaneflex.multibody.dynamics.forces import load_sizes, meet
 from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, OPTIONS, RATE, SHIFT, SLIP, SLIP_RATE, STAGE_A, Y,
-    apart, larger,
+    COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, OPTIONS, SHIFT, SLIP, SLIP_RATE, STAGE_A, apart, larger,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import act_of, at, contacts, frictions, near, rigid, row_of, switches
 
@@ -60,7 +59,7 @@ def between(m, table, t, h, here, x):
             y += part * rate
             v += part * w[of + n * i + k]
             a += (x - other) * (x - third) * scale * w[of + n * i + k]
-        w[plan[Y] + k], w[plan[RATE] + k], w[plan[ACCEL] + k] = here[1 + k] + h * y, v_0 + h * v, a
+        m.y[k], m.u[k], m.du[k] = here[1 + k] + h * y, v_0 + h * v, a
     if not follow(m, t + x * h):
         return False
     meet_all(m, t + x * h)

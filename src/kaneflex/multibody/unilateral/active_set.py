@@ -21,14 +21,15 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.dynamics.forces import load_sizes, meet
+from kaneflex.multibody.dynamics.kinematics import section_at
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
-    ABOVE, ACCEL, ALLOWED, APPROACH, AT, BEGAN_X, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
+    ABOVE, ALLOWED, APPROACH, AT, BEGAN_X, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
     IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOADS, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS,
-    NODES, ON, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SEC, SECTION,
-    SINCE, SIZE, SPRINGS, STAYS, TOUCH, WHAT, WORKS, YIELDING, apart, larger, shifted, smaller,
+    NODES, ON, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, SIZE,
+    SPRINGS, STAYS, TOUCH, WHAT, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import stick_slip
@@ -133,7 +134,7 @@ def change(m, state, A, wanted):
         w[shared + FLIGHT] = wanted
     if closing:
         assemble(m)
-        m.pivots[YIELDING] = 0
+        m.pivots[YIELDING] = plan[VIRTUAL]
         if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
             return -1.0
     still, sides = True, 0
@@ -149,7 +150,7 @@ def change(m, state, A, wanted):
         wanted = smaller(wanted, _pass_zero(m, t, A))
         if wanted <= 0.0:
             return wanted
-    if changing and not mend(m, t, A, 0.0, 2):
+    if changing and not mend(m, t, A, 2):
         return -1.0
     if w[shared + RESTED] == 0.0:  # else after the coordinates are chosen again
         unsettled = stick_slip.decide(m, t, A)
@@ -186,7 +187,7 @@ def _close(m, n, t, A, lost):
     apart()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
     k, own, g, answer = at(m, n), law_at(m, n), along(m, n), plan[COLUMNS] + size * plan[KEPT]
-    pressing = larger(-product(w, g, shifted(w, plan[ACCEL]), size), 0.0)
+    pressing = larger(-product(w, g, m.du, size), 0.0)
     for i in range(size):
         A[answer + i] = w[g + i]
     solve_closed(m, A, plan[PIVOTS])
@@ -209,9 +210,9 @@ def begin(m, n, t, approach, lost):
     w, k = m.w, at(m, n)
     w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, approach, lost
     w[k + IMPULSE] = w[k + PEAK] = 0.0
-    act, sec = act_of(m, n), m.plan[SECTION]
-    first, second = sec + SEC * m.acts[act, AT], sec + SEC * m.acts[act, ON]
-    touching.place(m.acts[act, WHAT], w, first, second, w, law_at(m, n), w, k + BEGAN_X)
+    act = act_of(m, n)
+    first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
+    touching.place(m.acts[act, WHAT], m.sections, first, second, w, law_at(m, n), w, k + BEGAN_X)
 
 
 @njit(**OPTIONS)
@@ -252,7 +253,7 @@ def stand_closed(m, t, A):
         elif w[k + DUE] != 0.0:
             w[k + MODE] = OPEN
         w[k + DUE] = 0.0
-    return mend(m, t, A, 0.0, 2)
+    return mend(m, t, A, 2)
 
 
 @njit(**OPTIONS)
@@ -291,7 +292,7 @@ def _pass_zero(m, t, A):
                 if turn == 2 and abs(w[k + GAP_RATE]) > _AT_REST * w[k + PEAK]:
                     w[m.plan[TOUCH] + HELD] = 1.0 + m.acts[act_of(m, n), ROW_AT]
                     return 0.0
-        if (turn == 0 or (turn == 1 and back > 0)) and not mend(m, t, A, 0.0, 2):
+        if (turn == 0 or (turn == 1 and back > 0)) and not mend(m, t, A, 2):
             return -1.0
     return 1e300
 
@@ -326,7 +327,7 @@ def _take_sides(m, t, A):
     w, moving = m.w, False
     if not choose_sides(m, t):
         return True
-    if not mend(m, t, A, 0.0, 2):
+    if not mend(m, t, A, 2):
         return False
     for n in range(contacts(m)):
         w[at(m, n) + DUE] = 0.0

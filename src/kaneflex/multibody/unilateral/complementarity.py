@@ -26,7 +26,7 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.model.layout import (
-    ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, OPTIONS, TOUCHING, apart, larger,
+    ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, OPTIONS, TOUCHING, VIRTUAL, apart, larger,
 )  # fmt: skip
 
 (
@@ -71,7 +71,7 @@ def vector(m, which):
 def listed(m):
     """Place of the indices of the rows' contacts and frictions among whole numbers; workspace of three times the size
     follows."""
-    return m.plan[TOUCHING] + most(m)
+    return m.plan[TOUCHING] + m.plan[VIRTUAL] + most(m)
 
 
 @njit(**OPTIONS)

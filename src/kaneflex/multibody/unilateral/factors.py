@@ -13,13 +13,13 @@ from numba import njit
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE, NOW,
-    OPTIONS, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN,
-    VISCOUS, WANTED, WHAT, apart, larger, smaller,
+    ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE,
+    OPTIONS, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VISCOUS,
+    VIRTUAL, WANTED, WHAT, YIELDING, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, normal_force, row_at, row_of, virtual_inertia,
+    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, normal_force, row_at, row_of,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -29,8 +29,15 @@ _SOFTEST = 1e3
 
 
 @njit(**OPTIONS)
+def virtual(m, r):
+    """Coordinate whose virtual inertia a row of the factors removes; -1 for rows of cuts, contacts and frictions."""
+    plan = m.plan
+    return m.pivots[plan[TOUCHING] + r - plan[KEPT]] if plan[KEPT] <= r < plan[KEPT] + plan[VIRTUAL] else -1
+
+
+@njit(**OPTIONS)
 def row_in(m, r):
-    """Contact or friction of a factors' row after those of cut joints."""
+    """Contact or friction of a factors' row after those of cut joints and of virtual inertia."""
     return m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
 
 
@@ -39,7 +46,7 @@ def reaction_of(m, r):
     """Index of the reaction of a factors' row: of a cut joint, or a friction; -1 for others."""
     if r < m.plan[KEPT]:
         return m.plan[m.plan[ROW_OF] + r]
-    return row_at(m, row_in(m, r)) if row_in(m, r) < 0 else -1
+    return row_at(m, row_in(m, r)) if virtual(m, r) < 0 and row_in(m, r) < 0 else -1
 
 
 @njit(**OPTIONS)
@@ -49,16 +56,22 @@ def memory_place(m, n):
     return 2 + 3 * plan[COORDINATES] + plan[REACTIONS] + MODE_SIZE * (n + frictions(m))
 
 
+@njit(**OPTIONS)
+def use_rows_now(m):
+    """Set the rows of the factors at an instant: of virtual inertia and of sticking friction."""
+    m.pivots[YIELDING] = m.plan[VIRTUAL] + _rows_now(m)
+
+
 @of_holds(0)
 @njit(**OPTIONS)
-def rows_now(m, first):
-    """Add sticking friction to the rows of factors at an instant, after ``first`` others; returns their number."""
+def _rows_now(m):
+    """Add sticking friction to the rows; returns their number."""
     apart()
     found = 0
     for n in range(-frictions(m), 0):
         w, k = m.w, at(m, n)
-        if w[k + MODE] == STICKING or w[k + MODE] == BENDING or virtual_inertia(m, n) > 0.0:
-            m.pivots[m.plan[TOUCHING] + first + found] = n
+        if w[k + MODE] == STICKING or w[k + MODE] == BENDING:
+            m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
         if w[k + MODE] == BENDING:
@@ -69,12 +82,12 @@ def rows_now(m, first):
 @of_holds(0)
 @njit(**OPTIONS)
 def rows_of_step(m, first, h, state):
-    """Add frictions to the rows of a step's factors, with the state halfway from ``here``, after ``first`` contacts;
+    """Add frictions to the rows of a step's factors, with the state halfway from ``here``, after ``first`` others;
     returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0
     for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = state[1 + 3 * plan[COORDINATES] + r]
+        m.multipliers[r] = state[1 + 3 * plan[COORDINATES] + r]
     for n in range(-frictions(m), 0):
         k, j = row_of(m, n), law_at(m, n)
         mode, w[k + VISCOUS] = w[k + MODE], 0.0
@@ -84,7 +97,7 @@ def rows_of_step(m, first, h, state):
             w[k + VISCOUS] = w[j + VISCOUS_AT]
         elif mode == SLIPPING:
             w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), w[k + SLIP]), 0.0)
-        if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0 or virtual_inertia(m, n) > 0.0:
+        if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
     return found
@@ -95,7 +108,7 @@ def rows_of_step(m, first, h, state):
 def largest_limit(m, rows, A):
     """Largest force limit of sticking rows of the factors, as its square times the row's response to a unit force."""
     largest = 0.0
-    for r in range(m.plan[KEPT], rows):
+    for r in range(m.plan[KEPT] + m.plan[VIRTUAL], rows):
         n = row_in(m, r)
         if n < 0 and m.w[at(m, n) + MODE] == STICKING:
             largest = larger(largest, m.w[at(m, n) + LIMIT] ** 2 * abs(A[m.plan[SCHUR] + (rows + 1) * r]))
@@ -110,8 +123,6 @@ def compliance(m, n, h, own, largest):
     the distribution of force: in proportion to their limits.
     """
     k = at(m, n)
-    if n < 0 and virtual_inertia(m, n) > 0.0:
-        return 0.0 * h - 1.0 / virtual_inertia(m, n)
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
     share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
@@ -144,7 +155,7 @@ def by_force(m, n, r, size, h, A):
 def missing(m, A, r, opening):
     """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
     bristles, whose row is a force, the missing force less the weighted opening."""
-    n = row_in(m, r) if r >= m.plan[KEPT] else 0
+    n = row_in(m, r) if r >= m.plan[KEPT] + m.plan[VIRTUAL] else 0
     if n >= 0:
         return -opening
     if m.w[at(m, n) + MODE] == BENDING:
@@ -187,6 +198,8 @@ def slips_by(m, r):
 def presses(m, n, r):
     """True if the reaction of a factors' row is the normal force of a friction."""
     plan = m.plan
+    if virtual(m, r) >= 0:
+        return False
     of = plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]] if r < plan[KEPT] else act_of(m, row_in(m, r))
     return int(m.w[law_at(m, n) + OF_AT]) == of
 
@@ -208,7 +221,7 @@ def normal_force_by_reaction(m, n, r):
     if r >= plan[KEPT] or what == ALONG:
         return 1.0
     first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
-    one, two, own = w[plan[NOW] + first], w[plan[NOW] + first + 1], w[plan[NOW] + row]
+    one, two, own = m.multipliers[first], m.multipliers[first + 1], m.multipliers[row]
     if what == TURN:
         return arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
     if (abs(one) >= arm * abs(two)) != (row == first):

@@ -20,16 +20,18 @@ from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import copy
+from kaneflex.multibody.dynamics.algebra import angular_size, linear_size
 from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.forces import meet
+from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
     ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, CUT_ROWS, DRIVES, DUE, FLANK,
-    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, NOW, ON, OPEN, OPTIONS, PIVOTS,
-    POWER, PRESCRIBED, RATE, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SEC, SECTION, SHUT, SPRINGS, TOUCH,
-    WHAT, WORKS, YIELDING, apart, larger,
+    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, OPTIONS, PIVOTS, POWER,
+    PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SHUT, SPRINGS, TOUCH, WHAT, WORKS, apart, larger,
+    shifted,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import rigid_friction
@@ -38,7 +40,7 @@ from kaneflex.multibody.unilateral.complementarity import (
     ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED, complement, listed,
     moved, vector,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.factors import prescribe_nothing, rows_now
+from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, near, no_force, rigid, row_at
 from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
 
@@ -75,7 +77,7 @@ def collide(m, state, A, wanted):
     if done < 0.0:
         return done
     _settle(m, state, count, slips)
-    if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 0.0, 2)):
+    if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 2)):
         return -1.0
     give(m, t, state)
     return wanted
@@ -96,29 +98,29 @@ def _gather(m, t):
             continue
         k = meet(m, act_of(m, n))
         rested = w[k + MODE] == CLOSED
-        rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 3) else w[k + GAP_RATE]
+        rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 0) else w[k + GAP_RATE]
         if parting and rested and w[k + FORCE] <= no_force(m, n):
             w[k + DUE] = LETS_GO
         if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
             m.pivots[listed(m) + count] = n
             w[vector(m, OLD) + count], w[vector(m, RESTED_BEFORE) + count] = rate, rested
             w[vector(m, STICKS) + count] = 0.0
-            w[k + MODE], w[m.plan[NOW] + row_at(m, n)] = OPEN, 0.0
+            w[k + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
             count += 1
     return count
 
 
 @njit(**OPTIONS)
 def motion_size(m, n, rate):
-    """Size of the velocities (3) or accelerations (6) of a contact's two sections; of flanks that of their turning.
+    """Size of the velocities (0) or accelerations (1) of a contact's two sections; of flanks that of their turning.
 
     Rates of gaps are differences of these, whatever their direction: all are from one solution of the equations.
     """
-    w, sections, act = m.w, m.plan[SECTION] + rate, act_of(m, n)
-    one, two = sections + SEC * m.acts[act, AT], sections + SEC * m.acts[act, ON]
+    act = act_of(m, n)
+    one, two = section_motion(m, m.acts[act, AT], rate), section_motion(m, m.acts[act, ON], rate)
     if m.acts[act, WHAT] == FLANK:
-        return abs(w[one + 2]) + abs(w[two + 2])
-    return abs(w[one]) + abs(w[one + 1]) + abs(w[two]) + abs(w[two + 1])
+        return angular_size(one) + angular_size(two)
+    return linear_size(one) + linear_size(two)
 
 
 @njit(**OPTIONS)
@@ -146,7 +148,7 @@ def _response_matrix(m, A, rows):
     drives are kinematic; bristles exert the resulting friction. False at a singular state."""
     apart()
     plan, w, unit = m.plan, m.w, vector(m, UNIT)
-    m.pivots[YIELDING] = rows_now(m, 0)
+    use_rows_now(m)
     if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
     for j in range(rows):
@@ -200,7 +202,7 @@ def _jump(m, state, A, count, slips):
         e = w[law_at(m, m.pivots[listed(m) + i]) + 6] if w[vector(m, STICKS) + i] == 0.0 else 0.0
         w[b + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
         w[vector(m, MAY) + i] = 1.0
-    copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
+    copy(m.multipliers, shifted(w, plan[LAST_R]), plan[REACTIONS])
     missed, turn = math.inf, 0
     while missed > 1.0 and turn < 5 * _TURNS:
         if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
@@ -211,11 +213,11 @@ def _jump(m, state, A, count, slips):
         _respond(m, A, rows, p)
         missed = rigid_friction.update_joint_limits(m, A, count, slips, 0.5 ** (turn // _TURNS))
         turn += 1
-    copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
+    copy(shifted(w, plan[LAST_R]), m.multipliers, plan[REACTIONS])
     for i in range(rows):
         w[new + i] = w[old + i] + moved(m, i, p, rows)[0]
     for k in range(size):
-        w[plan[RATE] + k] = state[1 + size + k]
+        m.u[k] = state[1 + size + k]
     _apply_impulses(m, A)
     return 1.0
 
@@ -235,7 +237,7 @@ def _apply_impulses(m, A):
             w[drives + course] += A[answer + k] * w[plan[COURSE] + 3 * course + 1]
     for k in range(plan[COORDINATES]):
         if plan[plan[FREED] + k] != 0:
-            w[plan[RATE] + k] += A[answer + k]
+            m.u[k] += A[answer + k]
     for r in range(m.pivots[KEPT]):
         course = m.acts[plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]], COURSE_AT]
         if course >= 0:
@@ -249,8 +251,8 @@ def _forces(m, t, A, count, slips):
     apart()
     plan, w, again, missed, turn = m.plan, m.w, 0, math.inf, 0
     while missed > 1.0 and turn < _TURNS:
-        copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
-        if not mend(m, t, A, 0.0, 1):
+        copy(m.multipliers, shifted(w, plan[LAST_R]), plan[REACTIONS])
+        if not mend(m, t, A, 1):
             return -2
         rigid_friction.exchange_reactions(m)
         if plan[HOLDS] < plan[DRIVES] and not _response_matrix(m, A, count + slips):
@@ -288,7 +290,7 @@ def _press(m, t, count, slips):
             n, v = m.pivots[listed(m) + i], abs(w[new + i])
             noise = NOISE * (abs(w[vector(m, OLD) + i]) + moved(m, i, p, rows)[1])
             pressing = abs(w[W + (rows + 1) * i]) * w[f + i]
-            if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * motion_size(m, n, 6):  # or others keep it closed
+            if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * motion_size(m, n, 1):  # or others keep it closed
                 pressing = larger(pressing, -w[vector(m, WANTED) + i])
             low = math.sqrt(2.0 * LEAST_HEIGHT * near(m, n, t, v) * pressing)
             low = larger(low, 32.0 * EPS * abs(t) * pressing)
@@ -315,7 +317,7 @@ def _settle(m, state, count, slips):
         k, work = at(m, n), works + plan[WORKS] - contacts(m) + n
         old, new, p = w[vector(m, OLD) + i], w[vector(m, NEW) + i], w[vector(m, IMPULSES) + i]
         f, rested = w[vector(m, FORCES) + i], w[vector(m, RESTED_BEFORE) + i] != 0.0
-        size = motion_size(m, n, 6) + abs(w[vector(m, WANTED) + i])
+        size = motion_size(m, n, 1) + abs(w[vector(m, WANTED) + i])
         mass = 1.0 / (abs(w[plan[COMPLEMENT] + (count + slips + 1) * i]) + 1e-300)
         nothing = 1e-10 * size * mass
         held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested or old < 0.0 or p > 0.0)

@@ -15,8 +15,8 @@ from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.model.layout import (
-    ALONG, BEFORE, BENDING, BORE, BY_PRESS, COORDINATES, DUE, FORCE, KEPT, LAST_R, LIMIT, MODE, NOW, OPEN, OPTIONS,
-    REACTION, REACTIONS, ROW_OF, SLIP, SLIPPING, SLIP_RATE, STICKING, TURN, WHAT, WORKS, apart, larger, smaller,
+    ALONG, BEFORE, BENDING, BORE, BY_PRESS, COORDINATES, DUE, FORCE, KEPT, LAST_R, LIMIT, MODE, OPEN, OPTIONS, REACTION,
+    REACTIONS, ROW_OF, SLIP, SLIPPING, SLIP_RATE, STICKING, TURN, WHAT, WORKS, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.unilateral import lugre
@@ -52,7 +52,7 @@ def gather(m, touching):
         law = w[law_at(m, n) + LAW_AT]
         if law == LUGRE:
             w[at(m, n) + MODE] = OPEN
-        if law < 0.0 or law >= VISCOUS_LAW:
+        if law >= VISCOUS_LAW:
             continue
         k, presses = row_of(m, n), _pressing(m, n, touching)
         stuck = w[k + MODE] == STICKING
@@ -121,7 +121,7 @@ def update_joint_limits(m, A, touching, slips, part):
     apart()
     plan, w, largest, missed = m.plan, m.w, 0.0, 0.0
     for q in range(m.pivots[KEPT]):
-        w[plan[NOW] + plan[plan[ROW_OF] + q]] = A[plan[REACTION] + q]
+        m.multipliers[plan[plan[ROW_OF] + q]] = A[plan[REACTION] + q]
         largest = larger(largest, abs(A[plan[REACTION] + q]))
     for r in range(touching, touching + slips):
         n, beside = m.pivots[listed(m) + r], vector(m, BESIDE) + r
@@ -140,8 +140,7 @@ def exchange_reactions(m):
     """Exchange the reactions at NOW with those at LAST_R, about which friction is linear in the problem of forces."""
     plan, w = m.plan, m.w
     for r in range(plan[REACTIONS]):
-        i, j = plan[NOW] + r, plan[LAST_R] + r
-        w[i], w[j] = w[j], w[i]
+        m.multipliers[r], w[plan[LAST_R] + r] = w[plan[LAST_R] + r], m.multipliers[r]
 
 
 @of_holds(False)
@@ -151,7 +150,7 @@ def joints_rub(m):
     rubs = False
     for n in range(-frictions(m), 0):
         law = m.w[law_at(m, n) + LAW_AT]
-        rubs = rubs or (m.acts[act_of(m, n), WHAT] != ALONG and 0.0 <= law < VISCOUS_LAW)
+        rubs = rubs or (m.acts[act_of(m, n), WHAT] != ALONG and law < VISCOUS_LAW)
     return rubs
 
 
@@ -164,9 +163,9 @@ def update_joint_reactions(m, A):
     plan, w, missed, size = m.plan, m.w, 0.0, 0.0
     for q in range(m.pivots[KEPT] if joints_rub(m) else 0):
         row = plan[plan[ROW_OF] + q]
-        w[plan[NOW] + row] += A[plan[REACTION] + q]
-        size = larger(size, abs(w[plan[NOW] + row]))
-        missed = larger(missed, abs(w[plan[NOW] + row] - w[plan[LAST_R] + row]))
+        m.multipliers[row] += A[plan[REACTION] + q]
+        size = larger(size, abs(m.multipliers[row]))
+        missed = larger(missed, abs(m.multipliers[row] - w[plan[LAST_R] + row]))
     return missed / (_SETTLED * size + 1e-300)
 
 

@@ -24,11 +24,15 @@ from kaneflex.generated import joints
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.values import row_length
+from kaneflex.multibody.dynamics.algebra import absolute, dot
+from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place
+from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, AT, BENDING, CONTACT, CONTACTS, CONTACT_SIZE, CUT, CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING,
-    FORCE, GAP, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOSING, MEMORY, MODE, NORMAL, NOW, NUMBERS_AT, ON, OPEN, OPTIONS,
-    PEAK, PLACE, PRECISION, ROW_AT, ROW_SIZE, SEC, SECTION, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, STORED,
-    SWITCH, TOUCH, TURN, WHAT, apart, larger, shifted,
+    ACTS, ALLOWED, ALONG, AT, BENDING, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING, FORCE,
+    GAP, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE,
+    PRECISION, ROW_AT, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart,
+    larger,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -40,7 +44,7 @@ MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10
 """Places among the numbers of a friction law: both coefficients, viscous part, preload, arm, number of the law, and the
 interaction that it belongs to."""
 VISCOUS_LAW, LUGRE = float(LAWS.index("viscous")), float(LAWS.index("lugre"))
-"""Numbers of laws that neither stick nor slip; a number below zero has no law: the row removes virtual inertia."""
+"""Numbers of laws that neither stick nor slip."""
 
 
 @njit(**OPTIONS)
@@ -51,7 +55,7 @@ def contacts(m):
 
 @njit(**OPTIONS)
 def frictions(m):
-    """Number of frictions, and of rows that remove virtual inertia."""
+    """Number of frictions."""
     return m.plan[DRIVES] - m.plan[HOLDS]
 
 
@@ -104,7 +108,7 @@ def extent(m, n):
     if n < 0 and m.acts[act, WHAT] == TURN:
         return 1.0
     if n >= 0 and m.acts[act, WHAT] == FLANK:
-        return 1.0 + abs(m.w[m.plan[SECTION] + SEC * m.acts[act, ON] + 2])
+        return 1.0 + abs(section_place(m, m.acts[act, ON])[2])
     return m.w[m.plan[TOUCH] + EXTENT]
 
 
@@ -141,41 +145,31 @@ def product(w, row, values, count):
 
 
 @njit(**OPTIONS)
-def virtual_inertia(m, n):
-    """Virtual inertia [kg m^2] that a row removes, see ``model.interactions``; 0 for friction."""
-    j = law_at(m, n)
-    return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
-
-
-@njit(**OPTIONS)
 def row_of(m, n):
     """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
     apart()
-    plan, w, act, k, j = m.plan, m.w, act_of(m, n), at(m, n), law_at(m, n)
-    first, second, row, sec = m.acts[act, AT], m.acts[act, ON], plan[CUT] + ROW_SIZE * row_at(m, n), plan[SECTION]
+    w, act, k, j, row, rows = m.w, act_of(m, n), at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.rows
+    first, second, sections = m.acts[act, AT], m.acts[act, ON], m.sections
     if m.acts[act, WHAT] == ALONG:
         of = int(w[j + OF_AT])
-        touching.along(
-            m.acts[of, WHAT], w, sec + SEC * first, sec + SEC * second, w, m.acts[of, NUMBERS_AT], w, row
-        )
+        first, second = section_at(m, first), section_at(m, second)
+        touching.along(m.acts[of, WHAT], sections, first, second, w, m.acts[of, NUMBERS_AT], rows, row)
     elif m.acts[act, WHAT] == TURN:
-        joints.turn(shifted(w, sec), first, second, w[j], w[j + 1], w[j + 2], w, row)
+        joints.turn(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
     else:
-        joints.slide(shifted(w, sec), first, second, w[j], w[j + 1], w[j + 2], w, row)
-    w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = w[row], w[row + 1], w[row + 2]
-    w[k + SPEED_SIZE] = size_of(m, n, 3)
+        joints.slide(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
+    w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = rows[row], rows[row + 1], rows[row + 2]
+    w[k + SPEED_SIZE] = size_of(m, n, 0)
     return k
 
 
 @njit(**OPTIONS)
 def size_of(m, n, rate):
-    """Sum of the sizes of the products of a row with velocities (3) or accelerations (6) of its sections."""
+    """Sum of the sizes of the products of a row with velocities (0) or accelerations (1) of its sections."""
     size = 0.0
     for side in range(2):
-        of = m.plan[SECTION] + SEC * m.acts[act_of(m, n), AT + side] + rate
-        own = m.plan[CUT] + ROW_SIZE * row_at(m, n) + 3 + 3 * side
-        for i in range(3):
-            size += abs(m.w[own + i] * m.w[of + i])
+        motion = section_motion(m, m.acts[act_of(m, n), AT + side], rate)
+        size += dot(absolute(row_wrench(m, row_at(m, n), side)), absolute(motion))
     return size
 
 
@@ -197,10 +191,9 @@ def normal_force(m, n):
     w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
     if what == ALONG:
         return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
-    row = m.plan[NOW] + m.acts[int(w[law_at(m, n) + OF_AT]), ROW_AT]
-    if what == TURN:
-        return arm * math.sqrt(w[row] * w[row] + w[row + 1] * w[row + 1])
-    return larger(abs(w[row]), arm * abs(w[row + 1]))
+    row = m.acts[int(w[law_at(m, n) + OF_AT]), ROW_AT]
+    one, two = m.multipliers[row], m.multipliers[row + 1]
+    return arm * math.sqrt(one * one + two * two) if what == TURN else larger(abs(one), arm * abs(two))
 
 
 @of_holds(None)
@@ -211,19 +204,16 @@ def exert(m):
     w = m.w
     for n in range(-frictions(m), 0):
         k, j = row_of(m, n), law_at(m, n)
-        place, v, mode = m.plan[NOW] + row_at(m, n), w[k + SLIP], w[k + MODE]
-        if virtual_inertia(m, n) > 0.0:
-            w[place] = virtual_inertia(m, n) * w[k + SLIP_RATE]
-            continue
+        row, v, mode = row_at(m, n), w[k + SLIP], w[k + MODE]
         N = normal_force(m, n)
         w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
         if mode == OPEN:
-            w[place] = 0.0
+            m.multipliers[row] = 0.0
         elif mode == FLOWING:
-            w[place] = -w[j + VISCOUS_AT] * v
+            m.multipliers[row] = -w[j + VISCOUS_AT] * v
         elif mode == SLIPPING:
-            w[place] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
-        w[k + FORCE], w[k + STORED] = w[place], 0.0
+            m.multipliers[row] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
+        w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
         w[k + LOSING] = power(m, n)
         if mode == BENDING:
             w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]
@@ -235,16 +225,6 @@ def power(m, n):
     """Power [W] that a row takes; zero while sticking, whatever its rounding slip."""
     k = at(m, n)
     return -m.w[k + FORCE] * m.w[k + GAP_RATE] if m.w[k + MODE] != STICKING else 0.0
-
-
-@of_holds(0.0)
-@njit(**OPTIONS)
-def virtual_energy(m):
-    """Kinetic energy [J] of virtual inertia."""
-    total = 0.0
-    for n in range(-frictions(m), 0):
-        total += 0.5 * virtual_inertia(m, n) * m.w[at(m, n) + SLIP] * m.w[at(m, n) + SLIP]
-    return total
 
 
 RESULTS, STORED_AT = 8, 4

@@ -17,9 +17,9 @@ from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.model.layout import (
-    ACCEL, ALLOWED, ALONG, BENDING, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS, JAMS,
-    KEPT, LAW, MEMORY, MODE, NODES, OPTIONS, PIVOTS, PRECISION, RATE, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
-    SPEED_SIZE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VISCOUS, WANTED, WHAT, YIELDING, apart, larger,
+    ALLOWED, ALONG, BENDING, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS, JAMS, KEPT,
+    LAW, MEMORY, MODE, NODES, OPTIONS, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE, SPEED_SIZE,
+    STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING, apart, larger,
     shifted,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
@@ -66,18 +66,19 @@ def let_yield(m, h, state):
     """Collect closed contacts, by their slopes in the middle of the step, and frictions for the factors; positions are
     those there."""
     apart()
-    plan, w, size, count = m.plan, m.w, m.plan[COORDINATES], 0
+    plan, w, size, first = m.plan, m.w, m.plan[COORDINATES], m.plan[VIRTUAL]
+    count = first
     for n in range(contacts(m)):
         if w[at(m, n) + MODE] == CLOSED and not rigid(m, n):
             m.pivots[plan[TOUCHING] + count] = n
             count += 1
     m.pivots[YIELDING] = count
-    if count == 0 and plan[HOLDS] == plan[DRIVES]:
+    if count == first and plan[HOLDS] == plan[DRIVES]:
         return
     for i in range(size):
-        w[plan[RATE] + i] = state[1 + size + i] + 0.5 * h * state[1 + 2 * size + i]
+        m.u[i] = state[1 + size + i] + 0.5 * h * state[1 + 2 * size + i]
     move(m, 0)
-    for r in range(count):
+    for r in range(first, count):
         n = m.pivots[plan[TOUCHING] + r]
         k, law = meet(m, act_of(m, n)), m.acts[act_of(m, n), LAW]
         by_gap, by_rate = touching.normal_slopes(law, w, law_at(m, n), w[k + MEMORY], w[k + GAP], w[k + GAP_RATE])
@@ -100,7 +101,7 @@ def notice_jams(m, t, step, A):
     apart()
     plan, w, x = m.plan, m.w, m.plan[REACTION]
     count = plan[KEPT] + m.pivots[YIELDING]
-    for r in range(plan[KEPT], count):
+    for r in range(plan[KEPT] + plan[VIRTUAL], count):
         c = row_in(m, r)
         for n in range(-frictions(m) if c >= 0 else 0, 0):
             since = at(m, n) + JAMS
@@ -122,7 +123,7 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     apart()
     plan, w, largest = m.plan, m.w, 0.0
     step, steps = h * real, h * pair
-    for r in range(plan[KEPT], plan[KEPT] + m.pivots[YIELDING]):
+    for r in range(plan[KEPT] + plan[VIRTUAL], plan[KEPT] + m.pivots[YIELDING]):
         n, x = row_in(m, r), plan[REACTION] + r
         if n < 0:
             continue
@@ -139,11 +140,11 @@ def resist_defect(m, step, A, answer):
     """Subtract the effect of the rows on a defect, at ACCEL, from the forces: see ``collocation._error``."""
     apart()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
-    for r in range(m.pivots[YIELDING]):
+    for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
         slope = w[k + VISCOUS] + step * w[k + STIFF] + _bristle_slope(m, n, step)
-        share = step * slope * product(w, g, shifted(w, plan[ACCEL]), size)
+        share = step * slope * product(w, g, m.du, size)
         for i in range(size):
             A[answer + i] -= share * w[g + i]
 
@@ -155,10 +156,10 @@ def error_of_gaps(m, h, step, A, answer):
     acceleration in errors allowed: of bristles a share of the deflection before slip."""
     apart()
     plan, w, size, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
-    for r in range(m.pivots[YIELDING]):
+    for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
-        error = abs(product(w, g, shifted(w, plan[ACCEL]), size) + product(w, g, shifted(A, answer), size))
+        error = abs(product(w, g, m.du, size) + product(w, g, shifted(A, answer), size))
         if n >= 0:
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
             continue

@@ -12,18 +12,19 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.dynamics.algebra import absolute, linear_size
 from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
-    BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
-    LIMIT, MEMORY, MODE, NODES, NORMAL, NOW, OPEN, OPTIONS, PIVOTS, PLACE, RATE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE,
-    STICKING, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart, larger,
+    BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT, LIMIT,
+    MEMORY, MODE, NODES, NORMAL, OPEN, OPTIONS, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH,
+    TURN, WANTED, WHAT, apart, larger,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.time.coefficients import basis
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import rows_now
+from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.rows import (
     EPS, LAW_AT, LUGRE, VISCOUS_LAW, act_of, at, exert, extent, frictions, law_at, on_contact, row_at, size_of, slip,
     stick,
@@ -86,23 +87,27 @@ def no_speed(m, n, t):
 
 
 @njit(**OPTIONS)
+def _weight(m):
+    """Sum of the sizes of gravity's components."""
+    g = absolute(m.gravity[0])
+    return g[0] + g[1] + g[2]
+
+
+@njit(**OPTIONS)
 def no_force(m, n):
     """Force, or moment, of a friction that counts as zero: rounding error of the force that moves all bodies."""
     apart()
     plan, w, total = m.plan, m.w, 0.0
-    g_x, g_y, _ = m.gravity[0]
     for b in range(plan[BODIES]):
         node = m.frames[b, 0]
-        x, z, _ = m.rate[node]
-        total += m.block[m.nodes[node, BODY]] * (abs(g_x) + abs(g_y) + abs(x) + abs(z))
+        total += m.block[m.nodes[node, BODY]] * (_weight(m) + linear_size(m.rate[node]))
     return 1e-14 * total * (w[plan[TOUCH] + EXTENT] if m.acts[act_of(m, n), WHAT] == TURN else 1.0) + 1e-300
 
 
 @njit(**OPTIONS)
 def no_rate(m, n):
     """Acceleration of a friction that counts as zero."""
-    g_x, g_y, _ = m.gravity[0]
-    return _WRONG * (size_of(m, n, 6) + abs(g_x) + abs(g_y)) + 1e-300
+    return _WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
 
 
 @of_holds(True)
@@ -128,10 +133,10 @@ def correct_drift(m, t, A, level):
     The correction is the least in the norm of the mass matrix, as by an impulse.
     """
     apart()
-    plan, w, of = m.plan, m.w, m.plan[RATE] if level else m.plan[Y]
+    plan, w, moved = m.plan, m.w, m.u if level else m.y
     rows_of_frictions(m)
     assemble(m)
-    m.pivots[YIELDING] = rows_now(m, 0)
+    use_rows_now(m)
     if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
@@ -144,7 +149,7 @@ def correct_drift(m, t, A, level):
             A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
     solve_closed(m, A, plan[PIVOTS])
     for i in range(plan[COORDINATES]):
-        w[of + i] += A[answer + i]
+        moved[i] += A[answer + i]
     return follow(m, t)
 
 
@@ -216,7 +221,7 @@ def _first_mode(m, n, t):
     shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
     if w[k + DUE] < 0.0:
         return 1
-    if law < 0.0 or opens(m, n):
+    if opens(m, n):
         return 0
     if law >= VISCOUS_LAW:
         w[k + MODE] = BENDING if law == LUGRE else FLOWING
@@ -244,7 +249,7 @@ def _share(m, t, A):
     w, level = m.w, 0.0
     for n in range(-frictions(m), 0):
         if w[at(m, n) + MODE] == STICKING:
-            w[m.plan[NOW] + row_at(m, n)] = 0.0
+            m.multipliers[row_at(m, n)] = 0.0
     settled = _settle(m, t, A)
     for turn in range(2):
         for n in range(-frictions(m), 0):
@@ -275,7 +280,7 @@ def _settle(m, t, A):
     apart()
     w = m.w
     for turn in range(_SETTLED):
-        if not mend(m, t, A, 0.0, 1):
+        if not mend(m, t, A, 1):
             return 1
         for n in range(-frictions(m), 0):
             w[at(m, n) + BEFORE] = w[at(m, n) + FORCE]
