@@ -44,6 +44,33 @@ def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()
 
 
+YOKE = """
+schema = 1
+name = "yoke"
+bodies.crank = {length = "50 mm", mass = "1 kg"}
+bodies.block = {}
+bodies.yoke = {mass = "2 kg"}
+joints.main = {revolute = ["ground", "crank"]}
+joints.rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
+joints.slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
+joints.pin = {revolute = ["crank.end", "block"]}
+drives.main = {free = true, angle = 0.4, initial_speed = "20 rad/s"}
+sensors.phi = {position = "main", component = "angle"}
+solve = {preset = "coupled", tolerance = 1e-9, duration = "0.1 s", steps = 20}
+"""
+
+
+def test_a_massless_block_moves_in_c_as_in_python(compiler, tmp_path):
+    """A row of the factors removes the virtual inertia of its rotation."""
+    solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(YOKE)))
+    _, found = in_c(solution.model.scene, tmp_path, compiler)
+    expected = solution.trajectory
+    assert solution.model.coupled.engine.work.virtual_inertia.any()
+    for part in (expected.q, expected.multipliers):
+        (own, found) = found[:, 1 : 1 + part.shape[1]], found[:, part.shape[1] :]
+        assert own == pytest.approx(part, abs=1e-10 * abs(part).max())
+
+
 SHORT = COUPLED, "solve.start=zero", "solve.modes=2", "solve.duration=0.02 s", "solve.steps=80"
 # Loops of a ball and a universal joint.
 IN_SPACE = [("spatial-slider-crank-elastic", *SHORT), ("four-bar-misaligned", *SHORT)]

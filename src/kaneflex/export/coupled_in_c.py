@@ -87,18 +87,15 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 def _check_untouched(scene: Scene, model: Model) -> None:
     """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
-    system = model.coupled_system
-    touching, switched = (*scene.contacts, *scene.frictions), getattr(system.module, "SWITCHES", ())
-    if not (touching or switched or len(system.engine.contacts) or len(system.engine.holds)):
+    touching, switched = (*scene.contacts, *scene.frictions), getattr(model.coupled_system.module, "SWITCHES", ())
+    if not (touching or switched):
         return
     cure = one_way_cure(scene, "--language", integrated=False)
     if touching:
         table = "contacts" if touching[0] in scene.raw.get("contacts", {}) else "joints"
         key, reason = f"{table}.{touching[0]}", "contacts and friction can't be exported as C"
-    elif switched:
-        key, reason = f"loads.{switched[0]}", "discontinuous loads can't be exported as C"
     else:
-        key, reason = "solve.preset", "bodies without inertia can't be exported as C"
+        key, reason = f"loads.{switched[0]}", "discontinuous loads can't be exported as C"
     raise SceneError(key, None, reason, cure)
 
 
