@@ -11,7 +11,6 @@ from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.deformation import deform
 from kaneflex.multibody.dynamics.kinematics import place
-from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
 from kaneflex.multibody.model.layout import (
@@ -19,7 +18,7 @@ from kaneflex.multibody.model.layout import (
     JOINT_ROWS, KEPT, MEASURE, MECHANISM, MODE, N, OPEN, OPTIONS, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH, apart, larger,
     shifted,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.rows import at, contacts, rigid
+from kaneflex.multibody.unilateral.rows import at, contacts, rests, rigid
 
 FIRST, NAMED, GIVEN, OF_SHAPE, PRESCRIBED = range(5)
 """Levels of coordinates: of joints to become dependent first, later, last; of shapes; of drives, never dependent."""
@@ -38,7 +37,7 @@ def stands(m, row):
     """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
     apart()
     act = m.plan[m.plan[CUT_OF] + row]
-    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and rests(m, act))
+    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and rests(m, act - m.plan[CONTACTS]))
 
 
 @njit(**OPTIONS)

@@ -13,15 +13,15 @@ from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as spatial_laws
 from kaneflex.multibody.compile.values import by_size, width
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
-from kaneflex.multibody.dynamics.forces import load_sizes, press
+from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.bushings import cushion
 from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import along, push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, OPTIONS, PUSHED,
-    PUSHES, ROW_AT, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, apart, larger, turned,
+    AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, OPTIONS, PUSHED, PUSHES,
+    ROW_AT, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, apart, larger, turned,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.rows import exert
+from kaneflex.multibody.unilateral.rows import exert, press
 from kaneflex.support.inner import once
 
 
@@ -118,8 +118,7 @@ def act(m, t):
         _push_both(m, n, scaled(m.sizes[acts[n, COURSE_AT]], unit_wrench(m, n)))
     for n in range(plan[SPRINGS], plan[CONTACTS]):
         _push_both(m, n, stretch(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
-    for n in range(plan[CONTACTS], plan[ACTS]):
-        press(m, n)
+    press(m)
     exert(m)
 
 

@@ -13,7 +13,6 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors, rows
-from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
@@ -246,7 +245,7 @@ def rows_of_frictions(m):
     apart()
     for n in range(rows.contacts(m)):
         if not rows.switches(m, n):
-            meet(m, rows.act_of(m, n))
+            rows.meet(m, n)
     for n in range(-rows.frictions(m), 0):
         rows.row_of(m, n)
 

@@ -15,7 +15,6 @@ from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.dynamics.algebra import angular_size
-from kaneflex.multibody.dynamics.forces import rests
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.model.layout import (
@@ -29,7 +28,7 @@ from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
 from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, exert, extent, frictions, law_at, near, no_force, rigid, row_at, switches,
+    EPS, act_of, at, contacts, exert, extent, frictions, law_at, near, no_force, rests, rigid, row_at, switches,
 )  # fmt: skip
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
@@ -248,7 +247,7 @@ def _note_rests(m, t, h, last):
     apart()
     plan, w, found = m.plan, m.w, False
     for n in range(contacts(m)):
-        if rests(m, act_of(m, n)):
+        if rests(m, n):
             if not found and not mend(m, t + h, m.real, 1):
                 return False
             k, row, found = at(m, n), row_at(m, n), True

@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 from numba import njit
 
-from kaneflex.multibody.dynamics.forces import load_sizes, meet
+from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.model.layout import (
     COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, OPTIONS, SHIFT, SLIP, SLIP_RATE, STAGE_A, apart, larger,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.rows import act_of, at, contacts, frictions, near, rigid, row_of, switches
+from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, row_of, switches
 
 NEVER = 2.0
 
@@ -31,7 +31,7 @@ def meet_all(m, t):
     if switches(m, contacts(m) - 1):
         load_sizes(m, t)
     for n in range(contacts(m)):
-        meet(m, act_of(m, n))
+        meet(m, n)
 
 
 @njit(**OPTIONS)

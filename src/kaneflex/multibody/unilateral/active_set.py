@@ -20,21 +20,21 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
-from kaneflex.multibody.dynamics.forces import load_sizes, meet
+from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.kinematics import section_at
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
     ABOVE, ALLOWED, APPROACH, AT, BEGAN_X, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
-    IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOADS, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS,
-    NODES, ON, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, SIZE,
-    SPRINGS, STAYS, TOUCH, WHAT, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
+    IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS, NODES,
+    ON, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS, TOUCH,
+    WHAT, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.rows import (
-    EPS, ROUNDING, act_of, at, contacts, depth_of, extent, law_at, near, product, rigid, switches,
+    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, extent, law_at, meet, near, product, rigid, switches,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along
 
@@ -105,7 +105,7 @@ def _also_due(m, t):
     for n in range(contacts(m)):
         if rigid(m, n):
             continue
-        k = meet(m, act_of(m, n))
+        k = meet(m, n)
         gap, rate, is_open = w[k + GAP], w[k + GAP_RATE], w[k + MODE] == OPEN
         zero, still = near(m, n, t, rate), still and is_open
         if w[k + DUE] == 0.0 and is_open and gap <= zero and rate < 0.0:
@@ -240,7 +240,7 @@ def stand_closed(m, t, A):
     if not _take_sides(m, t, A):
         return False
     for n in range(contacts(m)):
-        k = meet(m, act_of(m, n))
+        k = meet(m, n)
         deep = w[k + GAP] < -near(m, n, t, 0.0)
         w[k + DUE] = not switches(m, n) and not rigid(m, n) and deep != (w[k + MODE] != OPEN)
         changing = changing or w[k + DUE] != 0.0
@@ -257,12 +257,6 @@ def stand_closed(m, t, A):
 
 
 @njit(**OPTIONS)
-def _argument(m, n):
-    """Place of a switch's argument and its rate."""
-    return m.plan[SIZE] + m.plan[SPRINGS] - m.plan[LOADS] + 2 * m.acts[act_of(m, n), ROW_AT]
-
-
-@njit(**OPTIONS)
 def _pass_zero(m, t, A):
     """Switch the laws that are due; returns a long time [s], 0 if a law would hold its argument at zero, -1: singular.
 
@@ -275,12 +269,12 @@ def _pass_zero(m, t, A):
         for n in range(contacts(m)):
             if not switches(m, n) or w[at(m, n) + DUE] == 0.0:
                 continue
-            k, j = at(m, n) if turn == 0 else meet(m, act_of(m, n)), _argument(m, n)
+            k, j = at(m, n) if turn == 0 else meet(m, n), argument(m, n)
             if turn == 0:
                 w[k + PEAK] = w[k + GAP_RATE]
-                w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(w[j]) + ROUNDING * w[k + LARGEST])
+                w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(m.sizes[j]) + ROUNDING * w[k + LARGEST])
                 if w[k + MEMORY] == STAYS:
-                    w[k + MEMORY] = ABOVE if w[j] > 0.0 or (w[j] == 0.0 and w[j + 1] > 0.0) else BELOW
+                    w[k + MEMORY] = ABOVE if m.sizes[j] > 0.0 or (m.sizes[j] == 0.0 and m.sizes[j + 1] > 0.0) else BELOW
                 else:
                     w[k + MEMORY] = -w[k + MEMORY]
             elif turn == 1 and w[k + GAP_RATE] < 0.0:
@@ -310,11 +304,11 @@ def choose_sides(m, t):
         turn, changed = turn + 1, False
         load_sizes(m, t)
         for n in range(contacts(m)):
-            k, j = at(m, n), _argument(m, n)
+            k, j = at(m, n), argument(m, n)
             if switches(m, n):
                 side = STAYS
-                if abs(w[j]) > larger(near(m, n, t, w[j + 1]), w[k + ROOM]):
-                    side = ABOVE if w[j] > 0.0 else BELOW
+                if abs(m.sizes[j]) > larger(near(m, n, t, m.sizes[j + 1]), w[k + ROOM]):
+                    side = ABOVE if m.sizes[j] > 0.0 else BELOW
                 changed = changed or side != w[k + MEMORY]
                 w[k + MEMORY] = side
     return turn > 1
@@ -332,7 +326,7 @@ def _take_sides(m, t, A):
     for n in range(contacts(m)):
         w[at(m, n) + DUE] = 0.0
         if switches(m, n) and w[at(m, n) + MEMORY] == STAYS:
-            k = meet(m, act_of(m, n))
+            k = meet(m, n)
             w[k + DUE] = w[k + GAP_RATE] != 0.0
             moving = moving or w[k + DUE] != 0.0
     held = w[m.plan[TOUCH] + HELD]

@@ -22,7 +22,6 @@ from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.algebra import angular_size, linear_size
 from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
@@ -41,7 +40,7 @@ from kaneflex.multibody.unilateral.complementarity import (
     moved, vector,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
-from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, near, no_force, rigid, row_at
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, meet, near, no_force, rigid, row_at
 from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
 
 _TOGETHER = 100.0
@@ -96,7 +95,7 @@ def _gather(m, t):
     for n in range(contacts(m)):
         if not rigid(m, n):
             continue
-        k = meet(m, act_of(m, n))
+        k = meet(m, n)
         rested = w[k + MODE] == CLOSED
         rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 0) else w[k + GAP_RATE]
         if parting and rested and w[k + FORCE] <= no_force(m, n):
@@ -276,7 +275,7 @@ def _press(m, t, count, slips):
     w, W, rows = m.w, m.plan[COMPLEMENT], count + slips
     new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
     for i in range(count):
-        w[vector(m, WANTED) + i] = w[meet(m, act_of(m, m.pivots[listed(m) + i])) + GAP_ACCEL]
+        w[vector(m, WANTED) + i] = w[meet(m, m.pivots[listed(m) + i]) + GAP_ACCEL]
     rigid_friction.problem_of_forces(m, count, slips)
     slowed = 0
     for turn in range(2):  # by all of them, then by those alone that don't bounce

@@ -23,16 +23,16 @@ from kaneflex.generated import friction as laws
 from kaneflex.generated import joints
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
-from kaneflex.multibody.compile.stand_ins import of_holds
-from kaneflex.multibody.compile.values import row_length
-from kaneflex.multibody.dynamics.algebra import absolute, dot
+from kaneflex.multibody.compile.stand_ins import of_changes, of_holds, of_impacts
+from kaneflex.multibody.compile.values import by_size, inside, row_length
+from kaneflex.multibody.dynamics.algebra import absolute, dot, scaled
 from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place
-from kaneflex.multibody.dynamics.wrenches import row_wrench
+from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, AT, BENDING, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING, FORCE,
-    GAP, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE,
-    PRECISION, ROW_AT, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart,
-    larger,
+    ACTS, ALLOWED, ALONG, AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, EXTENT, FLANK,
+    FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY, MODE, NORMAL,
+    NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE, PRECISION, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, SPRINGS,
+    STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart, larger,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -142,6 +142,102 @@ def product(w, row, values, count):
     for i in range(count):
         total += w[row + i] * values[i]
     return total
+
+
+@njit(**OPTIONS)
+def argument(m, n):
+    """Place of a switch's argument and its rate among the sizes of loads."""
+    return m.plan[SPRINGS] - m.plan[LOADS] + 2 * m.acts[act_of(m, n), ROW_AT]
+
+
+@of_changes(None)
+@njit(**OPTIONS)
+def _meet_switch(m, n):
+    """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
+
+    The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
+    """
+    w, k, j = m.w, at(m, n), argument(m, n)
+    side, value, rate = w[k + MEMORY], m.sizes[j], m.sizes[j + 1]
+    if rate - rate != 0.0:  # not a number, for example on one side only
+        rate = 0.0
+    if side == STAYS:
+        rate = -rate if value > 0.0 else rate
+        value = w[k + ROOM] - abs(value)
+    else:
+        value, rate = side * value, side * rate
+    w[k + GAP], w[k + GAP_RATE] = value, rate
+
+
+@njit(**OPTIONS)
+def _gap(m, n, row):
+    """Row of a contact; in space there are none yet."""
+    act = act_of(m, n)
+    first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
+    touching.gap(m.acts[act, WHAT], m.sections, first, second, m.w, law_at(m, n), m.rows, row)
+
+
+@njit(**OPTIONS)
+def _no_gap(m, n, row):
+    inside()
+
+
+_gap = by_size(_gap, _no_gap)
+
+
+@njit(**OPTIONS)
+def meet(m, n):
+    """Row and numbers of a contact or switch, and their place; nothing else is changed.
+
+    A released contact exerts no force and loses its stored energy. One at rest under Newton's law exerts the reaction
+    of its row, an unknown.
+    """
+    w, k, j, row, law = m.w, at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.acts[act_of(m, n), LAW]
+    w[k + FORCE] = w[k + STORED] = w[k + LOSING] = 0.0
+    if switches(m, n):
+        _meet_switch(m, n)
+        return k
+    _gap(m, n, row)
+    w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = m.rows[row], m.rows[row + 1], m.rows[row + 2]
+    mode, gap, rate = w[k + MODE], w[k + GAP], w[k + GAP_RATE]
+    if mode == OPEN:
+        return k
+    if law == NEWTON:
+        w[k + FORCE] = m.multipliers[row_at(m, n)]
+        return k
+    if mode == CLOSED:
+        w[k + FORCE] = touching.normal_force(law, w, j, w[k + MEMORY], gap, rate)
+    w[k + STORED] = touching.stored(w, j, gap)
+    w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + FORCE]) * rate
+    return k
+
+
+@of_changes(None)
+@njit(**OPTIONS)
+def press(m):
+    """Contact forces of closed contacts on their sections, with the numbers of all contacts and switches."""
+    apart()
+    for n in range(contacts(m)):
+        force = m.w[meet(m, n) + FORCE]
+        if force != 0.0:
+            for side in range(2):
+                push(m, m.acts[act_of(m, n), AT + side], scaled(force, row_wrench(m, row_at(m, n), side)))
+
+
+@njit(**OPTIONS)
+def rests(m, n):
+    """True if a contact is at rest under Newton's law."""
+    return rigid(m, n) and m.w[at(m, n) + MODE] == CLOSED
+
+
+@of_impacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
+    apart()
+    for n in range(contacts(m)):
+        if rests(m, n):
+            meet(m, n)
 
 
 @njit(**OPTIONS)

@@ -13,7 +13,6 @@ from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
-from kaneflex.multibody.dynamics.forces import meet
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.model.layout import (
@@ -25,7 +24,7 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
 from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, extent, frictions, law_at, product, rigid, row_at,
+    EPS, act_of, at, contacts, extent, frictions, law_at, meet, product, rigid, row_at,
 )  # fmt: skip
 
 _NO_JAM = 1e-9
@@ -80,7 +79,7 @@ def let_yield(m, h, state):
     move(m, 0)
     for r in range(first, count):
         n = m.pivots[plan[TOUCHING] + r]
-        k, law = meet(m, act_of(m, n)), m.acts[act_of(m, n), LAW]
+        k, law = meet(m, n), m.acts[act_of(m, n), LAW]
         by_gap, by_rate = touching.normal_slopes(law, w, law_at(m, n), w[k + MEMORY], w[k + GAP], w[k + GAP_RATE])
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
         along(m, n)
