@@ -46,7 +46,7 @@ class SpatialRun(run.Run, Curve):
         self.sloped = DAMPED if system.has_slopes and method.integrator == "radau" else 0.0
 
     def __getstate__(self) -> dict[str, Any]:
-        """What reading the run needs, without its system; see :meth:`of`."""
+        """Attributes that readers of the run need, without its system; see :meth:`of`."""
         return {name: getattr(self, name) for name in ("start", "turned", "times", "here", "pieces", "counts")}
 
     def of(self, system: SpatialSystem) -> Self:
