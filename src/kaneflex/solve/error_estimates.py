@@ -149,7 +149,7 @@ def _impossible(solution: RunResult) -> str:
     if options.dynamics == "frozen":
         return f" under preset {options.preset}"
     if solution.outcome is not Outcome.COMPLETED:
-        return f": the run is {solution.outcome.value}"
+        return f": the outcome of the run is {solution.outcome.name.lower()}"
     if len(solution.times) < 3:
         return ": the run has too few instants"
     if options.dynamics == "coupled" or (_is_rigid(model) and model.module.FREE):
