@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,8 +27,10 @@ from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
+_QUICK = 2.0
+"""Processor seconds of the richest model with its error estimate up to which no cheaper one is tried for one run."""
 _LONGEST = 1.0
-"""Most seconds of trying cheaper models for one run, and of a run for which none are tried."""
+"""Most seconds of trying cheaper models for one run."""
 
 
 def choose(
@@ -44,8 +47,8 @@ def choose(
     scene, tolerance, sensors, progress
         As :func:`kaneflex.study.trade.ranking.trade` takes them.
     purpose : {"run", "model", "code"}
-        For one run the richest model is chosen if its run took less time than trying cheaper ones may take, which is
-        a second. For code, groups of terms are dropped one by one while the model stays within.
+        For one run the richest model is chosen if it took about as long, with its error estimate, as trying cheaper
+        ones takes. For code, groups of terms are dropped one by one while the model stays within.
 
     Raises
     ------
@@ -59,15 +62,15 @@ def chosen(
     scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, purpose: Purpose
 ) -> tuple[Choice, Solution]:
     """Choice as of :func:`choose`, and the chosen model's solution."""
-    started = time.perf_counter()
+    started, computed = time.perf_counter(), time.process_time()  # a busy machine does not change the choice
     named, sensors = sensors is not None, check_request(scene, tolerance, 1.0, sensors)
     runs = Runs(neutral(scene), progress)
     share = 1.0 if purpose == "run" else KNOWN
     trials = Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
     model = richest = trials.richest()
-    if purpose == "run":
-        trials.until = time.perf_counter() + _LONGEST
-    if purpose != "run" or runs.run(richest).timing.total > _LONGEST or not trials.within(richest):
+    quick = trials.within(richest) and time.process_time() - computed <= _QUICK
+    if purpose != "run" or not quick:
+        trials.until = time.perf_counter() + _LONGEST if purpose == "run" else math.inf
         found = [*trials.cheapest_models(), *([richest] if trials.within(richest) else [])]
         model = min(found or [richest], key=trials.seconds)
     beyond = trials.beyond(model)
