@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import lost_stiffness
@@ -64,17 +65,23 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):
         return found
-    motion = solution.motion
-    nodes = {name: motion.nodes(name) for name in model.links}
-    shares = {}
-    for name, q in nodes.items():
-        link = model.links[name]
+    motion, shares, bends = solution.motion, {}, model.options.dynamics == "coupled"
+    for name, link in _links(model).items():
+        q = motion.nodes(name)
         of_node = q.reshape(len(link.nodes), -1, q.shape[1])  # u, v, theta; in space u, v, w and three rotations
         across = abs(of_node[:, 1]) if link.dofs == 3 else np.hypot(of_node[:, 1], of_node[:, 2])
         shares[name] = float(across.max()) / link.length
-        found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], coupled)
+        found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], bends)
     found += near_resonance(solution)
     return found if coupled else found + _uncoupled(solution, shares)
+
+
+def _links(model: Model) -> Mapping[str, Link]:
+    """Elastic links by their names, of a coupled mechanism in space those of its shapes."""
+    if model.coupled_in_space is None:
+        return model.links
+    shapes = model.coupled_in_space.module.system.layout.shapes
+    return {name: each.link for name, each in shapes.items() if hasattr(each, "link")}
 
 
 def foreseen(model: Model, frequencies: Sequence[float], times: np.ndarray, stepped: bool) -> list[str]:
