@@ -87,7 +87,8 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 def _check_untouched(scene: Scene, model: Model) -> None:
     """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
-    touching, switched = (*scene.contacts, *scene.frictions), getattr(model.coupled_system.module, "SWITCHES", ())
+    touching: tuple[str, ...] = (*scene.contacts, *scene.frictions)
+    switched: tuple[str, ...] = getattr(model.coupled_system.module, "SWITCHES", ())
     if not (touching or switched):
         return
     cure = one_way_cure(scene, "--language", integrated=False)
