@@ -239,8 +239,8 @@ def test_second_rates_of_constraints_by_hand():
         rho, rho_1, rho_2 = gap @ turned.T
         r_2, v_2 = r + rho, v + rho_1 + cross(omega, rho)
         a_2 = a + rho_2 + 2 * cross(omega, rho_1) + cross(epsilon, rho) + cross(omega, cross(omega, rho))
-        second = r_2, v_2, a_2, omega + w, epsilon + w_1 + cross(omega, w)
-        sec = np.concatenate([r, v, a, omega, epsilon, *second])
+        second = r_2, v_2, omega + w, a_2, epsilon + w_1 + cross(omega, w)
+        sec = np.concatenate([r, v, omega, a, epsilon, *second])
         axes, found = np.concatenate([turned @ y, -turned @ x, turned @ x, j, k]), np.zeros((8, 15))
         out = found.ravel()
         kernels.on_plane(sec, 0, 1, axes, 0, out, 0)
