@@ -1,6 +1,7 @@
 """Bushings in space: frequencies, decay, deflections in closed form, momentum and energy, Exudyn beside, refusals."""
 
 import math
+import pickle
 import re
 
 import numpy as np
@@ -231,3 +232,7 @@ solve = {preset = "coupled", duration = "0.3 s", steps = 300}
     assert found.outcome is Outcome.UNSTABLE and re.match(expected, found.message)
     x = found.series["x"].values
     assert 100 < len(x) < 130 and np.isfinite(x).all()
+    with pytest.raises(SceneError, match=r"t = 0\.2: the run stopped at 0\.11\d+ s"):
+        found.model.motion.at(0.2)
+    there = pickle.loads(pickle.dumps(found))
+    assert there.message == found.message and np.array_equal(there.series["x"].values, x)

@@ -135,9 +135,13 @@ class SpatialRun(run.Run, Curve):
         return [Steps(self.engine, rows) for rows, _ in self.pieces]
 
     def _steps_of(self, times: np.ndarray) -> np.ndarray:
-        """Numbers of the pieces in which times of the run [s] are. Raises SceneError for times before it."""
+        """Numbers of the pieces in which times of the run [s] are. Raises SceneError for times before it, and after the
+        end of one that stopped early."""
         for t in times[times < self.start.t].tolist():
             raise SceneError("t", t, f"the run starts at {self.start.t:.6g} s", "Choose an instant of the run")
+        end = float(self.here[0])
+        for t in times[times > end].tolist() if end < self.times[-1] else ():
+            raise SceneError("t", t, f"the run stopped at {end:.6g} s", "Choose an instant of the run")
         return np.minimum(np.searchsorted([rows[-1, 0] for rows, _ in self.pieces], times), len(self.pieces) - 1)
 
     def energy(self, motion: SpatialKinematics) -> Energy:
