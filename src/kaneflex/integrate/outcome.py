@@ -21,6 +21,7 @@ class Outcome(Enum):
 
     COMPLETED = "completed"
     UNSTABLE = "unstable: the motion grows without bound"
+    STUCK = "stuck: the motion can't be continued"
     SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
     CASCADE = "cascade: contacts close and open without end at one instant"

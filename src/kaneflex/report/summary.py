@@ -121,7 +121,7 @@ class Summary(PlainTable):
     preset: str = Field(description="preset of the run")
     options: dict[str, Any] = Field(description="all solver settings, with defaults, SI")
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
-    outcome: str = Field(description="completed, unstable, singular, no_periodic_state, cascade or paradox")
+    outcome: str = Field(description="completed, unstable, stuck, singular, no_periodic_state, cascade or paradox")
     message: str = Field(description="the outcome in words, with time and reason")
     solver: str = Field(description="solver, the reason for its choice, and its residual")
     errors: str = Field(description="reason if there are no error estimates")

@@ -138,7 +138,7 @@ class Run:
             since = tried if self.filled > before else since
             if tried - since > _PATIENCE:
                 said = f"{_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next stored"
-                return Outcome.UNSTABLE, f"{said} instant: the motion is too fast"
+                return Outcome.STUCK, f"{said} instant: the motion is too fast"
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
@@ -160,7 +160,7 @@ class Run:
         for (name, own), (_, speed, _, pressed, *_) in zip(frictions.items(), states, strict=True):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
-                return Outcome.UNSTABLE, (
+                return Outcome.STUCK, (
                     f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed, "
                     f"{damped:.3g}, exceeds the sliding friction, {dry:.3g}, and the bristle force has no solution. "
                     "Give a smaller bristle_damping"
@@ -306,7 +306,7 @@ HOLDS = "switches back and forth: on both sides of its jump the motion returns t
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {
     collocation.TOO_SMALL: (
-        Outcome.UNSTABLE, "the motion can't continue after {at}: the step size tends to zero, as in a locked linkage",
+        Outcome.STUCK, "the motion can't continue after {at}: the step size tends to zero, as in a locked linkage",
     ),
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.CASCADE: (
@@ -319,7 +319,7 @@ _ENDED = {
         "of rigid bodies with Coulomb's law is undefined",
     ),
     collocation.NO_CONVERGENCE: (
-        Outcome.UNSTABLE,
+        Outcome.STUCK,
         "the step of the given length from {at} does not converge: give shorter ones, or use error control",
     ),
 }  # fmt: skip

@@ -90,14 +90,14 @@ class SpatialRun(run.Run, Curve):
         stuck = f"the motion can't continue after t = {self.here[0]:.6g} s"
         advice = f". {BENT_FAR}" if self.engine.shapes.any() else ""
         if far := overturned(self.system.mechanism, self.system.work.springs):  # in the last attempt
-            return Outcome.UNSTABLE, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
+            return Outcome.STUCK, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
         try:
             self.system.project(float(self.here[0]), *self.engine.state_of(self.here), self.engine.choice)
         except ArithmeticError as reason:
             return Outcome.SINGULAR, f"{stuck}: {reason}{advice}"
         if ended != collocation.TOO_SMALL:
             return None
-        return Outcome.UNSTABLE, f"{stuck}: the step size tends to zero{advice}"
+        return Outcome.STUCK, f"{stuck}: the step size tends to zero{advice}"
 
     def _chosen_anew(self) -> bool:
         """True if other speeds keep the rank: near a singular position fewer rows would leave a freedom open."""
