@@ -1,6 +1,7 @@
 """Small systems for the tests of the integrators."""
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from kaneflex.integrate.system import AffineSystem
@@ -35,3 +36,15 @@ def parametric(stiffness, modulation, rate=0.0, force=0.0):
     terms = {"M": [one], "C": [rate * one], "K": [stiffness * one, modulation * one]}
     system = affine(1, 0, terms, np.array([[0.0, 0.0, force]]))
     return system, lambda times: np.stack((np.ones_like(times), np.cos(times), np.sin(times)), axis=1)
+
+
+def solved_by_scipy(system, table, times, start, method="DOP853"):
+    """Displacements (n_times, n) by SciPy with tight tolerances, an independent check of the compiled loops."""
+    n = system.n
+
+    def slope(t, x):
+        mass, damping, stiffness, force = (system.dense(name, table(np.array([t]))[0]) for name in "MCKF")
+        return np.concatenate((x[n:], np.linalg.solve(mass, force - damping @ x[n:] - stiffness @ x[:n])))
+
+    span, first = (times[0], times[-1]), np.concatenate(start)
+    return solve_ivp(slope, span, first, method, times, rtol=1e-11, atol=1e-16).y[:n].T

@@ -1,11 +1,13 @@
 """Coupled runs in the plane through SciPy's Radau, an independent check of the compiled integration."""
 
 import math
+from functools import partial
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
-from kaneflex.integrate.by_scipy import solution
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.pace import jacobian
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time.integration import finished
 from kaneflex.multibody.time.run import Run
@@ -50,12 +52,12 @@ def follow(run, times):
 
     scale = tolerance * np.where(engine.turns[free], 1.0, length)
     first = np.concatenate([y[free], v[free], run.here[-works:]])
-    sizes = np.concatenate([np.ones(2 * len(free)) * length, np.zeros(works)])
-    curve, failed = solution(
-        "Radau", slope, (times[0], times[-1]), first, None, max_step=run.longest, rtol=tolerance,
-        atol=np.concatenate([scale, scale / run.longest, np.full(works, math.inf)]), sizes=sizes,
+    found = solve_ivp(
+        slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=run.longest, rtol=tolerance,
+        atol=np.concatenate([scale, scale / run.longest, np.full(works, math.inf)]), jac=partial(jacobian, slope),
     )  # fmt: skip
-    assert not failed
+    assert found.success
+    curve = found.sol
     engine.stand(run.here)
     last = times[0]
     for t in np.union1d(curve.ts[1:], times[1:]):  # so that no loop closes on another side

@@ -119,7 +119,6 @@ BAD = {
     ("run", "engine", "--set", "rod.length=137 kg"): ("bodies.rod.length", "137 kg"),
     ("run", "engine", "--set", "rod.length=30 mm"): ("cannot close", "main = "),
     ("run", "engine", "--set", "solve.modes=99"): ("solve.modes = 99",),
-    ("run", "engine", "--set", "solve.integrator=scipy"): ("solve.integrator = 'scipy'", "solve.start=quasistatic"),
     ("run", "engine", "--set", "engin.speed=3"): ("no 'engin'. Write main.speed.",),
     ("run", "engine", "--set", "engine=3"): ("Write the path of an entry, like rod.elements=1",),
     ("run", "engine", "--set", "mian.speed=3"): ("The nearest known one is 'main'.",),

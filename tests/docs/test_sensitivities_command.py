@@ -99,7 +99,6 @@ def test_a_study_has_the_derivatives_of_a_point(tmp_path):
 
 @pytest.mark.parametrize(("scene", "name", "words"), [
     ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Use preset linear, stiffened, quasistatic or coupled")),
-    ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Use gauss")),
     ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
     ("engine", "rod.elements", ("rod.elements = '4'", "not a real number")),
     ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "for example bore.direction.0")),

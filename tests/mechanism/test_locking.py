@@ -18,7 +18,7 @@ LIMIT = 360 - math.degrees(math.acos((GROUND**2 + CRANK**2 - (ROCKER - COUPLER) 
 @pytest.fixture(autouse=True)
 def few_evaluations(monkeypatch):
     """All of this is known long before the budget of evaluations is spent."""
-    monkeypatch.setattr("kaneflex.integrate.by_scipy._MOST", 100_000)
+    monkeypatch.setattr("kaneflex.integrate.pace._MOST", 100_000)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "stiffened", "coupled"])
@@ -48,12 +48,12 @@ def test_a_driven_crank_that_does_not_come_around(settings, said):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(("method", "branch"), [("DOP853", "+"), ("RK45", "-"), ("Radau", "+"), ("LSODA", "-")])
-def test_a_linkage_that_swings_into_its_limit(method, branch):
+@pytest.mark.parametrize("branch", "+-")
+def test_a_linkage_that_swings_into_its_limit(branch):
     """Both branches fold at the same crank angle."""
     settings = ("main.angle=60 deg", "solve.duration=0.6 s", f"rocker.branch={branch}", "solve.forward.tolerance=1e-7")
     with pytest.raises(SceneError) as error:
-        integrated(model(*RIGID, *settings, f"solve.forward.method={method}"))
+        integrated(model(*RIGID, *settings))
     text = str(error.value)
     assert text.startswith("joints.rocker: the linkage reaches a dead centre at t = 0.2")
     assert float(re.search(r"main = ([\d.]+) deg", text).group(1)) == pytest.approx(LIMIT, abs=0.05)

@@ -246,15 +246,13 @@ BAD = {
         "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gravity, gyroscopic, rotary, shear, "
         "spin."),
     "no modes": ("[solve]", "[solve]\nmodes = 0", "solve.modes = 0: too few. Write a whole number of one or more."),
-    "unknown method of the forward dynamics": ("[solve]", '[solve]\nforward = {method = "RK4"}',
-        "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Write one of these."),
     "a tolerance of the forward dynamics beyond rounding": ("[solve]", "[solve]\nforward = {tolerance = 1e-15}",
         "solve.forward.tolerance = 1e-15: not between 1e-13 (rounding) and 1. Give a number in this range, like 1e-9."),
     "a tolerance beyond rounding": ("[solve]", "[solve]\ntolerance = 1e-16",
         "solve.tolerance = 1e-16: not between 1e-13 (rounding) and 1. Give a number in this range, like 1e-9."),
     "unknown integrator": ("[solve]", '[solve]\nintegrator = "rk4"',
-        "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' "
-        "or 'scipy'. Write one of these."),
+        "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss' or "
+        "'exact-modal'. Write one of these."),
     "gravity as a speed": ("schema = 1", 'schema = 1\ngravity = [0, "9.81 m/s"]',
         "gravity = [0, '9.81 m/s']: 'm/s' is not a unit of acceleration. "
         "Write an acceleration like '9.81 m/s^2', or a plain number in m/s^2."),
@@ -452,9 +450,6 @@ def test_unknown_scene(name):
      "Give a drive a cycle and no duration, or start from zero or quasistatic."),
     (["solve.reduction=craig-bampton", "solve.preset=paper"],
      "solve.reduction = 'craig-bampton': preset paper uses modes of the whole mechanism. Leave the reduction out."),
-    (["solve.integrator=scipy"],
-     "solve.integrator = 'scipy': this integrator finds no periodic state, and solve.start is periodic. "
-     "Start from zero or quasistatic, like --set solve.start=quasistatic, or use another integrator."),
     (["solve.integrator=exact-modal"],
      "solve.integrator = 'exact-modal': the equations of preset stiffened are coupled. "
      "Use radau, generalised-alpha or newmark."),

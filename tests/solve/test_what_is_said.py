@@ -9,7 +9,7 @@ import pytest
 from runs import run, solved
 
 import kaneflex
-from kaneflex import SceneError, load, read_scene, scene_of, with_settings
+from kaneflex import load, read_scene, scene_of, with_settings
 from kaneflex.multibody.time import spatial_forward
 from kaneflex.report import checked
 from kaneflex.report.summary import summarise
@@ -37,13 +37,6 @@ def test_forward_is_an_idle_setting_of_coupled_bodies_in_space():
     for scene in (scene_of(TORQUE_FREE), read_scene(SPACE)):
         idle = load(with_settings(scene, [*settings, "solve.forward.tolerance=1e-4"]))
         assert [text for text in idle.warnings if text.startswith("solve.forward has no effect")]
-
-
-def test_a_method_of_free_joints_in_space_is_refused():
-    """Loads, drives and start decide; there is one method."""
-    said = r"solve.forward.method = 'RK45': free joints in space are integrated by radau. Leave it out"
-    with pytest.raises(SceneError, match=said):
-        load(with_settings(read_scene("spinning-top"), ["solve.forward.method=RK45"]))
 
 
 def test_steps_that_are_not_stored_are_said():

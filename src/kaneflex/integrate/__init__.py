@@ -1,7 +1,7 @@
 """Integrators of M(t) z'' + C(t) z' + K(t) z = F(t), reading a table of the motion's scalars.
 
 task, run                 input of an integration; integration of a system.
-by_steps, by_scipy        steps of equal length; steps chosen by scipy.
+by_steps, pace            steps of equal length; work and stiffness of free joints.
 methods, outcome          available methods; outcome of a run.
 system, streams           equations of a system; their table, in blocks.
 stepping, periodic        loops over the steps of a run; search for the periodic motion by steps.

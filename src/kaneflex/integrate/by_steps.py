@@ -18,12 +18,6 @@ from kaneflex.support.errors import UserError
 
 def by_steps(run: Run, progress: Progress | None = None) -> Trajectory:
     """Integrate by any method but "spectral"; see :func:`kaneflex.integrate.run.integrate`."""
-    chosen, system = method_named(run.method), run.system
-    if chosen.coefficients is None:
-        stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, chosen.nodes, run.period_steps)
-        from kaneflex.integrate.by_scipy import solve_ivp_run
-
-        return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method, progress)
     setup = set_up(run, progress)
     if run.start != "periodic":
         return _run(setup, _started(setup, *given_state(run)), run.n_steps, run.every)
@@ -47,7 +41,7 @@ def cycle_map(
 ) -> Cycle:  # fmt: skip
     """Discrete monodromy matrix of `steps` steps of a method over one period [s].
 
-    Arguments otherwise as `Run` has them; not for the method "scipy". Raises UserError as `integrate` does.
+    Arguments otherwise as `Run` has them. Raises UserError as `integrate` does.
     """
     cycle = (system, table, t0, period / steps, steps, method, "periodic", steps)
     run = Run(*cycle, rho_infinity=rho_infinity)

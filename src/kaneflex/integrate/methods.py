@@ -138,7 +138,6 @@ METHODS = {
             "spectral", None, "Fourier collocation over a cycle: periodic motions, with as many harmonics as needed",
             (0.0,), 2, None, None, None,
         ),
-        Method("scipy", None, "scipy.integrate.solve_ivp: slow, an independent check", (0.0,), 2, None, None, None),
     )
 }  # fmt: skip
 """Methods by name."""

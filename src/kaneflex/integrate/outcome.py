@@ -101,7 +101,6 @@ class Run:
     period_steps: steps of one cycle of the table.
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
-    scipy_method: of solve_ivp, for the method "scipy".
     tolerance: of the method "spectral": error of the motion, relative, in the energy norm.
     """
 
@@ -115,7 +114,6 @@ class Run:
     period_steps: int | None = None
     every: int = 1
     rho_infinity: float = 0.8
-    scipy_method: str = "DOP853"
     tolerance: float = 1e-6
 
 
@@ -134,8 +132,6 @@ def check_arguments(run: Run) -> None:
         raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
     if start != "periodic" and run.method == "spectral":
         raise UserError("start", start, "the integrator spectral finds periodic motions only", "Use radau")
-    if start == "periodic" and run.method == "scipy":
-        raise UserError("start", start, "scipy can't find a periodic start", "Start from a state that radau found")
 
 
 def steps_of_cycle(run: Run) -> int:

@@ -114,7 +114,7 @@ def _options(model: Model) -> dict[str, str]:
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
     if model.module.FREE and dynamics != "coupled":
-        shown["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
+        shown["forward"] = f"free joints, tolerance {options.forward_tolerance:g}"
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":

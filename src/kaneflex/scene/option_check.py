@@ -67,13 +67,6 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
         refuse_bristles(scene, "solve.start", "periodic")
 
 
-def check_forward(scene: Scene, dynamics: str) -> None:
-    """Raise SceneError for a method of free joints in space, which have one only."""
-    if scene.is_spatial and dynamics != "coupled" and "method" in scene.solve.forward.model_fields_set:
-        method, reason = scene.solve.forward.method, "free joints in space are integrated by radau"
-        raise SceneError("solve.forward.method", method, reason, "Leave it out; solve.forward.tolerance sets the error")
-
-
 def check_laws(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for laws of loads that need preset coupled, or its error control."""
     free = next(iter([*(name for name, drive in scene.drives.items() if drive.free), *scene.floating]), None)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene
-from kaneflex.scene.option_check import check_contacts, check_coupled, check_forward, check_laws
+from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError, refuse
 
@@ -66,10 +66,9 @@ class Options:
         rad. Integrator spectral: relative error of the motion in the energy norm.
     bounded : tuple of str
         Further quantities bounded at every step, as a share of their largest value so far: "speeds", "reactions".
-    forward_method : str
-        Method for free joints that are integrated before anything deforms: of scipy's ``solve_ivp``, in space radau.
     forward_tolerance : float
-        Its relative tolerance; in space as ``tolerance`` of coupled equations.
+        Relative tolerance for free joints that are integrated before anything deforms; in space as ``tolerance`` of
+        coupled equations.
     errors : str
         Errors of the sensors that are estimated: "quick" (none that takes several times a long run), "total",
         "all" (with parts and coupling) or "none".
@@ -101,7 +100,6 @@ class Options:
     rho_infinity: float
     tolerance: float
     bounded: tuple[str, ...]
-    forward_method: str
     forward_tolerance: float
     errors: str
 
@@ -174,7 +172,6 @@ def resolve_options(scene: Scene) -> Options:
     if not scene.is_spatial:  # free bodies without the coupled equations
         check_contacts(scene, dynamics)
     check_laws(scene, dynamics)
-    check_forward(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -192,7 +189,6 @@ def resolve_options(scene: Scene) -> Options:
         rho_infinity=solve.rho_infinity,
         tolerance=tolerance_of(scene, dynamics),
         bounded=solve.bounded,
-        forward_method="radau" if scene.is_spatial else solve.forward.method,
         forward_tolerance=solve.forward.tolerance,
         errors=solve.errors,
     )
@@ -309,9 +305,6 @@ def _check_options(options: Options) -> None:
          "Give a drive a cycle and no duration, or start from zero or quasistatic"),
         (dynamics == "frozen" and options.reduction != "modal", "solve.reduction", options.reduction,
          f"preset {options.preset} uses modes of the whole mechanism", "Leave the reduction out"),
-        (start == "periodic" and dynamics == "dynamic" and integrator == "scipy", "solve.integrator", "scipy",
-         "this integrator finds no periodic state, and solve.start is periodic",
-         "Start from zero or quasistatic, like --set solve.start=quasistatic, or use another integrator"),
         (start != "periodic" and dynamics == "dynamic" and integrator == "spectral", "solve.integrator", "spectral",
          f"this integrator finds periodic motions, and solve.start is {start}",
          "Use radau, or start periodic, like --set solve.start=periodic"),

@@ -330,11 +330,8 @@ Tolerance = Annotated[PositiveRatio, AfterValidator(_above_rounding)]
 
 
 class Forward(SceneTable):
-    """Integration of free joints of the rigid mechanism: `method` of scipy's `solve_ivp` and relative `tolerance` of
-    a step.
-    """
+    """Integration of free joints of the rigid mechanism: relative `tolerance` of a step."""
 
-    method: Literal["DOP853", "RK45", "Radau", "LSODA"] = "DOP853"
     tolerance: Tolerance = 1e-9
 
 
@@ -347,7 +344,7 @@ class Solve(SceneTable):
         default=None, description="steps per cycle, or per run without a cycle"
     )
     integrator: (
-        Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None
+        Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal"] | None
     ) = None
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"

@@ -153,7 +153,7 @@ def method_of(model: Model) -> Method:
     options, scene = model.options, model.scene
     size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(scene)
     if options.dynamics != "coupled":
-        return Method(options.forward_method, options.forward_tolerance, size)
+        return Method("radau", options.forward_tolerance, size)
     return Method(options.integrator, options.tolerance, size, options.bounded)
 
 

@@ -14,7 +14,7 @@ from types import ModuleType
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate.by_scipy import SLOW, Pace
+from kaneflex.integrate.pace import Pace
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
@@ -81,7 +81,7 @@ def integrate_free_joints(
     options: Options,
     share: Callable[[float], None] = lambda done: None,
 ) -> tuple[RigidKinematics, Energy]:
-    """Integrate the free joints over the duration of ``options``, by its method and tolerance.
+    """Integrate the free joints over the duration of ``options``, by its tolerance.
 
     ``share`` is called with the finished share, 0 to 1.
 
@@ -118,7 +118,7 @@ def integrate_free_joints(
 
 
 class _Steps:
-    """Steps of scipy's integrators, grouped into stretches."""
+    """Steps of DOP853, of Radau from where the motion is stiff, grouped into stretches."""
 
     def __init__(self, scene: Scene, module: ModuleType, parameters: np.ndarray, options: Options, accelerations):
         self.scene, self.module, self.parameters, self.options = scene, module, parameters, options
@@ -128,7 +128,7 @@ class _Steps:
 
     def stretches(self, start: np.ndarray):
         """Lists of _PIECES instants with their states, from after the start to the end."""
-        import scipy.integrate
+        from scipy.integrate import DOP853, Radau
 
         options, duration, count = self.options, self.options.duration, len(self.module.FREE)
 
@@ -138,11 +138,11 @@ class _Steps:
 
         tolerance = options.forward_tolerance
         tolerances = {"rtol": tolerance, "atol": _ABSOLUTE * tolerance}
-        solver = getattr(scipy.integrate, options.forward_method)(rates, 0.0, start, duration, **tolerances)
+        solver = DOP853(rates, 0.0, start, duration, **tolerances)
         begun, curves = 0.0, []
         while solver.status == "running":
-            if self.pace.stiff(solver, np.ones(2 * count)):
-                solver = scipy.integrate.Radau(rates, solver.t, solver.y, duration, **tolerances)
+            if isinstance(solver, DOP853) and self.pace.stiff(solver):
+                solver = Radau(rates, solver.t, solver.y, duration, **tolerances)
             before, state = solver.t, solver.y.copy()
             try:
                 with np.errstate(all="ignore"):
@@ -170,7 +170,8 @@ class _Steps:
                 f"drives.{free[0]}", "free", f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}",
                 "Shorten the duration, or change loads or start so that no linkage locks",
             )  # fmt: skip
-        return self._singular(t, rigid) or SceneError(f"drives.{free[0]}", "free", self.pace.message(t), SLOW)
+        cure = "Shorten the duration, or raise solve.forward.tolerance"
+        return self._singular(t, rigid) or SceneError(f"drives.{free[0]}", "free", self.pace.message(t), cure)
 
     def _singular(self, t: float, rigid: RigidMotion) -> SceneError | None:
         """Error of a motion at a singular position of a loop; None elsewhere."""

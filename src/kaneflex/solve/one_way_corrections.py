@@ -100,8 +100,6 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
     motion = own if same_steps and not done else None
     for kind, model in richer[len(done) :]:
         if kind == "time":
-            if options.integrator == "scipy":  # its tolerance is finer than these steps
-                continue
             of_second_order = method_named(options.integrator).order == 2
             values = values_of(_stepped(read, model, own, 1 if of_second_order else 2))
         else:

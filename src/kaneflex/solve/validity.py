@@ -233,7 +233,7 @@ def _parted(solution: RunResult) -> list[str]:
     matter, the run is repeated with half the step.
     """
     options, run = solution.model.options, solution.trajectory
-    fixed = options.dynamics == "dynamic" and options.integrator not in ("scipy", "spectral")
+    fixed = options.dynamics == "dynamic" and options.integrator != "spectral"
     if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
         return []
     parts = _apart(solution, _by_velocities(solution))

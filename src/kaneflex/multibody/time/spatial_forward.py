@@ -13,8 +13,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from kaneflex.integrate.by_scipy import Pace
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.pace import Pace
 from kaneflex.mechanism.energy import Energy, of_bodies
 from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.dynamics.load_derivatives import DAMPED

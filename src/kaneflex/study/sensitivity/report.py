@@ -206,8 +206,6 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
     refuse(
-        (options.integrator == "scipy", "solve.integrator", "scipy",
-         "its steps can't be differentiated", "Use gauss or radau"),
         (free is not None and not coupled, f"drives.{free}.free", True,
          "a free drive can be differentiated under preset coupled only",
          "Use preset coupled, or give the drive a speed, a law or a table"),
