@@ -35,7 +35,6 @@ WRONG = [
     ("explore", (3, ["main.speed=1:2"]), SCENE + f"int: {READ}"),
     ("explore", ("scene", "main.speed=1:2"), TEXTS + "vary, not str"),
     ("export_fmu", (3,), SCENE + f"int: {READ}"),
-    ("export_fmu", ("scene", 3), " takes a text as version, not int: write it in quotes"),
     ("figures", ("model",), SOLUTION + f"Model: {SIMULATED}"),
     ("figures", ("scene",), SOLUTION + f"Scene: {SIMULATED}"),
     ("import_mesh", (1, "k", "n", {}), f" takes a path, not int: {PATH}"),

@@ -142,8 +142,6 @@ def test_code_is_that_of_the_commands(tmp_path, monkeypatch):
     assert "def equations(t):" in kaneflex.derive_code(scene, "standalone")
     with pytest.raises(kaneflex.SceneError, match=r"form = 'cpp': no such form of the equations. .*module"):
         kaneflex.derive_code(scene, "cpp")
-    with pytest.raises(kaneflex.SceneError, match=r"version = '4': FMI of this version can't be written"):
-        kaneflex.export_fmu(scene, "4")
 
 
 def test_names_are_the_public_ones():

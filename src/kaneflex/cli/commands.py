@@ -38,7 +38,7 @@ GROUPS = {
     },
     "Export": {
         "derive": ("mechanism.derive", "Write the equations as Python or C"),
-        "export": ("exporting.export", "Write an FMU (FMI 2 or 3)"),
+        "export": ("exporting.export", "Write an FMU (FMI 2)"),
         "linearise": ("mechanism.linearise", "Write a state space at one instant"),
         "import": ("importing.import_link", "Finite elements to modal data"),
     },

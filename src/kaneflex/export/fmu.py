@@ -1,4 +1,4 @@
-"""Export of a scene's linear equations as a Functional Mock-up Unit (FMI 2.0.5 or 3.0.2), compiled and packed.
+"""Export of a scene's linear equations as a Functional Mock-up Unit (FMI 2.0.5), compiled and packed.
 
 States are z and z', outputs the sensors. Between its steps in co-simulation it interpolates by the quintic through z,
 z', z'' at both ends.
@@ -34,9 +34,8 @@ from kaneflex.support.escaping import xml
 from kaneflex.support.terminal import silent
 
 _FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
-_SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
-_MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
-_OF_FMI_2 = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64", "x86_64-windows": "win64"}
+_SYSTEMS = {"Linux": ("linux64", "so"), "Darwin": ("darwin64", "dylib"), "Windows": ("win64", "dll")}
+"""Folder and ending of the library by system; FMI 2.0 names no folder for other processors than x86_64."""
 _BASE = {"m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "1": {}}
 _AT_ANY_TIME, _BEFORE = ("value",), ("speed", "angle", "spin_up", "offset")
 """Numbers of loads that may change during a run, and of drives and loads that may change before it."""
@@ -79,16 +78,14 @@ class Fmu:
         write_bytes(Path(path), self.content)
 
 
-@takes(scene="scene", version="text", progress="function")
-def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], None] | None = None) -> Fmu:
+@takes(scene="scene", progress="function")
+def export_fmu(scene: SceneLike, progress: Callable[[str], None] | None = None) -> Fmu:
     """A scene as an FMU for model exchange and co-simulation, with its sources.
 
     Parameters
     ----------
     scene : Scene, Model, Solution or path
         With a one-way preset that integrates; in space with a periodic motion.
-    version : {"2", "3"}
-        Version of FMI.
 
     Returns
     -------
@@ -102,8 +99,6 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
         For scenes without C code, see :func:`kaneflex.export.c_model.c_model`, and for presets without integration.
     """
     scene, progress = scene_from(scene), progress or silent
-    if version not in ("2", "3"):
-        raise SceneError("version", version, "FMI of this version can't be written", "Choose '2' or '3'")
     options = resolve_options(scene)
     if options.dynamics == "coupled" or options.integrator == "none":
         reason = "it has nothing to integrate, and an FMU needs that"
@@ -116,7 +111,7 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
         reason = "they have no elastic coordinates to integrate"
         raise SceneError("bodies", ", ".join(made.model.links), reason, "Give them more elements")
     name, variables = made.name, _variables(made)
-    shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmi.h", "kaneflex_fmu.c", "kaneflex_fmu.h")
+    shared = ("kaneflex_fmi2.c", "kaneflex_fmu.c", "kaneflex_fmu.h")
     texts = {key: text for key, text in made.texts.items() if key.endswith((".c", ".h")) and key != f"{name}_run.c"}
     texts |= shared_texts(shared)
     digest = hashlib.sha256("".join(text for _, text in sorted(texts.items())).encode())
@@ -124,11 +119,9 @@ def export_fmu(scene: SceneLike, version: str = "2", progress: Callable[[str], N
     texts[f"{name}_fmu.c"] = _described(made, token)
     sources = sorted(key for key in texts if key.endswith(".c"))
     files = {f"sources/{key}": text.encode() for key, text in texts.items()}
-    files["modelDescription.xml"] = _xml(_description(made, token, variables, sources if version == "2" else None))
-    if version == "3":
-        files["sources/buildDescription.xml"] = _xml(_build_description(name, sources))
+    files["modelDescription.xml"] = _xml(_description(made, token, variables, sources))
     progress("compiling")
-    compiled = _compiled(texts, sources, name, version)
+    compiled = _compiled(texts, sources, name)
     if compiled is not None:
         files[compiled[0]] = compiled[1]
     inputs = tuple(each.name for each in variables if each.causality in ("input", "parameter"))
@@ -196,65 +189,48 @@ def _node(tag: str, /, *children: ElementTree.Element, **given: object) -> Eleme
     return node
 
 
-def _description(
-    made: CModel, token: str, variables: list[Variable], sources: list[str] | None
-) -> ElementTree.Element:
-    """Model description; with ``sources`` of FMI 2, which lists them, else of FMI 3."""
+def _description(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
     from kaneflex import __version__
 
-    model, scene, two = made.model, made.model.scene, sources is not None
-    state = {f"canGetAndSet{'FMUstate' if two else 'FMUState'}": "true", "modelIdentifier": made.name}
-    files = [_node("SourceFiles", *(_node("File", name=source) for source in sources))] if sources else []
+    model, scene = made.model, made.model.scene
+    state = {"canGetAndSetFMUstate": "true", "modelIdentifier": made.name}
+    files = _node("SourceFiles", *(_node("File", name=source) for source in sources))
     experiment = {"startTime": 0.0, "stopTime": float(model.options.duration), "stepSize": float(model.step)}
-    own = {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"}
     children = [
-        _node("ModelExchange", *files, **state),
-        _node("CoSimulation", *files, **state, canHandleVariableCommunicationStepSize="true"),
+        _node("ModelExchange", files, **state),
+        _node("CoSimulation", files, **state, canHandleVariableCommunicationStepSize="true"),
         _units(variables),
         _node("DefaultExperiment", **experiment),
-        _node("ModelVariables", *map(_variable_2 if two else _variable_3, range(len(variables)), variables)),
-        _node("ModelStructure", *_structure(variables, two)),
+        _node("ModelVariables", *map(_variable, range(len(variables)), variables)),
+        _node("ModelStructure", *_structure(variables)),
     ]
     return _node(
-        "fmiModelDescription", *children, **(own if two else {"fmiVersion": "3.0", "instantiationToken": token}),
+        "fmiModelDescription", *children, fmiVersion="2.0", guid=token, numberOfEventIndicators="0",
         modelName=scene.name, generationTool=f"kaneflex {__version__}", variableNamingConvention="flat",
         description=scene.description or None,
     )  # fmt: skip
 
 
-def _structure(variables: list[Variable], two: bool) -> Iterator[ElementTree.Element]:
-    """Outputs and derivatives of states: in FMI 2 groups of indices from one, in FMI 3 value references."""
+def _structure(variables: list[Variable]) -> Iterator[ElementTree.Element]:
+    """Outputs and derivatives of states, by their indices from one."""
     outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
     derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
-    groups = {"Output": outputs, "ContinuousStateDerivative": derivatives, "InitialUnknown": outputs + derivatives}
+    groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": outputs + derivatives}
     for tag, numbers in groups.items():
-        if not two:
-            yield from (_node(tag, valueReference=k) for k in numbers)
-        elif numbers:
-            unknowns = [_node("Unknown", index=k + 1) for k in sorted(numbers)]
-            yield _node("Derivatives" if tag.endswith("Derivative") else f"{tag}s", *unknowns)
+        if numbers:
+            yield _node(tag, *(_node("Unknown", index=k + 1) for k in sorted(numbers)))
 
 
-def _variable_2(reference: int, variable: Variable) -> ElementTree.Element:
-    given, after = _attributes(variable), variable.derivative_of
-    real = _node("Real", unit=variable.unit, start=given.pop("start"), derivative=None if after is None else after + 1)
-    return _node("ScalarVariable", real, **given, valueReference=reference)
-
-
-def _variable_3(reference: int, variable: Variable) -> ElementTree.Element:
-    return _node("Float64", **_attributes(variable), valueReference=reference, unit=variable.unit,
-                 derivative=variable.derivative_of)  # fmt: skip
-
-
-def _attributes(variable: Variable) -> dict[str, object]:
-    """Attributes of a variable that both versions share."""
+def _variable(reference: int, variable: Variable) -> ElementTree.Element:
+    after = None if variable.derivative_of is None else variable.derivative_of + 1
     initial = "calculated" if variable.start is None else "exact"
-    return {
-        "name": variable.name, "causality": variable.causality,
-        "variability": "fixed" if variable.causality == "parameter" else "continuous",
-        "description": variable.meaning or None, "start": variable.start,
-        "initial": None if variable.causality in ("input", "independent") else initial,
-    }  # fmt: skip
+    return _node(
+        "ScalarVariable", _node("Real", unit=variable.unit, start=variable.start, derivative=after),
+        name=variable.name, causality=variable.causality,
+        variability="fixed" if variable.causality == "parameter" else "continuous",
+        description=variable.meaning or None,
+        initial=None if variable.causality in ("input", "independent") else initial, valueReference=reference,
+    )  # fmt: skip
 
 
 def _units(variables: list[Variable]) -> ElementTree.Element:
@@ -272,17 +248,12 @@ def _units(variables: list[Variable]) -> ElementTree.Element:
     return _node("UnitDefinitions", *units)
 
 
-def _build_description(name: str, sources: list[str]) -> ElementTree.Element:
-    files = _node("SourceFileSet", *(_node("SourceFile", name=source) for source in sources), language="C11")
-    return _node("fmiBuildDescription", _node("BuildConfiguration", files, modelIdentifier=name), fmiVersion="3.0")
-
-
 def _xml(root: ElementTree.Element) -> bytes:
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def _compiled(texts: Mapping[str, str], sources: list[str], name: str, version: str) -> tuple[str, bytes] | None:
+def _compiled(texts: Mapping[str, str], sources: list[str], name: str) -> tuple[str, bytes] | None:
     """Path in the archive and content of the compiled library; None without a compiler or for an unknown platform.
 
     Raises
@@ -291,10 +262,8 @@ def _compiled(texts: Mapping[str, str], sources: list[str], name: str, version: 
         If the compiler fails.
     """
     compiler = next(filter(None, map(shutil.which, (os.environ.get("CC", ""), "cc", "gcc", "clang"))), None)
-    system, suffix = _SYSTEMS.get(platform.system(), ("", ""))
-    tuple_3 = f"{_MACHINES.get(platform.machine().lower(), '')}-{system}"
-    folder = _OF_FMI_2.get(tuple_3) if version == "2" else tuple_3
-    if compiler is None or folder is None or tuple_3.startswith("-") or tuple_3.endswith("-"):
+    folder, suffix = _SYSTEMS.get(platform.system(), ("", ""))
+    if compiler is None or not folder or platform.machine().lower() not in ("x86_64", "amd64"):
         return None
     with tempfile.TemporaryDirectory() as place:
         for key, text in texts.items():

@@ -32,14 +32,10 @@ typedef struct {
 #endif
 
 typedef fmi2Component handle;
-typedef fmi2FMUstate kept_state;
 typedef fmi2Status status;
 typedef fmi2Real real;
 typedef fmi2Boolean boolean;
 typedef fmi2String string;
-#define FMI(Name) fmi2##Name
-#define FMI_STATE(verb) fmi2##verb##FMUstate
-#define FMI_DERIVATIVES fmi2GetDerivatives
 
 typedef struct {
     kaneflex_instance *instance;
@@ -57,7 +53,92 @@ static status said(component *c, int ended)
     return fmi2Error;
 }
 
-#include "kaneflex_fmi.h"
+#ifdef _WIN32
+#define OUT __declspec(dllexport)
+#else
+#define OUT __attribute__((visibility("default")))
+#endif
+
+#if defined __GNUC__ /* the standard hands over much that nothing here asks for */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
+#define INSTANCE(c) (((component *)(c))->instance)
+
+/* What is not offered. */
+#define REFUSED(Name, ...)                                                                       \
+    OUT status fmi2##Name(handle c, __VA_ARGS__) { return said(c, KANEFLEX_NOT_OFFERED); }
+
+OUT status fmi2SetDebugLogging(handle c, boolean on, size_t count, const string categories[]) { return fmi2OK; }
+OUT status fmi2ExitInitializationMode(handle c) { return said(c, kaneflex_begin(INSTANCE(c))); }
+OUT status fmi2EnterEventMode(handle c) { return fmi2OK; }
+OUT status fmi2Terminate(handle c) { return fmi2OK; }
+OUT status fmi2Reset(handle c) { return said(c, kaneflex_reset(INSTANCE(c))); }
+
+OUT status fmi2GetFMUstate(handle c, fmi2FMUstate *state)
+{
+    if (*state)
+        kaneflex_restore(*state, INSTANCE(c));
+    else
+        *state = kaneflex_copy(INSTANCE(c));
+    return *state ? fmi2OK : fmi2Error;
+}
+
+OUT status fmi2SetFMUstate(handle c, fmi2FMUstate state)
+{
+    kaneflex_restore(INSTANCE(c), state);
+    return fmi2OK;
+}
+
+OUT status fmi2FreeFMUstate(handle c, fmi2FMUstate *state)
+{
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+
+/* ---- model exchange ---- */
+
+OUT status fmi2EnterContinuousTimeMode(handle c) { return fmi2OK; }
+
+OUT status fmi2CompletedIntegratorStep(handle c, boolean final, boolean *event, boolean *end)
+{
+    *event = *end = 0;
+    return fmi2OK;
+}
+
+OUT status fmi2SetTime(handle c, real time)
+{
+    INSTANCE(c)->time = time;
+    INSTANCE(c)->stale = 1;
+    return fmi2OK;
+}
+
+OUT status fmi2SetContinuousStates(handle c, const real x[], size_t count)
+{
+    kaneflex_set_states(INSTANCE(c), x);
+    return fmi2OK;
+}
+
+OUT status fmi2GetDerivatives(handle c, real out[], size_t count)
+{
+    return said(c, kaneflex_derivatives(INSTANCE(c), out));
+}
+
+OUT status fmi2GetEventIndicators(handle c, real out[], size_t count) { return fmi2OK; }
+
+OUT status fmi2GetContinuousStates(handle c, real x[], size_t count)
+{
+    kaneflex_get_states(INSTANCE(c), x);
+    return fmi2OK;
+}
+
+OUT status fmi2GetNominalsOfContinuousStates(handle c, real x[], size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        x[i] = 1.0;
+    return fmi2OK;
+}
 
 OUT const char *fmi2GetTypesPlatform(void) { return "default"; }
 OUT const char *fmi2GetVersion(void) { return "2.0"; }
