@@ -91,6 +91,8 @@ def _turned(scene, turn, angles):
             entry["direction"] = turned(joint.direction) if ground else vector(joint.direction)
         if joint.rotation == "shared":
             entry["rotation"] = joint.rotation
+        given = raw["joints"].get(name, {})
+        entry |= {key: given[key] for key in ("clearance", "friction") if key in given}
         joints[name] = entry
     loads = {}
     for name, load in scene.loads.items():
@@ -104,6 +106,9 @@ def _turned(scene, turn, angles):
     }  # fmt: skip
     if scene.springs:
         found["springs"] = raw["springs"]
+    contacts = raw.get("contacts", {}).items()
+    if contacts:
+        found["contacts"] = {name: _contact(scene, name, entry, turned, vector) for name, entry in contacts}
     if scene.masses:
         found["masses"] = {name: {"at": str(mass.at), "mass": mass.mass, "inertia": [mass.inertia, 0.0, mass.inertia]}
                            for name, mass in scene.masses.items()}  # fmt: skip
@@ -120,6 +125,13 @@ def _beam(beam):
     if not {"G", "nu", "material"} & set(given):
         given["nu"] = 0.3
     return given
+
+
+def _contact(scene, name, entry, turned, vector):
+    """Contact of a point and a plane in place of a line."""
+    found, contact = {key: value for key, value in entry.items() if key != "point_on_line"}, scene.contacts[name]
+    normal = (turned if contact.sides[0].body == "ground" else vector)(contact.direction)
+    return found | {"point_on_plane": entry["point_on_line"], "normal": normal}
 
 
 def _sensor(sensor, raw, name):

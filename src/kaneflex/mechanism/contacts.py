@@ -97,15 +97,16 @@ def hysteresis(law: str, restitution: float) -> float:
 
 
 def kind_of(contact: Contact) -> int:
-    """Number of the contact's geometry."""
-    return KINDS.index("circles" if contact.kind in CIRCLES else contact.kind)
+    """Number of the contact's geometry; in space that of a plane in place of a line."""
+    kind = "point-line" if contact.kind == "point-plane" else contact.kind
+    return KINDS.index("circles" if kind in CIRCLES else kind)
 
 
 def numbers_of(contact: Contact) -> tuple[float, ...]:
     """Numbers of a contact for the kernels of ``generated/contact.py``, in the order of its NUMBERS."""
     damped = contact.law == "kelvin-voigt"
     loss = contact.damping if damped else hysteresis(contact.law, contact.restitution)
-    direction = (CIRCLES[contact.kind], 0.0) if contact.kind in CIRCLES else contact.direction
+    direction = (CIRCLES[contact.kind], 0.0) if contact.kind in CIRCLES else contact.direction[:2]
     return (
         *direction, contact.reach, contact.stiffness, contact.exponent, loss, contact.restitution,
         contact.radius,

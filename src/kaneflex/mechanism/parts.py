@@ -191,11 +191,11 @@ class Contact:
     Attributes
     ----------
     kind : str
-        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first); "angle": two rotating
-        flanks, with angles [rad] for lengths and torques [N m] for forces.
+        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first), in space "point-plane";
+        "angle": two rotating flanks, with angles [rad] for lengths and torques [N m] for forces.
     direction : tuple
-        Unit normal of a line, in the first body's axes, towards the second side; (0, 0) for circles; (1, 0) or (-1, 0)
-        for flanks, the direction of the torque on the second body.
+        Unit normal of a line or a plane, in the first body's axes, towards the second side; (0, 0) for circles; (1, 0)
+        or (-1, 0) for flanks, the direction of the torque on the second body.
     reach : number
         Distance at first touch along the normal [m]; for circles the sum, or difference, of radii.
     radius : number

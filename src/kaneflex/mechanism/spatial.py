@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.parts import Contact, Friction
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -98,6 +99,18 @@ class SpatialJoint:
         return []
 
 
+@dataclass(frozen=True)
+class SpatialContact(Contact):
+    """Contact in space: of a point or a sphere with a plane, or of two flanks."""
+
+    first: Side  # type: ignore[assignment]
+    second: Side  # type: ignore[assignment]
+
+    @property
+    def sides(self) -> tuple[Side, Side]:  # type: ignore[override]
+        return self.first, self.second
+
+
 def across(axis: np.ndarray) -> list[np.ndarray]:
     """Two unit vectors perpendicular to a unit vector and to each other."""
     least = np.eye(3)[np.argmin(abs(axis))]
@@ -151,7 +164,7 @@ class SpatialSpring:
 
 @dataclass(frozen=True, eq=False)
 class SpatialMechanism:
-    """Bodies, joints, loads and springs; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
+    """Parts of a mechanism; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
 
     A lumped mass is part of its rigid body; on an elastic one it is a separate body, welded to the link's axis.
 
@@ -163,6 +176,8 @@ class SpatialMechanism:
     joints: Mapping[str, SpatialJoint]
     loads: Mapping[str, SpatialLoad]
     springs: Mapping[str, SpatialSpring]
+    contacts: Mapping[str, SpatialContact]
+    frictions: Mapping[str, Friction]
     floating: tuple[str, ...]
     asked: frozenset[str]
     known: frozenset[str]
@@ -224,15 +239,27 @@ def _made(scene: Scene) -> SpatialMechanism:
         springs[name] = SpatialSpring(ends, spring.torsional_at, numbers, spring.bushing is not None)
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
+    contacts = {name: _contact(scene, name) for name in scene.contacts}
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
+    known |= {contact.joint for contact in contacts.values() if contact.joint is not None}
     prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)
     known |= prescribed
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
-        bodies, joints, loads, springs, tuple(scene.floating), frozenset((known | {*scene.drives}) & set(joints)),
+        bodies, joints, loads, springs, contacts, {}, tuple(scene.floating),
+        frozenset((known | {*scene.drives}) & set(joints)),
         frozenset(known & set(joints)), frozenset(prescribed), frozenset(read & set(joints)), gravity, float(size),
     )  # fmt: skip
+
+
+def _contact(scene: Scene, name: str) -> SpatialContact:
+    """Contact of a point and a plane, or of two flanks."""
+    found = scene.contacts[name]
+    first, second = (Side(side.body, scene.point(side)) for side in found.sides)
+    keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
+    numbers = {key: found.number(key) for key in keys}
+    return SpatialContact(name, first, second, found.kind, found.direction, **numbers, law=found.law, joint=found.joint)
 
 
 def _body(scene: Scene, name: str) -> SpatialBody:

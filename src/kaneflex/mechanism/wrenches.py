@@ -119,6 +119,15 @@ def wrenches_on(
             for side, sign, turns in zip(contact.sides, _SIGNS, ("moment", "moment_second"), strict=True):
                 if side.body == body:
                     yield on.wrench(name, side, sign * force, motion[f"{name}.{turns}"])
+        return
+    for name, contact in parts.contacts.items():
+        if contact.joint is not None:
+            yield from on.torque(name, contact.joint, contact.direction[0] * motion[f"{name}.force"])
+            continue
+        push = motion[f"{name}.force"] * on.carried(contact.first)[0].to_global(np.array(contact.direction))
+        for side, sign in zip(contact.sides, _SIGNS, strict=True):
+            if side.body == body:
+                yield on.wrench(name, side, sign * push, at=contact.second)
 
 
 @dataclass(frozen=True, eq=False)

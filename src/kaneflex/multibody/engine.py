@@ -39,7 +39,7 @@ class Engine(Views):
     real, pair : ndarray
         Workspace of factors.
     shared : Handed, optional
-        Kind of mechanism whose library it uses, if not its own.
+        Kind of a mechanism in space without contacts and frictions.
     integrates : bool
         True if it uses the library that integrates motions.
     light : bool
@@ -235,13 +235,15 @@ class Engine(Views):
     @property
     def handed(self) -> at.Handed:
         """Kind of mechanism that its library is compiled for."""
-        if self.shared is not None:
-            return self.shared
         if len(self.holds):
-            return at.HOLD_MECHANISM
+            return at.HOLD_SPACE if self.in_space else at.HOLD_MECHANISM
         if self.count(at.RIGID):
-            return at.IMPACT_MECHANISM
-        return at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM
+            return at.IMPACT_SPACE if self.in_space else at.IMPACT_MECHANISM
+        if self.shared is not None and len(self.contacts) == self._switches:
+            return self.shared
+        if len(self.contacts):
+            return at.CONTACT_SPACE if self.in_space else at.CONTACT_MECHANISM
+        return at.MECHANISM
 
     @cached_property
     def _entries(self) -> Mapping[Any, Callable[..., Any]]:

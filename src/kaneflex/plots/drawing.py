@@ -179,6 +179,8 @@ def frame_axes(
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])
     points = points[np.isfinite(points).all(axis=1)]  # at some instants the rigid mechanism may have no place
+    if not len(points):  # of a lone body
+        points = np.array([fixed.lower, fixed.upper])
     margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
     if not fixed.flat:  # the triad stands at the left

@@ -296,7 +296,8 @@ def _drive(scene: Scene, name: str) -> str:
 
 
 _SIDES = {
-    "point-line": "{1} in front of the line through {0}", "circle-circle": "circles about {1} and {0}",
+    "point-line": "{1} in front of the line through {0}",
+    "point-plane": "{1} in front of the plane through {0}", "circle-circle": "circles about {1} and {0}",
     "circle-in-circle": "circle about {1} in the circle about {0}", "angle": "flank of {0} that turns {1} {way}",
 }  # fmt: skip
 

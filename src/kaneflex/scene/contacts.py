@@ -23,8 +23,11 @@ from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.support.errors import Fault, within
 
 _KINDS = {
-    "point_on_line": "point-line", "circle_on_circle": "circle-circle", "circle_in_circle": "circle-in-circle"
+    "point_on_line": "point-line", "point_on_plane": "point-plane", "circle_on_circle": "circle-circle",
+    "circle_in_circle": "circle-in-circle",
 }  # fmt: skip
+_FACES = ("point_on_line", "point_on_plane")
+"""Contacts with a face, which has a normal."""
 
 
 def check_friction(friction: Friction | None) -> None:
@@ -89,12 +92,14 @@ class Contact(SceneTable):
     """Contact between two bodies.
 
     `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on the side of a line through a
-    point of another body that the `normal` (in that body's axes) points to. `circle_on_circle`, `circle_in_circle`
+    point of another body that the `normal` (in that body's axes) points to; in space `point_on_plane` is the same with
+    a plane, and a sphere in place of the circle. `circle_on_circle`, `circle_in_circle`
     (the first in the second): circles of these `radii` about two points. For a stiffness from materials, circles are
     spheres, or cylinders of a `width`. `friction` acts in the contact.
     """
 
     point_on_line: AddressPair | None = None
+    point_on_plane: AddressPair | None = None
     circle_on_circle: AddressPair | None = None
     circle_in_circle: AddressPair | None = None
     normal: Direction | None = None
@@ -110,12 +115,13 @@ class Contact(SceneTable):
     def _consistent(self) -> Contact:
         check_friction(self.friction)
         given = the_one_given(self, tuple(_KINDS))
-        line = given == "point_on_line"
-        if line and self.normal is None:
-            raise Fault("the side of the line is not given", "Give normal, like normal = [0, 1]")
-        if not line and self.radii is None:
+        face = given in _FACES
+        if face and self.normal is None:
+            what, like = ("line", "[0, 1]") if given == "point_on_line" else ("plane", "[0, 0, 1]")
+            raise Fault(f"the side of the {what} is not given", f"Give normal, like normal = {like}")
+        if not face and self.radii is None:
             raise Fault("the circles have no radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
-        self.refuse(("radii",) if line else ("normal", "radius"), f"does not apply to {given}")
+        self.refuse(("radii",) if face else ("normal", "radius"), f"does not apply to {given}")
         radii = self.radii or (0.0, 0.0)
         if given == "circle_in_circle" and not radii[0] < radii[1]:
             raise Fault("the first circle does not fit into the second", "Give the smaller radius first", below="radii")
@@ -176,7 +182,7 @@ class Contact(SceneTable):
                 reason = "does not apply to spheres, which follow a power law"
                 raise Fault(reason, "Leave it out, or give a width", below="contact.load")
             return spheres(modulus, self.curvature), 1.5
-        if self.kind == "point-line":
+        if self.key in _FACES:
             raise Fault(
                 "Hertz's theory gives no depth of a cylinder on a plane: it depends on the whole body",
                 "Give contact.stiffness and exponent, or leave width out for a sphere", below="width",

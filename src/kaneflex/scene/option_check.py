@@ -50,7 +50,7 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
         what = "a contact" if contact.joint is None else "a joint with a clearance"
         reason = f"preset {scene.solve.preset} does not support {what}"
         raise SceneError(contact.stands(name), None, reason, "Use preset coupled")
-    for name in scene.floating:
+    for name in () if scene.is_spatial else scene.floating:
         if dynamics != "coupled":
             reason = f"preset {scene.solve.preset} does not support a free body"
             raise SceneError(f"bodies.{name}.free", None, reason, "Use preset coupled")
@@ -60,6 +60,9 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
     for name in scene.frictions if dynamics != "coupled" else ():
         reason = f"preset {scene.solve.preset} does not support friction"
         raise SceneError(f"joints.{name}.friction", None, reason, "Use preset coupled")
+    if scene.solve.start == "periodic" and scene.is_spatial:
+        reason = "only planar scenes have periodic motions so far"
+        refuse_contacts(scene, "solve.start", "periodic", reason, "Start from zero and run long enough")
     if scene.solve.start == "quasistatic":
         reason = "free bodies have no equilibrium"
         refuse_contacts(scene, "solve.start", "quasistatic", reason, "Start from zero, or from a given state")

@@ -169,8 +169,7 @@ def resolve_options(scene: Scene) -> Options:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         check_coupled(scene)
-    if not scene.is_spatial:  # free bodies without the coupled equations
-        check_contacts(scene, dynamics)
+    check_contacts(scene, dynamics)
     check_laws(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period

@@ -14,7 +14,7 @@ from kaneflex.support.errors import Fault, Problem, SceneError, taken
 _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
     "torsional_moment", "strain", "stress", "joint_force", "drive_torque", "drive_force", "spring_force",
-    "spring_torque",
+    "spring_torque", "contact_force", "contact_gap", "contact_torque", "contact_angle",
 )  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one degree of freedom."""
@@ -83,6 +83,10 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
         for name, entry in getattr(scene, table).items():
             if getattr(entry, field) is not None:
                 yield Problem(f"{table}.{name}.{field}", None, reason, right)
+    for name, contact in scene.contacts.items():
+        if contact.kind == "point-plane":
+            right = "Use point_on_line in a planar scene"
+            yield Problem(contact.entry(name), None, "planar bodies touch along lines and circles", right)
     for name, sensor in scene.sensors.items():
         if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
             yield Problem(f"sensors.{name}.component", sensor.component, "planar beams need none", "Leave it out")
@@ -104,12 +108,23 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a planar link", right)
     for name, joint in scene.joints.items():
         for field in ("branch", "near", "clearance", "friction", "relative_angle"):
-            if field in joint.model_fields_set:
+            if field in joint.model_fields_set and not (field == "clearance" and joint.has_backlash):
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
-    for table in ("contacts", "events"):
-        for name in getattr(scene, table):
-            yield Problem(f"{table}.{name}", None, reason, cure)
+    for name, contact in scene.contacts.items():
+        if contact.joint is None and contact.kind != "point-plane":
+            yield Problem(contact.entry(name), None, reason, "Use point_on_plane in a scene in space")
+        elif contact.friction is not None:
+            yield Problem(f"contacts.{name}.friction", None, reason, cure)
+        elif contact.law == "newton":
+            right = "Give a contact stiffness with a law such as exact"
+            yield Problem(f"{contact.stands(name)}.contact.law", contact.law, reason, right)
+        base = scene.bodies.get(contact.sides[0].body)
+        if contact.kind == "point-plane" and base is not None and base.deforms:
+            right = "Weld a rigid body to it that has the plane"
+            yield Problem(contact.entry(name), str(contact.sides[0]), "the plane's body deforms", right)
+    for name in scene.events:
+        yield Problem(f"events.{name}", None, reason, cure)
     if scene.solve.preset == "paper":
         cure = "Choose rigid, quasistatic, linear, stiffened or coupled"
         yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
@@ -191,6 +206,8 @@ def _beams(scene: Scene) -> Iterator[Problem]:
                 yield Problem(part_key, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
         acted = [(f"loads.{load}", each.force_on) for load, each in scene.forces.items()]
         acted += [(f"springs.{spring}", end) for spring, each in scene.springs.items() for end in each.ends]
+        acted += [(f"contacts.{contact}", end) for contact, each in scene.contacts.items()
+                  for end in each.sides if each.joint is None]  # fmt: skip
         for by, at in acted:
             if at is not None and at.body == name and at.point in body.points_all and any(scene.point(at)[1:]):
                 reason = f"{by} acts off the axis of an elastic body"

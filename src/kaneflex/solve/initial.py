@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.start import Start
@@ -129,9 +128,13 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 def check_apart(model: Model) -> None:
     """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
     from kaneflex.mechanism.contacts import apart
+    from kaneflex.mechanism.wrenches import parts_of
 
-    mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
+    mechanism, rigid = parts_of(model.scene), model.motion.at(0.0)
     for name, contact in mechanism.contacts.items():
+        if model.scene.is_spatial:
+            _check_gap(model.scene, name, float(rigid[f"{name}.gap"][0]), mechanism.size)
+            continue
         first, second = (rigid.frame(side.body) for side in contact.sides)
         if contact.kind == "angle":
             _check_flank(model.scene, name, first.to_body(second.to_global((1.0, 0.0))))
@@ -139,12 +142,29 @@ def check_apart(model: Model) -> None:
         x, y = second.place(contact.second.at) - first.place(contact.first.at)
         normal = first.to_global(contact.direction)
         gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
-        if gap < -_TOUCHING * mechanism.size:
-            raise SceneError(
-                model.scene.contacts[name].stands(name), None,
-                f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
-                "Start them apart, for example by the start of free drives",
-            )  # fmt: skip
+        _check_gap(model.scene, name, gap, mechanism.size)
+
+
+def _check_gap(scene: Scene, name: str, gap: float, size: float) -> None:
+    """Raise SceneError if the sides of a contact penetrate each other; ``size``: that of the mechanism [m]."""
+    contact = scene.contacts[name]
+    if isinstance(contact, ClearanceContact) and contact.clearance.angle is not None:
+        if gap < -_TOUCHING:
+            raise _beyond(contact, contact.flank * (gap - contact.clearance.angle))
+    elif gap < -_TOUCHING * size:
+        raise SceneError(
+            contact.stands(name), None, f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
+            "Start them apart, for example by the start of free drives",
+        )  # fmt: skip
+
+
+def _beyond(contact: ClearanceContact, away: float) -> SceneError:
+    """Error for an angle ``away`` [rad] from the middle of a backlash."""
+    return SceneError(
+        f"joints.{contact.joint}.clearance", None,
+        f"at the start its angle is {np.degrees(away):.6g} deg from the middle of the backlash, beyond a flank",
+        "Start between the flanks, for example by the start of free drives, or change the middle",
+    )  # fmt: skip
 
 
 def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
@@ -156,8 +176,4 @@ def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
     if contact.joint in scene.drives:
         away = scene.drives[contact.joint].start - contact.clearance.middle
     if abs(away) > contact.clearance.angle + _TOUCHING:
-        raise SceneError(
-            f"joints.{contact.joint}.clearance", None,
-            f"at the start its angle is {np.degrees(away):.6g} deg from the middle of the backlash, beyond a flank",
-            "Start between the flanks, for example by the start of free drives, or change the middle",
-        )  # fmt: skip
+        raise _beyond(contact, away)

@@ -148,7 +148,7 @@ def _one_way_joints(model: Model) -> tuple[str, ...]:
 def _check_start(model: Model) -> None:
     """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
     if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
-        if mechanism_of(model.scene).contacts:
+        if model.scene.contacts:
             from kaneflex.solve.initial import check_apart
 
             check_apart(model)

@@ -23,6 +23,7 @@ _ABOUT = {
     "lost": ("J", "J", "energy lost"),
     "x": ("m", "global position of the contact at the beginning, along x"),
     "y": ("m", "the same along y"),
+    "z": ("m", "the same along z"),
 }
 """Numbers of an impact: unit, unit for flanks (which have no place), and meaning."""
 
@@ -130,7 +131,7 @@ def labelled_contacts(solution: RunResult) -> tuple[dict[str, Entry], dict[str, 
     for kind, names in (("contact", [name for name in record.names if name not in turning]), ("flank", turning)):
         if names:
             coordinates[kind] = (kind, np.array(names), {"long_name": f"{kind}s"})
-            variables |= _of_kind(record, names, kind)
+            variables |= _of_kind(solution, record, names, kind)
     loose = solution.model.scene.loose
     if loose:
         coordinates["clearance"] = ("clearance", np.array(list(loose)), {"long_name": "joints with a clearance"})
@@ -138,7 +139,7 @@ def labelled_contacts(solution: RunResult) -> tuple[dict[str, Entry], dict[str, 
     return coordinates, variables
 
 
-def _of_kind(record: RowRecord, names: list[str], kind: str) -> dict[str, Entry]:
+def _of_kind(solution: RunResult, record: RowRecord, names: list[str], kind: str) -> dict[str, Entry]:
     """Variables of contacts of one kind, and of their impacts; for flanks in angles and torques."""
     turns, both = int(kind == "flank"), ("time", kind)
     columns = [record.names.index(name) for name in names]
@@ -161,10 +162,11 @@ def _of_kind(record: RowRecord, names: list[str], kind: str) -> dict[str, Entry]
     if impacts:
         from kaneflex.multibody.unilateral.results import COLUMNS
 
+        place = () if turns else "xyz" if solution.model.scene.is_spatial else "xy"
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
         variables[f"{each}_{kind}"] = (each, np.array(number, np.int32), about)
-        for key in COLUMNS[:-2] if turns else COLUMNS:
+        for key in (*COLUMNS[:-3], *place):
             *units, meaning = _ABOUT[key]
             values = np.array([getattr(impact, key) for impact in impacts])
             variables[f"{each}_{key}"] = (each, values, {"units": units[turns], "long_name": meaning})

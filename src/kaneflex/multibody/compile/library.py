@@ -22,8 +22,11 @@ from kaneflex.multibody.dynamics.spatial_entries import PRESCRIBED_ENTRIES
 from kaneflex.multibody.model import layout
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
+    CONTACT_SPACE,
     HOLD_MECHANISM,
+    HOLD_SPACE,
     IMPACT_MECHANISM,
+    IMPACT_SPACE,
     MECHANISM,
     OUTER,
     RIGID_SPACE,
@@ -88,7 +91,9 @@ _prescribed, _integrated, _switched_prescribed, _switched = (
     for space in (RIGID_SPACE, SWITCHED_SPACE)
     for entries in (PRESCRIBED_ENTRIES, SPATIAL_ENTRIES)
 )
-_elastic = entered(SPACE, SPATIAL_ENTRIES)
+_elastic, _contacts_in_space, _impacts_in_space, _holds_in_space = (
+    entered(space, SPATIAL_ENTRIES) for space in (SPACE, CONTACT_SPACE, IMPACT_SPACE, HOLD_SPACE)
+)
 
 
 @njit(cache=True, **OUTER)
@@ -111,6 +116,24 @@ def _addresses_of_elastic():
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
+def _addresses_of_contacts_in_space():
+    return _contacts_in_space()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_impacts_in_space():
+    return _impacts_in_space()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_of_holds_in_space():
+    return _holds_in_space()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
 def _addresses_of_switched_prescribed():
     return _switched_prescribed()
 
@@ -123,7 +146,8 @@ def _addresses_of_switched():
 
 _ENTERED_IN_SPACE = {
     (RIGID_SPACE, False): _addresses_of_prescribed, (RIGID_SPACE, True): _addresses_in_space,
-    (SPACE, True): _addresses_of_elastic,
+    (SPACE, True): _addresses_of_elastic, (CONTACT_SPACE, True): _addresses_of_contacts_in_space,
+    (IMPACT_SPACE, True): _addresses_of_impacts_in_space, (HOLD_SPACE, True): _addresses_of_holds_in_space,
     (SWITCHED_SPACE, False): _addresses_of_switched_prescribed, (SWITCHED_SPACE, True): _addresses_of_switched,
 }  # fmt: skip
 

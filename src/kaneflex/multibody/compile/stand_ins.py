@@ -9,14 +9,19 @@ from numba.extending import intrinsic
 
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
+    CONTACT_SPACE,
     HOLD_MECHANISM,
+    HOLD_SPACE,
     IMPACT_MECHANISM,
+    IMPACT_SPACE,
     MECHANISM,
     SPACE,
     SWITCHED_SPACE,
 )  # fmt: skip
 
-_WITH_CONTACTS = CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM
+_WITH_HOLDS = HOLD_MECHANISM, HOLD_SPACE
+_WITH_IMPACTS = IMPACT_MECHANISM, IMPACT_SPACE, *_WITH_HOLDS
+_WITH_CONTACTS = CONTACT_MECHANISM, CONTACT_SPACE, *_WITH_IMPACTS
 
 
 def of_contacts(otherwise):
@@ -35,12 +40,12 @@ def of_changes(otherwise):
 
 def of_impacts(otherwise):
     """As :func:`of_contacts`, for mechanisms with holds, or with contacts by Newton's law."""
-    return _where(otherwise, (IMPACT_MECHANISM, HOLD_MECHANISM))
+    return _where(otherwise, _WITH_IMPACTS)
 
 
 def of_holds(otherwise):
     """As :func:`of_contacts`, for mechanisms with holds."""
-    return _where(otherwise, (HOLD_MECHANISM,))
+    return _where(otherwise, _WITH_HOLDS)
 
 
 def of_stiffness(otherwise):

@@ -10,8 +10,11 @@ from numba.types import Type, float64
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.model.layout import (
     CONTACT_MECHANISM,
+    CONTACT_SPACE,
     HOLD_MECHANISM,
+    HOLD_SPACE,
     IMPACT_MECHANISM,
+    IMPACT_SPACE,
     MECHANISM,
     RIGID_SPACE,
     SPACE,
@@ -37,7 +40,7 @@ def _parts(d: int) -> dict[str, Type]:
     """
     numbers = ("block", "K", "C", "joint_stiffness", "joint_damping", "virtual_inertia", "row_measure", "kept", "q",
                "u", "du", "multipliers", "along", "deforming", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0",
-               "mass_1", "mass_2", "rows", "sections", "sizes", "springs")  # fmt: skip
+               "mass_1", "mass_2", "rows", "sections", "sizes", "springs", "touching")  # fmt: skip
     vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "axes",
                "x3")  # fmt: skip
     twists = ("twist", "rate", "wrenches", "slow", "I", "E", "S", "phi", "F")
@@ -48,7 +51,10 @@ def _parts(d: int) -> dict[str, Type]:
     }  # fmt: skip
 
 
-for _each in (MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM, SPACE, RIGID_SPACE, SWITCHED_SPACE):
+for _each in (
+    MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM,
+    SPACE, RIGID_SPACE, SWITCHED_SPACE, CONTACT_SPACE, IMPACT_SPACE, HOLD_SPACE,
+):  # fmt: skip
     _each.parts.update(_parts(_each.d))
 
 
@@ -78,6 +84,8 @@ class Instants:
         :mod:`kaneflex.multibody.dynamics.bushings`.
     deforming : ndarray (4,)
         Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
+    touching : ndarray (n_unilateral, 8)
+        Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.rows.results`.
     sizes : ndarray (n_loads,)
     """
 
@@ -94,6 +102,7 @@ class Instants:
     rows: np.ndarray
     springs: np.ndarray
     deforming: np.ndarray
+    touching: np.ndarray
     sizes: np.ndarray
 
     @property

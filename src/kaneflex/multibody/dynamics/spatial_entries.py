@@ -44,6 +44,7 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
+from kaneflex.multibody.unilateral.rows import record
 
 CLOSED = 1e-7
 """Largest violation of redundant rows, in rad or sizes of the mechanism."""
@@ -223,6 +224,7 @@ def _complete(m, t):
     demand(m, t)
     copy(m.h, m.along, m.plan[COORDINATES])
     deforming(m)
+    record(m)
 
 
 @njit(**OPTIONS)

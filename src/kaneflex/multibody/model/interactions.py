@@ -204,8 +204,16 @@ def list_spatial_acts(
             kind, speed, axis = at.TORSIONAL, builder.speed(joint.name), builder.axis(joint.sides[0], joint.moves[0][1])
         springs.append((kind, *sections, speed, axis, builder.w.put(spring.numbers)))
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
-    switching: list[Row] = [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
-    parts = cuts[0], list[Row](), joints, loads, [*springs, *bushings], switching
+    touching, row = list[Row](), max((rows.stop for rows in cuts[1].values()), default=0)
+    for k, contact in enumerate(mechanism.contacts.values(), start=row):
+        normal, speed, law = np.asarray(contact.direction), -1, contacts.LAWS.index(contact.law)
+        if contact.joint is not None:
+            normal, speed = normal[0] * mechanism.joints[contact.joint].moves[0][1], builder.speed(contact.joint)
+        numbers = *contacts.numbers_of(contact), builder.axis(contact.first, normal), speed
+        sections = [builder.section(side) for side in contact.sides]
+        touching.append((contacts.kind_of(contact), *sections, law, k, builder.w.put(numbers)))
+    touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
+    parts = cuts[0], list[Row](), joints, loads, [*springs, *bushings], touching
     angles = [angle for kind, *_ in cuts[0] for angle in ANGLES[kind]]
     return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles)
 

@@ -33,7 +33,7 @@ OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 IN_ORDER = OPTIONS | {"fastmath": _AS_WRITTEN}
 """Numba options with sums in textual order, for numbers just written one by one: vectorised reading would stall."""
 
-CONTACT_SIZE = 45
+CONTACT_SIZE = 46
 """Numbers of a unilateral or frictional row, see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
@@ -73,8 +73,8 @@ ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
 (
     GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, SPEED_SIZE, BEFORE, FIRMEST, FORCE, STORED, LOSING,
     MODE, MEMORY, DUE, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE,
-    BEGAN_X, BEGAN_Y, NODES,
-) = range(26)  # fmt: skip
+    BEGAN_X, BEGAN_Y, BEGAN_Z, NODES,
+) = range(27)  # fmt: skip
 """Numbers of a row: gap with two rates; normal force, largest holding force, size of the speeds whose difference is its
 own, previous force, and largest g of bristles since its sides touch, all of friction; force, stored energy and loss;
 mode and what belongs to it; its change at the end of this step; of a contact the error allowed in its gap, k and c of
@@ -96,6 +96,9 @@ step [s] before they closed; a change in search: steps before and after it, the 
 time of the last one, and their number at one instant; one more than the number of a switch that its load's law
 would hold at zero; 1 if other contacts rest than before; number of searches for a change; the predicted step [s] to
 the next contact of rigid sides; then every contact's gradient."""
+AXIS_AT, COORDINATE_AT = 8, 9
+"""Numbers of a contact in space after those of its law: the axis along which it pushes, and for flanks the coordinate
+of their joint."""
 ROOM, LARGEST = STIFF, ALLOWED
 """Numbers of a switch: tolerance of zero, and its largest distance from zero."""
 SHUT, SHIFT = STIFF, VISCOUS
@@ -105,9 +108,9 @@ WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
 """Numbers of change points: time of the next or last one; time [s] from there until the loops are regular again, 0 if
 unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close; time when the
 last one was passed. Then interpolation data."""
-IMPACT_SIZE, MOST_IMPACTS = 10, 256
+IMPACT_SIZE, MOST_IMPACTS = 11, 256
 """Numbers of a completed impact: contact, its begin and end, approach speed, separation speed, impulse, peak force,
-energy lost, x and y of its begin; number of impacts after which Python must collect them. Their count precedes
+energy lost, x, y and z of its begin; number of impacts after which Python must collect them. Their count precedes
 them."""
 
 (
@@ -313,9 +316,12 @@ PARTS = {
 MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM = (
     Handed(f"Mechanism{kind}", 3, **PARTS) for kind in ("", " with contacts", " with impacts", " with holds")
 )
-SPACE, RIGID_SPACE, SWITCHED_SPACE = (
-    Handed(f"Mechanism in space{kind}", 6, **PARTS) for kind in ("", " without stiffness", " with discontinuous loads")
-)
+SPACE, RIGID_SPACE, SWITCHED_SPACE, CONTACT_SPACE, IMPACT_SPACE, HOLD_SPACE = (
+    Handed(f"Mechanism in space{kind}", 6, **PARTS)
+    for kind in (
+        "", " without stiffness", " with discontinuous loads", " with contacts", " with impacts", " with holds",
+    )
+)  # fmt: skip
 """All numbers of a mechanism for compiled code, with those of :mod:`.arrays`. ``pivots``: the plan once
 more, writable; ``kernels``: addresses of those of the structure, see :func:`kernel`; ``p``: the parameters of the
 structure's module; ``real``, ``pair``: arrays for factors. RIGID_SPACE: without shapes, and without derivatives of

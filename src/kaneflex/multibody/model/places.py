@@ -13,6 +13,7 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import Built, Numbers
 from kaneflex.multibody.model.tree_layout import COUNT, ROW_OF
 from kaneflex.multibody.unilateral.complementarity import room_of
+from kaneflex.multibody.unilateral.rows import RESULTS
 
 PLANE = 3
 """D of a mechanism in the plane."""
@@ -190,7 +191,8 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     stored = {
         "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
         **dict.fromkeys(("twist", "rate", "wrenches"), (n, d)), "multipliers": (c.reactions,), "along": (s,),
-        "rows": (c.rows, c.row_size), "springs": (c.springs, 5 + d // 3), "deforming": (4,), "sizes": (c.loads,),
+        "rows": (c.rows, c.row_size), "springs": (c.springs, 5 + d // 3), "deforming": (4,),
+        "touching": (c.holds + c.touching, RESULTS), "sizes": (c.loads,),
     }  # fmt: skip
     views, first = Views(), numbers.size
     for each in fields(Instants):

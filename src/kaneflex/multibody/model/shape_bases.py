@@ -197,10 +197,11 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
-    """Distances from a body's start [m] at which joints, and at which loads act."""
+    """Distances from a body's start [m] at which joints, and at which loads and contacts act."""
     mechanism = spatial_mechanism_of(scene)
     sides: Sequence[Side] = [side for joint in mechanism.joints.values() for side in joint.sides]
     loads = [load.at for load in mechanism.loads.values() if load.at is not None]
+    loads += [side for contact in mechanism.contacts.values() for side in contact.sides]
     return ([float(side.at[0]) for side in sides if side.body == body],
             [float(side.at[0]) for side in loads if side.body == body])  # fmt: skip
 
@@ -215,6 +216,7 @@ def _twisted(scene: Scene, body: str, x: float | None) -> str:
             if name not in scene.masses or mechanism.bodies[name].inertia.any() or mechanism.bodies[name].centre.any()
             }  # fmt: skip
     turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
+    turned |= {contact.joint for contact in mechanism.contacts.values()}
     firm = any(joint.kind in ("weld", "prismatic") for joint, _ in here.values())
     if firm or here.keys() & (turned | mechanism.prescribed):
         return "xyz"

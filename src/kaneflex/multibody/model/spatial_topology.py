@@ -73,8 +73,8 @@ def build_tables(
         if name in mechanism.asked:
             raise SceneError(
                 f"joints.{name}", None,
-                "drives, laws or springs use the coordinates of all joints of its loop",
-                "Leave out a drive, a spring or a coordinate in a law at one joint of this loop",
+                "drives, laws, springs or clearances use the coordinates of all joints of its loop",
+                "Leave out a drive, a spring, a clearance or a coordinate in a law at one joint of this loop",
             )  # fmt: skip
         found = _cut(builder, joint, row)
         cuts += found
@@ -82,9 +82,10 @@ def build_tables(
     acts = list_spatial_acts(builder, mechanism, (cuts, closing), in_laws, switches)
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
+    rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
     return Built(
         builder.tables(acts, mechanism.gravity), builder.layout(closing, driven), builder.w,
-        [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C,
+        [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C, rigid,
     )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ from kaneflex.multibody.model.layout import (
     ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED, HOLDS,
     KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION,
     REACTIONS, ROW_AT, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R,
-    WORKS, YIELDING, apart, larger, shifted, smaller,
+    VIRTUAL, WORKS, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
@@ -214,7 +214,8 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
             rate = change / before
             if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
                 return True
-            if rate >= (_SLOW if m.pivots[BY_FORCES] else 1.0) and change > 1e-3:
+            slow = m.pivots[BY_FORCES] and m.pivots[YIELDING] == plan[VIRTUAL]
+            if rate >= (_SLOW if slow else 1.0) and change > 1e-3:
                 return False
             if change * rate < enough * larger(1.0 - rate, 0.0):
                 return True
@@ -363,7 +364,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
         if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
-            if m.pivots[BY_FORCES]:
+            if m.pivots[BY_FORCES] and m.pivots[YIELDING] == m.plan[VIRTUAL]:
                 m.pivots[BY_FORCES] = 0
                 continue
             needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < load_derivatives.DAMPED else 0.0

@@ -77,7 +77,7 @@ class Run:
         self.longest = float(times[1] - times[0])
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
-        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), EMPTY
+        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), np.zeros(len(self.engine.rows))
         self.impacts: tuple[results.Impact, ...] = ()
         self.changes: list[np.ndarray] = []
         self.projected, self.step = self._begun(start)
@@ -88,17 +88,24 @@ class Run:
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
         engine, t = self.engine, float(self.times[0])
+        self._forget_rows()
+        engine.set(start)
+        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
+        regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
+        if self.touching:
+            own = slice(len(engine.holds), len(engine.holds) + len(self.touching))
+            self.stored[own] = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), STORED]
+        return regular, step
+
+    def _forget_rows(self) -> None:
+        """Set contacts and frictions to those of no run."""
+        engine = self.engine
         if len(engine.holds):
             engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
         self.touching = tuple(self.system.mechanism.contacts)
         if self.touching:
             engine.take_impacts()
-        engine.set(start)
-        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
-        regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
-        if self.touching:
-            self.stored = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), STORED]
-        return regular, step
+        engine.part()
 
     @property
     def ends(self) -> np.ndarray:
@@ -277,23 +284,27 @@ class Run:
         ends: np.ndarray = EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
-        found, works = self.system.unfold(rows), self.engine.count(at.WORKS)
-        done, count, held = rows[:, -works:], found.gaps.shape[1], found.frictions.shape[1]
-        gaps = found.gaps[:, : len(self.touching)]  # the switches of laws follow them
-        lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, STORED] - self.stored)
-        happened = self.impacts
+        found = self.system.unfold(rows)
         if self.touching:
             self.system.unfold(self.here[None])
-            happened += results.lasting(self.touching, self.engine, self.here)
-        contacts = results.RowRecord.of(self.touching, gaps, lost, happened)
-        rubbed = done[:, works - count - held : works - count] - found.frictions[:, :, STORED]
-        jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
-        frictions = results.RowRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed, jams=jams)
-        dissipated, supplied = done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held]
+        contacts, frictions = self._records(rows, np.hstack([found.frictions, found.gaps]))
+        works = rows[:, self.engine.columns["works"]]
+        dissipated = works[:, 0] + contacts.lost.sum(axis=1) + frictions.lost.sum(axis=1)
+        supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
         return CoupledTrajectory(
-            rows, found, balance(found, dissipated, supplied.sum(axis=1)), int(self.counts[0]), int(self.counts[1]),
+            rows, found, balance(found, dissipated, supplied), int(self.counts[0]), int(self.counts[1]),
             outcome, message, ns, ends, contacts=contacts, frictions=frictions,
         )  # fmt: skip
+
+    def _records(self, rows: np.ndarray, touching: np.ndarray) -> tuple[results.RowRecord, results.RowRecord]:
+        """Records of contacts and of frictions at rows of the run, by the engine's results there, (n_times, n_rows,
+        RESULTS); the engine has the state ``here``."""
+        held, works = len(self.engine.holds), rows[:, rows.shape[1] - touching.shape[1] :]
+        lost, contacts = works - (touching[:, :, STORED] - self.stored), slice(held, held + len(self.touching))
+        happened = self.impacts + results.lasting(self.touching, self.engine, self.here)
+        record = results.RowRecord.of(self.touching, touching[:, contacts], lost[:, contacts], happened)
+        jams, names = self.engine.holds[:, at.JAMS].copy(), tuple(self.system.mechanism.frictions)
+        return record, results.RowRecord.of(names, touching[:, :held], lost[:, :held], jams=jams)
 
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}

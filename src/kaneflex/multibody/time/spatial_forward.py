@@ -27,6 +27,8 @@ from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, unknown_energy
+from kaneflex.multibody.unilateral.rows import RESULTS
+from kaneflex.multibody.unilateral.rows import STORED_AT as STORED
 from kaneflex.support.errors import SceneError
 
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
@@ -56,7 +58,10 @@ class SpatialRun(run.Run, Curve):
 
     def _begun(self, start: State) -> tuple[bool, float]:
         free = start.choice.independent
+        self._forget_rows()
         rates = self.system.project(start.t, start.q, start.u, start.choice).du
+        own = slice(len(self.engine.holds), len(self.engine.holds) + len(self.touching))
+        self.stored[own] = self.system.work.touching[own, STORED]
         return True, run.first_step(rates[free], self.bounds.scale[free], self.longest)
 
     def go(
@@ -152,15 +157,28 @@ class SpatialRun(run.Run, Curve):
         parts = [(name, body.mass, body.about_centre, body.centre) for name, body in bodies.items()]
         kinetic, weight = of_bodies(found, parts, self.system.mechanism.gravity)
         kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
-        return Energy(kinetic, found["strain energy"], weight, works[:, 0], works[:, 1:].sum(axis=1))
+        lost = works[:, works.shape[1] - len(self.stored) :]
+        if len(self.stored):
+            lost = lost - (self._touching(rows[:, 0])[:, :, STORED] - self.stored)
+        supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
+        return Energy(kinetic, found["strain energy"], weight, works[:, 0] + lost.sum(axis=1), supplied)
+
+    def _touching(self, times: np.ndarray) -> np.ndarray:
+        """Results of frictions, contacts and switches at ``times`` [s], (n_times, n_rows, RESULTS)."""
+        if not len(self.stored):
+            return np.zeros((len(times), 0, RESULTS))
+        return self.system.instants(self.rows(times)).touching
 
     def trajectory(
         self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
         ends: np.ndarray = run.EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
         steps, rejected, *_ = self.counts.astype(int).tolist()
-        energy = unknown_energy(len(rows))
-        return CoupledTrajectory(rows[:, :1], None, energy, steps, rejected, outcome, message, ns, ends, curve=self)
+        energy, touching = unknown_energy(len(rows)), self._touching(np.append(rows[:, 0], self.here[0]))
+        contacts, frictions = self._records(rows, touching[:-1])
+        return CoupledTrajectory(
+            rows[:, :1], None, energy, steps, rejected, outcome, message, ns, ends, contacts, frictions, curve=self
+        )  # fmt: skip
 
     def stopped(self, reason: str, cure: str) -> SceneError:
         """Error for a motion that can't continue."""

@@ -24,6 +24,7 @@ from kaneflex.multibody.model.tree_layout import COORDINATE, Deformable
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
+from kaneflex.multibody.unilateral.rows import FORCE_AT, STORED_AT
 from kaneflex.scene import Scene
 
 _XYZ = "xyz"
@@ -88,6 +89,9 @@ class SpatialModule(ComputedModule):
             found.append((f"{name}.drive", unit, "what the drive exerts"))
         for name, spring in mechanism.springs.items():
             found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
+        for name, contact in mechanism.contacts.items():
+            units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
+            found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
         found += [(f"{name} energy", "J", "of shapes and springs") for name in ("kinetic", "strain", "weight")]
         for body, shapes in self.system.layout.shapes.items():
             for tail, unit in _RATES:
@@ -174,10 +178,12 @@ class SpatialKinematics(RigidKinematics):
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
         kinetic, strain, weight, _ = found.deforming.T
-        strain = strain + found.springs[:, :, 5].sum(axis=1)
+        strain = strain + found.springs[:, :, 5].sum(axis=1) + found.touching[:, :, STORED_AT].sum(axis=1)
+        rows = found.touching[:, len(system.engine.holds) :][:, : len(mechanism.contacts)]
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
             found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
+            rows[:, :, [0, FORCE_AT]].reshape(count, -1),
             *(each[:, None] for each in (kinetic, strain, weight)),
             *_modal_series(system, found),
         ])  # fmt: skip
@@ -286,6 +292,10 @@ class SpatialMotion(DeformingMotion):
     @property
     def shapes(self) -> Mapping[str, Deformable]:  # type: ignore[override]
         return self.system.layout.shapes
+
+    def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Gap [m or rad] and normal force [N or N m] of a contact."""
+        return self[f"{name}.gap"], self[f"{name}.force"]
 
     def taken(self, instants: np.ndarray) -> Self:
         return type(self)(self.motion, self.times[instants], self.values[instants])

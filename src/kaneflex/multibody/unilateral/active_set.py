@@ -21,20 +21,20 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.dynamics.forces import load_sizes
-from kaneflex.multibody.dynamics.kinematics import section_at
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.model.layout import (
-    ABOVE, ALLOWED, APPROACH, AT, BEGAN_X, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
-    IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS, NODES,
-    ON, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS, TOUCH,
-    WHAT, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
+    ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP,
+    GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
+    MOST_IMPACTS, NODES, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE,
+    STAYS, TOUCH, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.rows import (
-    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, extent, law_at, meet, near, product, rigid, switches,
+    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, extent, law_at, meet, near, place_of, product, rigid,
+    switches,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along
 
@@ -210,9 +210,7 @@ def begin(m, n, t, approach, lost):
     w, k = m.w, at(m, n)
     w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, approach, lost
     w[k + IMPULSE] = w[k + PEAK] = 0.0
-    act = act_of(m, n)
-    first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
-    touching.place(m.acts[act, WHAT], m.sections, first, second, w, law_at(m, n), w, k + BEGAN_X)
+    place_of(m, n, k + BEGAN_X)
 
 
 @njit(**OPTIONS)
@@ -223,7 +221,7 @@ def part(m, n, t, lost):
     j = m.plan[IMPACTS] + 1 + IMPACT_SIZE * count
     w[j], w[j + 1], w[j + 2], w[j + 3], w[j + 4] = n, w[k + SINCE], t, w[k + APPROACH], w[k + GAP_RATE]
     w[j + 5], w[j + 6], w[j + 7] = w[k + IMPULSE], w[k + PEAK], lost - w[k + LOST_BEFORE]
-    w[j + 8], w[j + 9] = w[k + BEGAN_X], w[k + BEGAN_X + 1]
+    w[j + 8], w[j + 9], w[j + 10] = w[k + BEGAN_X], w[k + BEGAN_Y], w[k + BEGAN_Z]
     w[m.plan[IMPACTS]] = count + 1
 
 

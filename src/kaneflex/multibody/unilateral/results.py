@@ -32,8 +32,8 @@ class Impact:
         Largest normal force [N].
     lost : float
         Energy lost [J].
-    x, y : float
-        Global position [m] of the contact at its begin; 0 for flanks, which have none.
+    x, y, z : float
+        Global position [m] of the contact at its begin; z is 0 in the plane.
     """
 
     contact: str
@@ -46,6 +46,7 @@ class Impact:
     lost: float
     x: float
     y: float
+    z: float
 
     @property
     def lasts(self) -> bool:
@@ -126,9 +127,9 @@ def lasting(names: tuple[str, ...], engine: Engine, state: np.ndarray) -> tuple[
     found, works = [], state[len(state) - len(engine.contacts) :]
     for name, work, numbers in zip(names, works, engine.contacts, strict=False):
         if numbers[at.MODE] != at.OPEN:
-            since, approach, impulse, peak, before, x, y = numbers[at.SINCE : at.NODES].tolist()
+            since, approach, impulse, peak, before, *place = numbers[at.SINCE : at.NODES].tolist()
             lost = float(work - before - numbers[at.STORED])
-            found.append(Impact(name, since, math.nan, approach, math.nan, impulse, peak, lost, x, y))
+            found.append(Impact(name, since, math.nan, approach, math.nan, impulse, peak, lost, *place))
     return tuple(found)
 
 

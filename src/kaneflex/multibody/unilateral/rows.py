@@ -20,19 +20,19 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.generated import friction as laws
-from kaneflex.generated import joints
+from kaneflex.generated import joints, spatial
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
-from kaneflex.multibody.compile.stand_ins import of_changes, of_holds, of_impacts
-from kaneflex.multibody.compile.values import by_size, inside, row_length
-from kaneflex.multibody.dynamics.algebra import absolute, dot, scaled
+from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds, of_impacts
+from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, vectors
+from kaneflex.multibody.dynamics.algebra import absolute, axpy, dot, joined, scaled
 from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, EXTENT, FLANK,
-    FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY, MODE, NORMAL,
-    NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE, PRECISION, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, SPRINGS,
-    STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart, larger,
+    ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT, CUT_ROWS,
+    DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY,
+    MODE, NORMAL, NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE, PRECISION, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE,
+    SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart, larger, shifted,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -40,6 +40,8 @@ ROUNDING = 1e-14
 """Rounding error of a gap, in sizes of the mechanism."""
 EPS = 2.3e-16
 """Relative rounding error of numbers."""
+REACH_AT, RADIUS_AT = 2, 7
+"""Places among the numbers of a contact: distance at first touch, and radius of the second side."""
 MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10, 11
 """Places among the numbers of a friction law: both coefficients, viscous part, preload, arm, number of the law, and the
 interaction that it belongs to."""
@@ -102,13 +104,27 @@ def on_contact(m, n):
 
 
 @njit(**OPTIONS)
+def _angle(m, n):
+    """Angle [rad] of the second body of flanks, in space against their first one."""
+    return section_place(m, m.acts[act_of(m, n), ON])[2]
+
+
+@njit(**OPTIONS)
+def _angle_6(m, n):
+    return m.y[int(m.w[law_at(m, n) + COORDINATE_AT])]
+
+
+_angle = by_size(_angle, _angle_6)
+
+
+@njit(**OPTIONS)
 def extent(m, n):
     """Reference size of a row's value: size of the mechanism [m]; for flanks their angle, for turns 1 rad."""
     act = act_of(m, n)
     if n < 0 and m.acts[act, WHAT] == TURN:
         return 1.0
     if n >= 0 and m.acts[act, WHAT] == FLANK:
-        return 1.0 + abs(section_place(m, m.acts[act, ON])[2])
+        return 1.0 + abs(_angle(m, n))
     return m.w[m.plan[TOUCH] + EXTENT]
 
 
@@ -171,18 +187,44 @@ def _meet_switch(m, n):
 
 @njit(**OPTIONS)
 def _gap(m, n, row):
-    """Row of a contact; in space there are none yet."""
+    """Row of a contact: its gap, two rates, and the Jacobian by the twists of both sections."""
     act = act_of(m, n)
     first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
     touching.gap(m.acts[act, WHAT], m.sections, first, second, m.w, law_at(m, n), m.rows, row)
 
 
 @njit(**OPTIONS)
-def _no_gap(m, n, row):
-    inside()
+def _gap_6(m, n, row):
+    act, own, out = act_of(m, n), law_at(m, n), m.rows
+    axis = int(m.w[own + AXIS_AT])
+    if m.acts[act, WHAT] == FLANK:
+        k, turn, both = int(m.w[own + COORDINATE_AT]), m.w[own], twists(m, shifted(out, row + 3))
+        out[row], out[row + 1], out[row + 2] = turn * m.y[k], turn * m.u[k], turn * m.du[k]
+        both[1] = joined((0.0, 0.0, 0.0), m.axes[axis])
+        both[0] = scaled(-1.0, both[1])
+    else:
+        spatial.on_plane(m.sections, m.acts[act, AT], m.acts[act, ON], numbers_of(m.axes), axis, out, row)
+    out[row] -= m.w[own + REACH_AT]
 
 
-_gap = by_size(_gap, _no_gap)
+_gap = by_size(_gap, _gap_6)
+
+
+@njit(**OPTIONS)
+def place_of(m, n, out):
+    """Store the touched place of a contact [m], global; of flanks that of the second section."""
+    act = act_of(m, n)
+    first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
+    touching.place(m.acts[act, WHAT], m.sections, first, second, m.w, law_at(m, n), m.w, out)
+
+
+@njit(**OPTIONS)
+def _place_of_6(m, n, out):
+    own, normal = law_at(m, n), m.axes[int(m.w[law_at(m, n) + AXIS_AT])]
+    vectors(shifted(m.w, out))[0] = axpy(-m.w[own + RADIUS_AT], normal, section_place(m, m.acts[act_of(m, n), ON]))
+
+
+place_of = by_size(place_of, _place_of_6)
 
 
 @njit(**OPTIONS)
@@ -323,8 +365,8 @@ def power(m, n):
     return -m.w[k + FORCE] * m.w[k + GAP_RATE] if m.w[k + MODE] != STICKING else 0.0
 
 
-RESULTS, STORED_AT = 8, 4
-"""Number of a row's :func:`results`, and place of its stored energy."""
+RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
+"""Number of a row's :func:`results`, and places of its force and its stored energy; its gap is the first one."""
 
 
 @njit(**OPTIONS)
@@ -338,3 +380,10 @@ def results(m, out):
         out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
         out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
         i += RESULTS
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def record(m):
+    """Store the results of every row with an instant in space."""
+    results(m, m.touching)

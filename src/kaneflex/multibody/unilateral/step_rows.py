@@ -10,16 +10,17 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONG, BENDING, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS, JAMS, KEPT,
-    LAW, MEMORY, MODE, NODES, OPTIONS, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE, SPEED_SIZE,
-    STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING, apart, larger,
-    shifted,
+    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS,
+    JAMS, KEPT, LAW, MEMORY, MODE, NODES, OPTIONS, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
+    SPEED_SIZE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING, apart,
+    larger, shifted,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
@@ -85,6 +86,8 @@ def let_yield(m, h, state):
         along(m, n)
     more = rows_of_step(m, count, h, state)
     m.pivots[YIELDING] = count + more
+    if count + more > first:
+        m.pivots[BY_FORCES] = width(m) == 6
     for r in range(count, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])
 

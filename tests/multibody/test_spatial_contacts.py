@@ -1,0 +1,157 @@
+"""Contacts and friction in space: planar scenes lifted and turned at random, closed forms, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from lifting import lifted
+from parity import planar, random_turn
+from runs import solved
+
+from kaneflex import SceneError, load, scene_of, with_settings
+
+BALL = """
+schema = 1
+description = "A ball above a plane"
+gravity = [0, 0, -9.81]
+bodies.ball = {mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}}
+ground.foot = [0.2, 0.1, -0.4]
+contacts.floor = {point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", contact = CONTACT}
+sensors.push = {contact_force = "floor"}
+sensors.room = {contact_gap = "floor"}
+solve = {preset = "coupled", duration = "0.4 s", steps = 100, tolerance = 1e-10}
+"""
+HERTZ = '{law = "hertz", stiffness = "2e6 N/m", exponent = 1}'
+BACKLASH = """
+schema = 1
+description = "A flywheel between the flanks of a coupling"
+ground.foot = [1, 0]
+bodies.shaft = {mass = 1, inertia = 0.01}
+bodies.wheel = {mass = 2, inertia = 0.02}
+joints.hub = {revolute = ["ground", "shaft"]}
+joints.coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
+drives.hub = {free = true, initial_speed = "-5 rad/s"}
+drives.coupling = {free = true, initial_speed = "10 rad/s"}
+sensors.angle = {position = "coupling", component = "angle"}
+sensors.on = {contact_torque = "coupling_1"}
+sensors.room = {contact_angle = "coupling_2"}
+solve = {preset = "coupled", duration = "50 ms", steps = 250, tolerance = 1e-10}
+"""
+
+
+def in_space(flat, name):
+    """The scene in space, turned by a rotation that belongs to the name."""
+    return scene_of(lifted(flat, random_turn(name)) | {"solve": flat.raw["solve"]})
+
+
+def both(flat, name):
+    """Solutions in the plane and in space."""
+    found = solved(flat), solved(in_space(flat, name))
+    assert [each.outcome.name for each in found] == 2 * ["COMPLETED"]
+    return found
+
+
+def estimated(plane, space, sensor):
+    """What both runs allow for a sensor."""
+    return sum(each.errors[0][sensor].total for each in (plane, space))
+
+
+@pytest.mark.parametrize("contact", [
+    '{law = "hertz", stiffness = "2e5 N m/rad", exponent = 1}', '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}',
+    '{law = "kelvin-voigt", stiffness = "2e5 N m/rad", exponent = 1, damping = "10 N m s/rad"}',
+])  # fmt: skip
+def test_flanks_meet_as_in_the_plane(contact):
+    plane, space = both(scene_of(BACKLASH.replace("CONTACT", contact)), contact)
+    assert [each.contact for each in space.impacts] == [each.contact for each in plane.impacts]
+    assert len(space.impacts) > 5
+    for sensor in ("angle", "on", "room"):
+        assert abs(space[sensor].values - plane[sensor].values).max() <= estimated(plane, space, sensor)
+    off = estimated(plane, space, "angle")
+    for one, other in zip(space.impacts, plane.impacts, strict=True):
+        assert one.begin == pytest.approx(other.begin, abs=off / other.approach)
+        assert one.separation == pytest.approx(other.separation, rel=1e-6, nan_ok=True)
+        assert one.lost == pytest.approx(other.lost, rel=1e-6, abs=1e-9)
+    assert space.trajectory.energy.drift < 1e-8
+    lost = space.trajectory.contacts.lost[-1]
+    assert lost == pytest.approx(plane.trajectory.contacts.lost[-1], rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", ["a", "b", "c"])
+def test_an_elastic_bar_hits_its_stop_as_in_the_plane(turn):
+    """With the same shapes, in steps of the same number, whichever way it is turned."""
+    flat = with_settings(planar("bouncing-bar", "coupled"), ["solve.duration=0.12 s", "solve.modes=2"])
+    plane, space = both(flat, turn)
+    assert len(space.impacts) == len(plane.impacts) > 3
+    assert space.trajectory.steps == plane.trajectory.steps
+    for one, other in zip(space.impacts, plane.impacts, strict=True):
+        assert (one.begin, one.end) == (pytest.approx(other.begin, rel=1e-12), pytest.approx(other.end, rel=1e-12))
+        assert (one.peak, one.lost) == (pytest.approx(other.peak, rel=1e-9), pytest.approx(other.lost, rel=1e-9))
+        place = random_turn(turn) @ [other.x, other.y, 0.0]
+        assert [one.x, one.y, one.z] == pytest.approx(place, abs=1e-12)
+    for sensor in ("angle", "root_force"):
+        peak = abs(plane[sensor].values).max()
+        assert space[sensor].values == pytest.approx(plane[sensor].values, abs=1e-9 * peak)
+
+
+def ball(contact, *settings):
+    return with_settings(scene_of(BALL.replace("CONTACT", contact)), settings)
+
+
+def test_a_ball_is_thrown_back_by_a_tilted_plane():
+    """Along the normal a parabola, half an oscillation about the depth of rest, and a parabola again."""
+    solution = solved(ball(HERTZ))
+    n = np.array([1.0, 2.0, 5.0]) / math.sqrt(30.0)
+    gap, speed, g = -n @ [0.2, 0.1, -0.4] - 0.05, n @ [0.3, -0.2, 0.5], 9.81 * n[2]
+    met = (speed + math.sqrt(speed**2 + 2 * g * gap)) / g
+    fast, omega = g * met - speed, math.sqrt(2e6 / 2)
+    impact = solution.impacts[0]
+    assert impact.begin == pytest.approx(met, rel=1e-9)
+    assert (impact.approach, impact.separation) == (pytest.approx(fast, rel=1e-9), pytest.approx(fast, rel=1e-8))
+    phase = math.atan2(g / omega, fast)
+    assert impact.end - impact.begin == pytest.approx((math.pi + 2 * phase) / omega, rel=1e-6)
+    assert impact.peak == pytest.approx(2 * g + 2e6 * math.hypot(g / omega**2, fast / omega), rel=1e-6)
+    centre = np.array([0.3, -0.2, 0.5]) * met - [0, 0, 0.5 * 9.81 * met**2]
+    assert [impact.x, impact.y, impact.z] == pytest.approx(centre - 0.05 * n, abs=1e-9)
+    assert solution.trajectory.energy.drift < 1e-9
+    assert solution.statistics("push").max == pytest.approx(impact.peak)
+
+
+@pytest.mark.parametrize("e", [0.05, 0.5, 0.99])
+def test_the_restitution_asked_for_in_space(e):
+    """Without weight."""
+    thrown = "gravity=[0, 0, 0]", "bodies.ball.free.velocity=[0.3, -0.2, -4]"
+    impact = solved(ball(f'{{stiffness = "1e6 N/m^1.5", restitution = {e}}}', *thrown)).impacts[0]
+    assert impact.separation == pytest.approx(e * impact.approach, rel=1e-6)
+    assert impact.lost == pytest.approx(impact.approach**2 - impact.separation**2, rel=1e-6)
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    (("contacts.floor.contact={law='newton', restitution=0.5, stiffness='none', exponent='none'}",),
+     r"contacts\.floor\.contact\.law = 'newton'.*so far"),
+    (("contacts.floor.friction={mu=0.1}",), r"contacts\.floor\.friction: only planar scenes have this so far"),
+    (("contacts.floor.point_on_plane=none", "contacts.floor.point_on_line=['ball', 'ground.foot']"),
+     r"contacts\.floor\.point_on_line: only planar .* Use point_on_plane"),
+    (("ground.foot=[0.2, 0.1, 0.4]",), r"contacts\.floor: at the start its sides penetrate each other by 488.2 mm"),
+    (("contacts.floor.normal=none",), r"the side of the plane is not given"),
+    (("contacts.floor.width=10 mm",), r"width"),
+    (("solve.preset=rigid",), r"contacts\.floor.*preset rigid does not support"),
+])  # fmt: skip
+def test_what_a_contact_in_space_can_t_be_is_refused(settings, message):
+    with pytest.raises(SceneError, match=message):
+        load(ball(HERTZ, *settings))
+
+
+def test_a_plane_is_for_space_alone():
+    flat = planar("bouncing-bar", "coupled")
+    stop = dict(flat.raw["contacts"]["stop"])
+    stop["point_on_plane"] = stop.pop("point_on_line")
+    given = dict(flat.raw) | {"contacts": {"stop": stop}}
+    with pytest.raises(SceneError, match=r"contacts\.stop\.point_on_plane: .*Use point_on_line"):
+        load(scene_of(given))
+
+
+@pytest.mark.parametrize("angle", ["2 deg", "-361 deg"])
+def test_flanks_in_space_start_apart(angle):
+    flat = scene_of(BACKLASH.replace("CONTACT", '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'))
+    with pytest.raises(SceneError, match=f"at the start its angle is {angle} from the middle of the backlash"):
+        load(with_settings(in_space(flat, "a"), [f"drives.coupling.angle={angle}"]))
