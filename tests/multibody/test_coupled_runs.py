@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from command_line import cli
 from runs import gaps, solved
+from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
 from scipy_motion import scipy_motion
 
@@ -17,6 +18,7 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.report.summary import summarise
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.simulation import solve
@@ -103,6 +105,19 @@ def test_a_stored_state_is_read_whatever_coordinates_the_loops_are_closed_by():
         found = system.unfold(row)
         for part in ("q", "v", "a", "reactions"):
             assert getattr(found, part) == pytest.approx(getattr(good, part), rel=1e-12, abs=1e-12), (chosen, part)
+
+
+def test_cubics_between_instants_are_those_of_scipy():
+    """With their slopes, also of knots that coincide and of the last one."""
+    draw = np.random.default_rng(2)
+    knots, (q, v) = np.sort(draw.random(9)), draw.random((2, 9, 3))
+    times = np.concatenate([knots, draw.uniform(knots[0], knots[-1], 40)])
+    expected = CubicHermiteSpline(knots, q, v)
+    pieces = Pieces.of(knots, np.searchsorted(knots, times, side="right") - 1, times)
+    for found, rate in zip(pieces.cubic(q, v), (expected(times), expected(times, 1)), strict=True):
+        assert found == pytest.approx(rate, abs=1e-13 * abs(rate).max())
+    twice = Pieces.of(knots[[0, 0]], np.array([1]), knots[:1])
+    assert [part.tolist() for part in twice.cubic(q, v)] == [q[1:2].tolist(), v[1:2].tolist()]
 
 
 def test_dense_output_meets_a_run_that_stores_those_instants(pendulum):

@@ -23,8 +23,7 @@ from kaneflex.multibody.model.module_loading import generate_text, import_file, 
 from kaneflex.report.summary import Summary
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.study.trade import choice as choice_cache
-from kaneflex.study.trade.choice import choice_file, choose, chosen, remembered_choice
-from kaneflex.support.terminal import silent
+from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
 
 DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 """Sensors of the engine that show the rod's deformation alone."""
@@ -97,17 +96,44 @@ def test_terms_are_dropped_for_code_only(engine):
     assert found.model == "quasistatic, 2 elements, 360 steps" and found.dropped == []
 
 
-def test_for_one_run_the_richest_model_is_the_answer_if_it_is_quick(engine, monkeypatch):
-    """It is within the tolerance; a slower one is replaced by a cheaper one that was run."""
+def test_a_repeated_command_compares_cheaper_models_with_the_reference_of_the_first(engine, cache, monkeypatch):
+    """The first one runs the richest model alone; the second runs no coupled model; later ones know its choice."""
     scene, _ = engine
-    monkeypatch.setattr(choice_cache, "_QUICK", 100.0)
-    found, solution = chosen(scene, 0.015, DEFORMED, silent, "run")
-    assert found.model == "coupled" and solution.model.options.preset == "coupled"
-    assert "Nothing to trade: the richest model takes " in chosen_lines(found)
-    monkeypatch.setattr(choice_cache, "_QUICK", 0.0)
-    assert choose(scene, 0.015, DEFORMED, purpose="run").model.startswith("quasistatic")
-    monkeypatch.setattr(choice_cache, "_LONGEST", 0.0)  # no time for others
-    assert choose(scene, 0.015, DEFORMED, purpose="run").model == "coupled"
+    first, solution = remembered_choice(scene, 0.015, DEFORMED, purpose="run")
+    assert first.model == solution.model.options.preset == "coupled" and not first.compared
+    assert [attempt.model for attempt in first.attempts] == ["coupled"]
+    assert "the next command tries cheaper ones. Models tried: 1" in chosen_lines(first)
+    kept = list(cache.rglob("*.npy"))
+    assert len(kept) == 1
+    monkeypatch.delattr(choice_cache, "chosen")
+    monkeypatch.setattr(choice_cache, "_LONGEST", 100.0)
+    slow = first.model_copy(update={"richest_s": 50.0})  # the time does not depend on the machine
+    choice_file(scene, 0.015, DEFORMED, "run").write_text(slow.model_dump_json())
+    second, solution = remembered_choice(scene, 0.015, DEFORMED, purpose="run")
+    assert second.model.startswith("quasistatic") and second.compared and not second.remembered
+    assert solution.model.options.preset == "quasistatic" and not kept[0].exists()
+    assert error(scene, second, second.reference_settings) == pytest.approx(max(second.errors.values()), abs=0.0005)
+    assert (second.doubt, second.reference) == (first.doubt, first.reference)
+    assert "A run takes 0" in chosen_lines(second) and "coupled" in {each.model for each in second.attempts}
+    third, solution = remembered_choice(scene, 0.015, DEFORMED, purpose="run")
+    assert third == second.model_copy(update={"remembered": True}) and solution is None
+
+
+@pytest.mark.parametrize("damage", [lambda file: file.unlink(), lambda file: file.write_bytes(b"\x93NUMPY")])
+def test_without_the_reference_or_time_the_richest_model_stays_the_answer(engine, cache, monkeypatch, damage):
+    scene, _ = engine
+    first, _ = remembered_choice(scene, 0.016, DEFORMED, purpose="run")
+    monkeypatch.setattr(choice_cache, "_LONGEST", 0.0)
+    path = choice_file(scene, 0.016, DEFORMED, "run")
+    kept = path.with_suffix(".npy").read_bytes()
+    damage(path.with_suffix(".npy"))
+    again, solution = remembered_choice(scene, 0.016, DEFORMED, purpose="run")
+    assert again == first.model_copy(update={"remembered": True}) and solution is None
+    path.with_suffix(".npy").write_bytes(kept)
+    again, solution = remembered_choice(scene, 0.016, DEFORMED, purpose="run")
+    assert again == first.model_copy(update={"remembered": True, "compared": True}) and solution is None
+    assert "Nothing to trade: the richest model takes " in chosen_lines(again)
+    path.unlink()
 
 
 @pytest.mark.exhaustive(group="choice", share=2)
@@ -211,7 +237,7 @@ def test_a_run_from_rest_stays_one_from_rest():
 
 def test_a_choice_is_remembered_until_anything_changes(engine, cache, monkeypatch):
     scene, found = engine
-    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None))
+    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))
     assert not remembered_choice(scene, 0.01, DEFORMED)[0].remembered
     monkeypatch.delattr(choice_cache, "chosen")
     again, solution = remembered_choice(scene, 0.01, DEFORMED)
@@ -238,7 +264,7 @@ def test_a_broken_file_of_the_cache_is_replaced(engine, cache, monkeypatch, cont
     path = choice_file(scene, 0.01, DEFORMED)
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
-    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None))
+    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))
     assert not remembered_choice(scene, 0.01, DEFORMED)[0].remembered
     assert remembered_choice(scene, 0.01, DEFORMED)[0].remembered
 
@@ -248,7 +274,7 @@ def test_run_writes_the_choice_into_the_summary_and_the_scenes_file(engine, cach
     assert cli("new", "my", "--like", "engine", "-o", tmp_path / "my.toml").exit_code == 0
     path = tmp_path / "my.toml"
     text = path.read_text()
-    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None))
+    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))
     sensors = [word for name in DEFORMED for word in ("--sensors", name)]
     result = cli("run", path, "--tolerance", "1%", *sensors, "--write-back", "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 0
@@ -451,23 +477,32 @@ def test_a_model_with_every_term_has_the_whole_module():
     assert pruned() == WHOLE
 
 
-def test_a_run_by_tolerance_is_that_of_the_chosen_settings(engine, cache, tmp_path):
-    """Its results come from the trial that chose the model."""
+def test_a_run_by_tolerance_is_that_of_the_chosen_settings(engine, cache, tmp_path, monkeypatch):
+    """Its results come from the trial that chose the model, and its error estimates from the choice."""
     scene, _ = engine
-    result = cli("run", "engine", "--tolerance", "1.2%", "--sensors", "tip_axial", "--no-plots", "-o", tmp_path / "out")
+    monkeypatch.setattr(choice_cache.Trials, "seconds", lambda self, model: 0.0)
+    command = "run", "engine", "--tolerance", "1.2%", "--sensors", "tip_axial", "--no-plots", "--force"
+    result = cli(*command, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    choice = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text()).choice
+    summary = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text())
+    choice = summary.choice
     _, expected = series(scene, choice.settings, ["tip_axial"])
     rows = np.genfromtxt(tmp_path / "out" / "results.csv", delimiter=",", names=True)
     peak = abs(expected["tip_axial"]).max()
     assert rows[next(n for n in rows.dtype.names if n.startswith("tip_axial"))] == pytest.approx(
         expected["tip_axial"], abs=1e-7 * peak
     )
+    for _ in range(2):  # the second command tries cheaper models, the third one runs the chosen model
+        assert cli(*command, "-o", tmp_path / "out").exit_code == 0
+        summary = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text())
+        own = summary.choice.errors["tip_axial"] + summary.choice.doubt["tip_axial"]
+        assert summary.preset != "coupled"
+        assert summary.sensors["tip_axial"].plus_minus.total == pytest.approx(own * peak, rel=0.02)
 
 
 def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_path, monkeypatch):
     _, found = engine
-    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None))
+    monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))
     path = tmp_path / "engine.py"
     result = cli("derive", "engine", "--tolerance", "0.01", "--sensors", "tip_axial", "-o", path)
     count = "Kernels of the motion and one element: 201 operations, 233 with every term\n"

@@ -215,7 +215,9 @@ def chosen_lines(choice: Choice) -> str:
     beyond = ", ".join(f"{sensor} {percent(doubt)}" for sensor, doubt in choice.open.items())
     own, richest = choice.run_s, choice.richest_s
     time = f"A run takes {own:.2g} s, the richest model {richest:.2g} s"
-    if own >= richest:
+    if not choice.compared:
+        time = "The richest model is the answer, as it was run first; the next command tries cheaper ones"
+    elif own >= richest:
         time = f"Nothing to trade: the richest model takes {richest:.2g} s"
     return (
         f"Chosen within {percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"

@@ -129,6 +129,8 @@ def _solve(scene: Scene, waiting: Waiting, after: Path | None, parameters: Seque
 def _summary(solution: Solution, settings: Sequence[str], choice: Choice | None, waiting: Waiting) -> Summary:
     from kaneflex.report.summary import summarise
 
+    if choice is not None and not solution.model.scene.contacts:  # else of peaks and rms
+        solution.judge({name: error + choice.doubt[name] for name, error in choice.errors.items()} | choice.open)
     solution.estimated(share_of(waiting, "estimating the errors"))
     waiting("writing the results")
     return summarise(solution, settings, choice)

@@ -80,6 +80,7 @@ class Choice(PlainTable):
     attempts: list[Attempt] = Field(description="tried models, in the order of the trials")
     run_s: float = Field(description="wall time of the chosen model's first run, s")
     richest_s: float = Field(description="wall time of the first run of the richest model, s")
+    compared: bool = Field(description="whether cheaper models than the richest were tried")
     seconds: float = Field(description="wall time of the choice, s")
     remembered: bool = Field(description="whether the choice was read from the cache")
 

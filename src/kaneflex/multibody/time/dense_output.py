@@ -34,7 +34,7 @@ class Pieces:
     @classmethod
     def of(cls, knots: np.ndarray, last: np.ndarray, times: np.ndarray) -> Pieces:
         """Pieces for instants; ``last``: last knot at or before each."""
-        k = np.minimum(last, len(knots) - 2)
+        k = np.clip(last, 0, len(knots) - 2)
         length = knots[k + 1] - knots[k]
         share = np.divide(times - knots[k], length, out=np.ones(len(times)), where=length > 0.0)
         return cls(k, share[:, None], length[:, None])
@@ -43,12 +43,14 @@ class Pieces:
         before, after = values[self.k], values[self.k + 1]
         return before + self.share * (after - before)
 
-    def cubic(self, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Hermite cubic of one series."""
-        s, h = self.share[:, 0], self.length[:, 0]
-        first = (1.0 + 2.0 * s) * values[self.k] + s * h * slopes[self.k]
-        last = (3.0 - 2.0 * s) * values[self.k + 1] + (s - 1.0) * h * slopes[self.k + 1]
-        return (1.0 - s) ** 2 * first + s**2 * last
+    def cubic(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Hermite cubic through q and its rate, with its slope."""
+        s, h, k = self.share, self.length, self.k
+        c_1 = h * v[k]
+        off, off_rate = q[k + 1] - q[k] - c_1, h * v[k + 1] - c_1
+        c_2, c_3 = 3.0 * off - off_rate, off_rate - 2.0 * off
+        slope = c_1 + s * (2.0 * c_2 + s * 3.0 * c_3)
+        return q[k] + s * (c_1 + s * (c_2 + s * c_3)), np.divide(slope, h, out=v[k + 1].copy(), where=h > 0.0)
 
     def quintic(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Hermite quintic through q and its two rates, with its slope."""
@@ -149,8 +151,8 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
     rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
     rows = system.states(rows)
     found = system.unfold(rows)
-    dissipated = piece.cubic(path.energy.dissipated, path.loss)
-    supplied = piece.cubic(path.energy.supplied, path.power)
+    done = np.column_stack([path.energy.dissipated, path.energy.supplied])
+    dissipated, supplied = piece.cubic(done, np.column_stack([path.loss, path.power]))[0].T
     energy = balance(found, dissipated, supplied)
     contacts = path.contacts
     if contacts is not None:

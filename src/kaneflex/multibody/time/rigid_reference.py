@@ -25,6 +25,7 @@ from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem, Unfolded
+from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
@@ -58,10 +59,8 @@ class Courses(NamedTuple):
         if len(self.times) == 1:
             u = np.broadcast_to(self.u, (len(times), self.u.shape[1]))
             return np.stack([self.q + (times - self.times)[:, None] * u, u, 0.0 * u])
-        from scipy.interpolate import CubicHermiteSpline
-
-        q, u = (CubicHermiteSpline(self.times, *each) for each in ((self.q, self.u), (self.u, self.du)))
-        return np.stack([q(times), u(times), u(times, 1)])
+        pieces = Pieces.of(self.times, np.searchsorted(self.times, times, side="right") - 1, times)
+        return np.stack([pieces.cubic(self.q, self.u)[0], *pieces.cubic(self.u, self.du)])
 
 
 @dataclass(frozen=True, eq=False)

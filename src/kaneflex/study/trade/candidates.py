@@ -110,7 +110,7 @@ def _one_way(scene: Scene, preset: str) -> Family:
     """Other meshes, modes of the mechanism, each with fewer steps; more steps with the scene's mesh."""
     steps, own, plain = resolve_options(scene).steps, elements_of(scene), (f"solve.preset={preset}",)
     meshes = {n: dict.fromkeys(own, n) for n in _ELEMENTS if set(own.values()) != {n}}
-    kinds = {preset: ((), sum(own.values()))}
+    kinds: dict[str, tuple[tuple[str, ...], float]] = {preset: ((), sum(own.values()))}
     kinds |= {f"{preset}, {_count(n, 'element')}": (elements_set(mesh), n * len(own)) for n, mesh in meshes.items()}
     if preset != "quasistatic":
         kinds |= {f"{preset}, {n} modes": ((f"solve.modes={n}",), n / 3) for n in _MODES}

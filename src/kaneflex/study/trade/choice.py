@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from kaneflex.scene import Scene
 from kaneflex.scene.structure import structure_hash
+from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.summary_tables import Attempt, Choice
@@ -20,17 +20,15 @@ from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import neutral, neutral_settings, terms_of
 from kaneflex.study.trade.ranking import check_request
-from kaneflex.study.trade.reference import KNOWN, find_reference
+from kaneflex.study.trade.reference import KNOWN, find_reference, kept_curves, read_curves, recalled
 from kaneflex.study.trade.trials import Trial, Trials
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
-_QUICK = 2.0
-"""Processor seconds of the richest model with its error estimate up to which no cheaper one is tried for one run."""
 _LONGEST = 1.0
-"""Most seconds of trying cheaper models for one run."""
+"""Most processor seconds of trying cheaper models for one run."""
 
 
 def choose(
@@ -47,8 +45,8 @@ def choose(
     scene, tolerance, sensors, progress
         As :func:`kaneflex.study.trade.ranking.trade` takes them.
     purpose : {"run", "model", "code"}
-        For one run the richest model is chosen if it took about as long, with its error estimate, as trying cheaper
-        ones takes. For code, groups of terms are dropped one by one while the model stays within.
+        For one run the richest model is chosen: it has been run already. For code, groups of terms are dropped one by
+        one while the model stays within.
 
     Raises
     ------
@@ -60,17 +58,15 @@ def choose(
 
 def chosen(
     scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, purpose: Purpose
-) -> tuple[Choice, Solution]:
-    """Choice as of :func:`choose`, and the chosen model's solution."""
-    started, computed = time.perf_counter(), time.process_time()  # a busy machine does not change the choice
+) -> tuple[Choice, Solution, Curves]:
+    """Choice as of :func:`choose`, the chosen model's solution, and the curves of the reference."""
+    started = time.perf_counter()
     named, sensors = sensors is not None, check_request(scene, tolerance, 1.0, sensors)
     runs = Runs(neutral(scene), progress)
     share = 1.0 if purpose == "run" else KNOWN
     trials = Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
     model = richest = trials.richest()
-    quick = trials.within(richest) and time.process_time() - computed <= _QUICK
-    if purpose != "run" or not quick:
-        trials.until = time.perf_counter() + _LONGEST if purpose == "run" else math.inf
+    if purpose != "run":
         found = [*trials.cheapest_models(), *([richest] if trials.within(richest) else [])]
         model = min(found or [richest], key=trials.seconds)
     beyond = trials.beyond(model)
@@ -79,25 +75,60 @@ def chosen(
         raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
     dropped = _drop_terms(trials, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
-    own, reference = runs.run(model), trials.reference
-    return Choice(
+    reference = trials.reference
+    choice = Choice(
         tolerance=tolerance,
         sensors=[sensor for sensor in reference.sensors if sensor not in beyond],
-        model=model.name,
-        settings=[*neutral_settings(scene), *model.settings],
+        **_of_model(scene, trials, model),
         dropped=[each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped],
-        errors={each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
         open=dict(reference.open) | beyond,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene), *reference.model.settings],
         reference_note=reference.note,
         doubt=dict(reference.doubts),
         attempts=list(map(_attempt, trials.tried.values())),
-        run_s=own.timing.total,
         richest_s=runs.run(richest).timing.total,
+        compared=purpose != "run",
         seconds=time.perf_counter() - started,
         remembered=False,
-    ), own.solution
+    )
+    return choice, runs.run(model).solution, reference.curves
+
+
+def _of_model(scene: Scene, trials: Trials, model: Variant) -> dict[str, Any]:
+    """Fields of a choice about its model."""
+    beyond = trials.beyond(model)
+    return {
+        "model": model.name,
+        "settings": [*neutral_settings(scene), *model.settings],
+        "errors": {each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
+        "run_s": trials.runs.run(model).timing.total,
+    }
+
+
+def cheaper(
+    scene: Scene, known: Choice, curves: Curves, progress: Progress = lambda stage: None
+) -> tuple[Choice, Solution | None]:
+    """Choice of a cheaper model than the richest one, which an earlier command chose and compared with none, and its
+    solution; the same choice if no model is cheaper and within.
+
+    Trying takes at most about twice the time of the richest model's run. ``curves`` are those of its reference.
+    """
+    started = time.perf_counter()
+    runs = Runs(neutral(scene), progress)
+    reference = recalled(runs.scene, known, curves)
+    until = time.process_time() + min(_LONGEST, 2.0 * known.richest_s)
+    trials = Trials(runs, known.tolerance, reference, until, known.richest_s)
+    plain = reference.levels[0]
+    trials.tried[plain] = Trial(plain, within=known.model == plain.name)
+    found = [model for model in trials.cheapest_models() if model is not plain]
+    model = min(found, key=trials.seconds, default=plain)
+    attempts = [*known.attempts, *(_attempt(trial) for each, trial in trials.tried.items() if each is not plain)]
+    update = {"compared": True, "attempts": attempts}
+    if not found or trials.seconds(model) >= known.richest_s:
+        return known.model_copy(update=update), None
+    update |= _of_model(scene, trials, model) | {"seconds": time.perf_counter() - started}
+    return known.model_copy(update=update), runs.run(model).solution
 
 
 def _attempt(trial: Trial) -> Attempt:
@@ -138,13 +169,22 @@ def remembered_choice(
     can't be written.
     """
     path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors), purpose)
+    reference, solution = path.with_suffix(".npy"), None
     try:
-        kept = Choice.model_validate_json(path.read_text(encoding="utf-8"))
-        return kept.model_copy(update={"remembered": True}), None
+        choice = Choice.model_validate_json(path.read_text(encoding="utf-8"))
+        known, curves = True, None if choice.compared else read_curves(reference, scene)
     except (OSError, UnicodeDecodeError, ValidationError):
-        choice, solution = chosen(scene, tolerance, sensors, progress, purpose)
+        known, (choice, solution, curves) = False, chosen(scene, tolerance, sensors, progress, purpose)
+        data = None if choice.compared else kept_curves(curves, scene)
+        if data is not None:
+            keep(reference, data)
+    else:
+        if curves is None:
+            return choice.model_copy(update={"remembered": True}), None
+        choice, solution = cheaper(scene, choice, curves, progress)
+        reference.unlink(missing_ok=True)
     keep(path, (choice.model_dump_json(indent=2) + "\n").encode())
-    return choice, solution
+    return choice.model_copy(update={"remembered": known and solution is None}), solution
 
 
 def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str], purpose: Purpose = "model") -> Path:

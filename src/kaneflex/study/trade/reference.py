@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +19,17 @@ from kaneflex.study.runs import Run, Runs
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set
 from kaneflex.support.errors import SceneError
 
+if TYPE_CHECKING:
+    from kaneflex.solve.summary_tables import Choice
+
 _FINER = 2
 """Factor on the scene's elements and steps for the finer model."""
 _TIGHTER, _LEAST = 1.0 / 8.0, 1e-13
 """Factor on the tolerance of a step of preset coupled for it, and the least tolerance."""
 _GAIN = 8.0
 """Factor by which it can reduce an error: forces converge at least with the square of the elements' length."""
+_MOST = 2**23
+"""Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
 """Error estimate, as a share of the tolerance, up to which a reference is refined to compare many models with it."""
 
@@ -118,6 +126,31 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     return Reference(runs.scene, model, _denser(run), known, beyond, notes, levels)
 
 
+def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
+    """Reference of an earlier choice for the same neutral scene."""
+    plain = COUPLED if COUPLED.settings[0] in known.reference_settings else STIFFENED
+    levels = plain, _finer(scene, plain)
+    model = next(each for each in levels if each.name == known.reference)
+    beyond = {sensor: error for sensor, error in known.open.items() if sensor not in known.doubt}
+    return Reference(scene, model, curves, known.doubt, beyond, known.reference_note, levels)
+
+
+def kept_curves(curves: Curves, scene: Scene) -> bytes | None:
+    """Instants and values of all sensors as a file; None if it would be large."""
+    table, file = np.array([curves.times, *(curves.values[name] for name in scene.sensors)]), BytesIO()
+    np.save(file, table)
+    return file.getvalue() if table.size <= _MOST else None
+
+
+def read_curves(path: Path, scene: Scene) -> Curves | None:
+    """Curves of a file that :func:`kept_curves` made; None if it does not exist or is damaged."""
+    try:
+        times, *values = np.load(path, allow_pickle=False)
+        return Curves(times, dict(zip(scene.sensors, values, strict=True)), {})
+    except (OSError, ValueError, TypeError, EOFError):
+        return None
+
+
 def _finer(scene: Scene, plain: Variant) -> Variant:
     """A finer model than the plain one of a preset, whose error estimate runs one that is twice as fine again."""
     steps, modes, tolerance = _FINER * resolve_options(scene).steps, 2 * modes_of(scene) + 1, tolerance_of(scene)
@@ -157,13 +190,13 @@ def _denser(run: Run) -> Curves:
 
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
-    solution = run.solution
+    solution, curves = run.solution, run.curves
     if solution.model.scene.contacts:
-        return run.curves
-    times = solution.times
-    middles = np.append(times[:-1] + 0.5 * np.diff(times), times[-1])
-    series = solution.at(instants := np.column_stack([times, middles]).ravel()[:-1]).series
-    return replace(run.curves, times=instants, values={name: series[name].values for name in run.curves.values})
+        return curves
+    times = curves.times
+    between = solution.at(middles := times[:-1] + 0.5 * np.diff(times)).series
+    values = {name: np.insert(own, range(1, len(own)), between[name].values) for name, own in curves.values.items()}
+    return replace(curves, times=np.insert(times, range(1, len(times)), middles), values=values)
 
 
 def _check(

@@ -72,22 +72,23 @@ class Ranked(Trial):
 class Trials:
     """Comparisons of models with a reference, each made once.
 
-    ``until``: moment of ``time.perf_counter`` after which no model is tried; ``tried``: results in the order of trials.
+    ``until``: moment of ``time.process_time`` after which no model is tried; ``coupled``: time of the run
+    of the plain coupled model [s], if known before; ``tried``: results in the order of trials.
     """
 
     runs: Runs
     tolerance: float
     reference: Reference
     until: float = math.inf
+    coupled: float = 0.0
     tried: dict[Variant, Trial] = field(default_factory=dict)
 
     def within(self, candidate: Variant) -> bool:
         """True if a candidate is within the tolerance; False also if it can't be run, or not in time."""
-        left = self.until - time.perf_counter()
-        known = self.runs.kept.get(COUPLED)
+        left = self.until - time.process_time()
         if candidate not in self.tried and left > 0:
-            if candidate.settings[0] == COUPLED.settings[0] and known is not None and known.timing.total > left:
-                return False  # a coupled model may take as long as the plain one
+            if candidate.settings[0] == COUPLED.settings[0] and self.coupled > left:
+                return False  # it may take as long as the plain one
             try:
                 self.tried[candidate] = self._compared(candidate, left)
             except SceneError as error:
