@@ -194,6 +194,20 @@ def test_where_the_reference_does_not_converge_nothing_is_chosen():
         choose(scene, 1e-4, ["mid_transverse", "rod_force"])
 
 
+@pytest.mark.exhaustive(group="fine", share=2)
+@pytest.mark.parametrize(("name", "sensors", "modes"), [
+    ("slider-crank-150", ["mid_transverse"], 7), ("engine", ["tip_axial", "mid_global_x"], 15),
+])  # fmt: skip
+def test_a_hundredth_of_a_per_cent_is_answered_by_as_many_modes_as_it_takes(name, sensors, modes):
+    """Against a model with twice as many and elements half as long."""
+    scene = with_settings(read_scene(name), ["main.speed=36000 rpm"] if name == "engine" else [])
+    found = choose(scene, 1e-4, sensors, purpose="run")
+    assert f"solve.modes={modes}" in found.settings and max(found.errors.values()) + max(found.doubt.values()) <= 1e-4
+    finer = [f"solve.modes={2 * modes}", "solve.tolerance=1e-11", *(s for s in found.settings if "preset" in s)]
+    finer += [f"rod.elements={4 * modes}", f"solve.steps={2 * solved(scene, *found.settings).model.options.steps}"]
+    assert error(scene, found, finer) < 1e-4
+
+
 def test_sensors_that_no_model_stores_densely_enough_are_not_said_to_be_within(monkeypatch):
     """The engine by 24 steps a cycle: its forces are not straight lines between them."""
     monkeypatch.setattr(choice_cache.Trials, "cheapest_models", lambda self: [])
@@ -245,23 +259,24 @@ def test_a_choice_is_remembered_until_anything_changes(engine, cache, monkeypatc
     assert again.remembered and again.model_copy(update={"remembered": False}) == found
     faster = with_settings(scene, ["main.speed=6001 rpm"])
     others = [(faster, 0.01, DEFORMED), (scene, 0.02, DEFORMED), (scene, 0.01, DEFORMED[1:])]
-    files = {choice_file(*each) for each in [(scene, 0.01, DEFORMED), *others]}
-    assert len(files) == 4 and {file for file in files if file.exists()} == {choice_file(scene, 0.01, DEFORMED)}
+    files = {choice_file(*each, "model") for each in [(scene, 0.01, DEFORMED), *others]}
+    known = choice_file(scene, 0.01, DEFORMED, "model")
+    assert len(files) == 4 and {file for file in files if file.exists()} == {known}
 
 
 def test_a_changed_table_is_another_scene(tmp_path):
     assert cli("new", "my", "--like", "engine", "-o", tmp_path / "my.toml").exit_code == 0
     scene = read_scene(tmp_path / "my.toml")
-    before = choice_file(scene, 0.01, DEFORMED)
+    before = choice_file(scene, 0.01, DEFORMED, "model")
     table = tmp_path / "gas.csv"
     table.write_text(table.read_text().replace("1", "2", 1))
-    assert choice_file(scene, 0.01, DEFORMED) != before
+    assert choice_file(scene, 0.01, DEFORMED, "model") != before
 
 
 @pytest.mark.parametrize("content", [b"{", b"{}", b"\xff"])
 def test_a_broken_file_of_the_cache_is_replaced(engine, cache, monkeypatch, content):
     scene, found = engine
-    path = choice_file(scene, 0.01, DEFORMED)
+    path = choice_file(scene, 0.01, DEFORMED, "model")
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
     monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))

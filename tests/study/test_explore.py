@@ -10,6 +10,7 @@ from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.plots.explorer import Explorer
 from kaneflex.plots.style import new_figure, styled
 from kaneflex.study.exploration import Exploration, varied
+from kaneflex.study.trade import choice
 
 SCENE = with_settings(read_scene("engine"), ["solve.steps=144", "solve.integrator=radau"])
 SPEED, LENGTH = "main.speed=2000:9000rpm", "rod.length=30:180mm"
@@ -128,6 +129,24 @@ def test_what_cannot_be_explored_is_refused(tmp_path):
     shown = kaneflex.explore(SCENE, [SPEED], SENSORS, window=False)
     assert {line.get_label() for axes in shown.axes for line in axes.lines} >= set(SENSORS)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_window_shows_the_model_that_a_tolerance_chooses_at_the_ends_of_its_sliders(tmp_path, monkeypatch):
+    """At 36000 rpm the rod acts back on the engine: one-way deformation is 8 % off."""
+    monkeypatch.setattr(choice, "cache_folder", lambda: tmp_path)
+    opened = []
+    monkeypatch.setattr("kaneflex.plots.explore", lambda scene, *others: opened.append(scene) or ["main.speed=1"])
+    command = "explore", "engine", "--set", "solve.steps=360", "--tolerance", "4%", "--sensors", "mid_transverse"
+    result = cli(*command, "--vary", "main.speed=3000:36000rpm")
+    assert result.exit_code == 0, result.output
+    assert "Compared at the start and the ends of the sliders; elsewhere errors may be larger" in result.output
+    assert opened[0].solve.preset == "coupled" and opened[0].drives == read_scene("engine").drives
+    assert "--set solve.preset=coupled" in result.output and "--set main.speed=1" in result.output
+    again = cli(*command, "--vary", "main.speed=3000:36000rpm")
+    assert ", as found before\n" in again.output and opened[1] == opened[0]
+    refused(cli(*command, "--vary", "rod.elements=1:8"), "--vary = 'rod.elements'", "--tolerance chooses it")
+    refused(cli(*command), "--vary", "nothing varies")
+    assert len(opened) == 2
 
 
 def test_without_a_screen_it_says_how_to_have_a_picture():

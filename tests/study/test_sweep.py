@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
 from kaneflex.study.sweep import Progress, in_this_process
+from kaneflex.study.trade import choice
 
 HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
 STUDY = HEAD + """
@@ -290,6 +292,33 @@ def test_the_command_says_what_failed_and_where_the_results_are(tmp_path):
     assert json.loads((tmp_path / "out" / "study.json").read_text())["points"] == 9
     file.write_text(HEAD + '[parameters]\n"rod.length" = ["30 mm"]\n')
     assert cli("sweep", file, "-o", tmp_path / "none").exit_code == 3
+
+
+def test_a_sweep_by_a_tolerance_solves_all_points_by_one_model(tmp_path, monkeypatch):
+    """It is within at the first, the middle and the last point, and the same when the sweep continues."""
+    monkeypatch.setattr(choice, "cache_folder", lambda: tmp_path / "cache")
+    file, out = tmp_path / "study.toml", tmp_path / "out"
+    speeds = '{from = "1000 rpm", to = "9000 rpm", count = 4}'
+    file.write_text(f'scene = "engine"\n[parameters]\n"main.speed" = {speeds}\n')
+    command = "sweep", file, "--no-plots", "-o", out, "--sensors", "mid_transverse"
+    refused(cli(*command), "--sensors: requires --tolerance")
+    refused(cli(*command, "--tolerance", "5%", "--preset", "rigid"), "--preset = 'rigid'")
+    result = cli(*command, "--tolerance", "5%")
+    assert result.exit_code == 0, result.output
+    assert "Compared at points 0, 2, 3; elsewhere errors may be larger" in result.stdout
+    settings = re.findall(r"--set (\S+)", result.stdout)
+    assert settings[0] != "solve.preset=coupled"
+    swept = dataset(out)
+    for point, speed in ((0, "1000 rpm"), (3, "9000 rpm")):
+        scene = with_settings(read_scene("engine"), [f"main.speed={speed}"])
+        own, rich = (solved(scene, *each) for each in (settings, ["solve.preset=coupled"]))
+        peak = abs(rich.series["mid_transverse"].values).max()
+        assert abs(own.series["mid_transverse"].values).max() == pytest.approx(peak, rel=0.05)
+        found = swept["mid_transverse"].sel(point=point, statistic="max")
+        assert float(found) == pytest.approx(own.statistics("mid_transverse").max, rel=1e-12)
+    assert ", as found before\n" in cli(*command, "--tolerance", "5%").stdout
+    file.write_text('scene = "engine"\n[parameters]\n"rod.elements" = [1, 2]\n')
+    refused(cli(*command, "--tolerance", "5%"), "parameters = 'rod.elements'", "--tolerance chooses it")
 
 
 def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch):

@@ -123,7 +123,7 @@ def test_the_spin_up_needs_the_geometric_stiffness():
 
 def test_preset_coupled_is_refined_by_modes_with_the_elements_to_carry_them():
     """The crank of two elements has three fixed-interface modes and no more."""
-    finer = _finer(neutral(read_scene("engine-elastic-crank")), COUPLED)
+    finer = _finer(neutral(read_scene("engine-elastic-crank")), COUPLED, 2)
     assert finer.name == "coupled, 7 modes a link, tolerance 1.3e-09"
     assert "bodies.crank.beam.elements=8" in finer.settings
 

@@ -27,6 +27,7 @@ from kaneflex.cli.scene import (
     refuse_with_tolerance,
     scene_options,
     tolerance_of,
+    tolerance_options,
     uncollected,
 )
 from kaneflex.support.terminal import echo
@@ -48,12 +49,7 @@ if TYPE_CHECKING:
     "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
     help="With --sensitivities: keep the modal bases, or compute them for each change.",
 )  # fmt: skip
-@click.option(
-    "--tolerance", metavar="SHARE",
-    help="Choose the cheapest model (least computing time) whose error in each sensor is within this share of its "
-    "peak, like 1%.",
-)
-@names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
+@tolerance_options
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @folder_options("results", which_pictures)
 @click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; needs pip install "kaneflex[vtk]".')

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import wraps
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.command import Decorator, together
+from kaneflex.cli.command import Decorator, names_option, together
 from kaneflex.support.errors import SceneError, nearest, told
 from kaneflex.support.terminal import echo
 
@@ -192,9 +192,9 @@ UNKNOWN = "Not verified"
 class Choosing:
     """Request for a model: the permitted error, the sensors, and whether to write the model into the scene's file."""
 
-    tolerance: str | None
-    sensors: tuple[str, ...]
-    write_back: bool
+    tolerance: str | None = None
+    sensors: tuple[str, ...] = ()
+    write_back: bool = False
 
 
 def tolerance_of(text: str) -> float:
@@ -203,6 +203,33 @@ def tolerance_of(text: str) -> float:
 
     percent = text.strip().endswith("%")
     return quantity("--tolerance", text.strip().removesuffix("%"), RATIO, text) * (0.01 if percent else 1.0)
+
+
+tolerance_option = click.option(
+    "--tolerance", metavar="SHARE",
+    help="Choose the cheapest model (least computing time) whose error in each sensor is within this share of its "
+    "peak, like 1%.",
+)  # fmt: skip
+tolerance_options = together(
+    tolerance_option, names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
+)
+
+
+def chosen_settings(
+    choosing: Choosing, scenes: Sequence[Scene], option: str, paths: Iterable[str], where: str
+) -> list[str]:
+    """Settings of the fastest model within a tolerance in all scenes, which is reported with ``where`` these are.
+
+    Raises SceneError also if one of the varied ``paths`` of the option is part of the choice.
+    """
+    from kaneflex.study.trade.choice import check_varied, choose_for_all
+    from kaneflex.support.terminal import Waiting
+
+    check_varied(scenes[0], option, paths)
+    with Waiting() as waiting:
+        choice = choose_for_all(scenes, tolerance_of(choosing.tolerance or ""), choosing.sensors or None, waiting)
+    echo(f"{chosen_lines(choice)}\n  Compared at {where}; elsewhere errors may be larger")
+    return choice.settings
 
 
 def chosen_lines(choice: Choice) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,19 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.command import Count, command, output_option
-from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, SceneArguments, gathered, preset_option, settings_option
+from kaneflex.cli.scene import (
+    INTERRUPTED,
+    STOPPED_EARLY,
+    Choosing,
+    SceneArguments,
+    chosen_settings,
+    demand_tolerance,
+    gathered,
+    preset_option,
+    refuse_with_tolerance,
+    settings_option,
+    tolerance_options,
+)
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import echo
 
@@ -22,6 +35,31 @@ if TYPE_CHECKING:
 _FAILURES_SHOWN = 5
 _QUIET = 2.0
 """Time between two progress lines [s]."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Processes on this machine, or those of a Dask scheduler; by default this process."""
+
+    workers: int | None = None
+    scheduler: str | None = None
+
+    @property
+    def solver(self) -> Solver:
+        if self.workers is not None and self.scheduler is not None:
+            cure = "Give one of the two"
+            raise SceneError("--workers", self.workers, "a Dask scheduler has its own workers", cure)
+        if self.scheduler is not None:
+            from kaneflex.study.cluster import on_cluster
+
+            return on_cluster(self.scheduler)
+        if self.workers is not None:
+            from kaneflex.study.workers import in_processes
+
+            return in_processes(self.workers)
+        from kaneflex.study.sweep import in_this_process
+
+        return in_this_process
 
 
 @command()
@@ -38,18 +76,22 @@ _QUIET = 2.0
 )  # fmt: skip
 @settings_option
 @preset_option
+@tolerance_options
 @click.option(
     "--no-plots", "plots", is_flag=True, flag_value=False, default=True,
     help="Draw no pictures; they need xarray, and are left out without it.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Start again and replace the results of an earlier sweep.")
-@gathered(asked=SceneArguments)
+@gathered(asked=SceneArguments, choosing=Choosing, on=Workers)
 @click.pass_context
 def sweep(
-    ctx: click.Context, asked: SceneArguments, output: Path | None, workers: int | None, scheduler: str | None,
-    form: str, plots: bool, force: bool,
+    ctx: click.Context, asked: SceneArguments, choosing: Choosing, on: Workers, output: Path | None, form: str,
+    plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many parameter values and write one labelled dataset.
+
+    With --tolerance the points are solved by the fastest model that is within it at the first, the middle and the last
+    point.
 
     STUDY.toml names the scene and the parameters: lists, ranges and samples. The folder contains sweep.nc with the
     smallest, largest, rms and mean value of every sensor at each point. After an interruption the same command
@@ -63,7 +105,10 @@ def sweep(
 
     study = Path(asked.name)
     plan = make_plan(study, asked.changes)
-    solver = _solver(workers, scheduler)
+    solver = on.solver
+    refuse_with_tolerance(choosing.tolerance, {"--preset": asked.preset, "poincare": plan.poincare})
+    demand_tolerance(choosing.tolerance, {"--sensors": ",".join(choosing.sensors)})
+    plan = plan if choosing.tolerance is None else _with_chosen_model(plan, choosing)
     folder = output or Path(f"{study.stem}-sweep")
     try:
         finished = go_through(plan, folder, solver, _reporter(), force, form)
@@ -82,6 +127,16 @@ def sweep(
         ctx.exit(STOPPED_EARLY)
 
 
+def _with_chosen_model(plan: Plan, choosing: Choosing) -> Plan:
+    """Plan with the fastest model within the tolerance at the first, the middle and the last point."""
+    from kaneflex.scene import with_settings
+
+    ends = sorted({0, len(plan.points) // 2, len(plan.points) - 1})
+    where, scenes = f"points {', '.join(map(str, ends))}", [plan.at(point) for point in ends]
+    settings = chosen_settings(choosing, scenes, "parameters", plan.points[0], where)
+    return replace(plan, scene=with_settings(plan.scene, settings))
+
+
 def _drawn(finished: Finished, plan: Plan) -> list[Path]:
     """Draw the pictures that a dataset's points allow, next to it."""
     from kaneflex.plots import draw
@@ -93,23 +148,6 @@ def _drawn(finished: Finished, plan: Plan) -> list[Path]:
         except ValueError as reason:
             echo(f"No picture {kind}: {reason}", err=True)
     return drawn
-
-
-def _solver(workers: int | None, scheduler: str | None) -> Solver:
-    if workers is not None and scheduler is not None:
-        cure = "Give one of the two"
-        raise SceneError("--workers", workers, "a Dask scheduler has its own workers", cure)
-    if scheduler is not None:
-        from kaneflex.study.cluster import on_cluster
-
-        return on_cluster(scheduler)
-    if workers is not None:
-        from kaneflex.study.workers import in_processes
-
-        return in_processes(workers)
-    from kaneflex.study.sweep import in_this_process
-
-    return in_this_process
 
 
 def _reporter() -> Callable[[Progress], None]:

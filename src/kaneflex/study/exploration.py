@@ -125,6 +125,10 @@ class Exploration:
         """Settings path=value for these values."""
         return [each.setting(value) for each, value in zip(self.open, values, strict=True)]
 
+    def at(self, values: Sequence[float]) -> Scene:
+        """The scene with these values."""
+        return with_settings(self.scene, self.settings(values))
+
     def solve(self, values: Sequence[float] | None = None) -> Solution:
         """Run the scene at these values, or as it is if None, like `kaneflex run`.
 

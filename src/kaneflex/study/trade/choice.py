@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ValidationError
 
 from kaneflex.scene import Scene
+from kaneflex.scene.settings import resolved
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
@@ -61,38 +62,96 @@ def chosen(
 ) -> tuple[Choice, Solution, Curves]:
     """Choice as of :func:`choose`, the chosen model's solution, and the curves of the reference."""
     started = time.perf_counter()
+    trials = _begun(scene, tolerance, sensors, progress, 1.0 if purpose == "run" else KNOWN)
+    model = trials.richest()
+    if purpose != "run":
+        found = [*trials.cheapest_models(), *([model] if trials.within(model) else [])]
+        model = min(found or [model], key=trials.seconds)
+    dropped = _drop_terms(trials, model) if purpose == "code" else []
+    model = dropped[-1] if dropped else model
+    choice = _choice(scene, trials, model, sensors is not None, started)
+    update = {"dropped": [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]}
+    choice = choice.model_copy(update=update | {"compared": purpose != "run"})
+    return choice, trials.runs.run(model).solution, trials.reference.curves
+
+
+def choose_for_all(
+    scenes: Sequence[Scene], tolerance: float, sensors: Sequence[str] | None = None,
+    progress: Progress = lambda stage: None,
+) -> Choice:  # fmt: skip
+    """Fastest model that is within a tolerance in each of several scenes with other numbers, as :func:`choose` finds
+    it; each error is the largest of the scenes. Taken from the cache if it is there.
+
+    Raises SceneError also if there is none.
+    """
+
+    def compared() -> Choice:
+        started = time.perf_counter()
+        trials = [_begun(scene, tolerance, sensors, progress, KNOWN) for scene in scenes]
+        found = dict.fromkeys(model for each in trials for model in (*each.cheapest_models(), each.richest()))
+        good = [model for model in found if all(each.within(model) for each in trials)]
+        if not good:
+            reason = "no model is within it at all compared points"
+            raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Choose a larger one, or fewer sensors")
+        model = min(good, key=lambda model: sum(each.seconds(model) for each in trials))
+        choices = [_choice(scene, each, model, True, started) for scene, each in zip(scenes, trials, strict=True)]
+        update = {key: _largest([getattr(each, key) for each in choices]) for key in ("errors", "doubt", "open")}
+        return choices[0].model_copy(update=update)
+
+    own = check_request(scenes[0], tolerance, 1.0, sensors)
+    path = choice_file(scenes[0], tolerance, own, *(_digest(each) for each in scenes))
+    choice = _read(path)
+    if choice is not None:
+        return choice.model_copy(update={"remembered": True})
+    choice = compared()
+    _keep(path, choice)
+    return choice
+
+
+def check_varied(scene: Scene, option: str, paths: Iterable[str]) -> None:
+    """Raise SceneError for a varied entry that the choice of a model sets."""
+    for path in paths:
+        table, *rest = resolved(scene.raw, path)
+        if rest[-1] == "elements" or (table == "solve" and rest[0] not in ("start", "duration", "mode_angle")):
+            raise SceneError(option, path, "--tolerance chooses it", "Leave out one of the two")
+
+
+def _largest(tables: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    return {name: max(table[name] for table in tables if name in table) for name in names}
+
+
+def _begun(
+    scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, share: float
+) -> Trials:
+    """Trials of a scene's models with its reference."""
     named, sensors = sensors is not None, check_request(scene, tolerance, 1.0, sensors)
     runs = Runs(neutral(scene), progress)
-    share = 1.0 if purpose == "run" else KNOWN
-    trials = Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
-    model = richest = trials.richest()
-    if purpose != "run":
-        found = [*trials.cheapest_models(), *([richest] if trials.within(richest) else [])]
-        model = min(found or [richest], key=trials.seconds)
-    beyond = trials.beyond(model)
+    return Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
+
+
+def _choice(scene: Scene, trials: Trials, model: Variant, named: bool, started: float) -> Choice:
+    """Choice of a tried model; raises SceneError if a named sensor is not within the tolerance."""
+    reference, beyond, tolerance = trials.reference, trials.beyond(model), trials.tolerance
     for sensor, error in beyond.items() if named else ():
         reason = f"between its stored instants the finest model changes {sensor} by {100 * error:.2g} %"
         raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
-    dropped = _drop_terms(trials, model) if purpose == "code" else []
-    model = dropped[-1] if dropped else model
-    reference = trials.reference
-    choice = Choice(
+    return Choice(
         tolerance=tolerance,
         sensors=[sensor for sensor in reference.sensors if sensor not in beyond],
         **_of_model(scene, trials, model),
-        dropped=[each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped],
+        dropped=[],
         open=dict(reference.open) | beyond,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene), *reference.model.settings],
         reference_note=reference.note,
         doubt=dict(reference.doubts),
         attempts=list(map(_attempt, trials.tried.values())),
-        richest_s=runs.run(richest).timing.total,
-        compared=purpose != "run",
+        richest_s=trials.runs.run(trials.richest()).timing.total,
+        compared=True,
         seconds=time.perf_counter() - started,
         remembered=False,
     )
-    return choice, runs.run(model).solution, reference.curves
 
 
 def _of_model(scene: Scene, trials: Trials, model: Variant) -> dict[str, Any]:
@@ -169,29 +228,45 @@ def remembered_choice(
     can't be written.
     """
     path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors), purpose)
-    reference, solution = path.with_suffix(".npy"), None
-    try:
-        choice = Choice.model_validate_json(path.read_text(encoding="utf-8"))
-        known, curves = True, None if choice.compared else read_curves(reference, scene)
-    except (OSError, UnicodeDecodeError, ValidationError):
-        known, (choice, solution, curves) = False, chosen(scene, tolerance, sensors, progress, purpose)
+    reference, choice, solution = path.with_suffix(".npy"), _read(path), None
+    known, curves = choice is not None, None
+    if choice is None:
+        choice, solution, curves = chosen(scene, tolerance, sensors, progress, purpose)
         data = None if choice.compared else kept_curves(curves, scene)
         if data is not None:
             keep(reference, data)
-    else:
-        if curves is None:
-            return choice.model_copy(update={"remembered": True}), None
-        choice, solution = cheaper(scene, choice, curves, progress)
-        reference.unlink(missing_ok=True)
-    keep(path, (choice.model_dump_json(indent=2) + "\n").encode())
+    elif not choice.compared:
+        curves = read_curves(reference, scene)
+        if curves is not None:
+            choice, solution = cheaper(scene, choice, curves, progress)
+            reference.unlink(missing_ok=True)
+    if curves is not None or not known:
+        _keep(path, choice)
     return choice.model_copy(update={"remembered": known and solution is None}), solution
 
 
-def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str], purpose: Purpose = "model") -> Path:
+def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str], *others: str) -> Path:
     """Cache file of a scene's choice, named by digests of the structure and of everything else that it depends on.
 
-    These are the scene's entries and tables, the sensors, the tolerance, the purpose and kaneflex's own sources.
+    These are the scene's entries and tables, the sensors, the tolerance, ``others`` (the purpose, or other scenes) and
+    kaneflex's own sources.
     """
-    files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
-    about = digest(scene, files, sorted(sensors), tolerance, purpose)
+    about = _digest(scene, sorted(sensors), tolerance, *others)
     return cache_folder() / "choices" / f"{structure_hash(scene)}-{about}.json"
+
+
+def _digest(scene: Scene, *about: object) -> str:
+    files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
+    return digest(scene, files, *about)
+
+
+def _read(path: Path) -> Choice | None:
+    """Choice of a file; None if there is none, or it is damaged."""
+    try:
+        return Choice.model_validate_json(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ValidationError):
+        return None
+
+
+def _keep(path: Path, choice: Choice) -> None:
+    keep(path, (choice.model_dump_json(indent=2) + "\n").encode())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -22,12 +23,15 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.solve.summary_tables import Choice
 
-_FINER = 2
-"""Factor on the scene's elements and steps for the finer model."""
-_TIGHTER, _LEAST = 1.0 / 8.0, 1e-13
-"""Factor on the tolerance of a step of preset coupled for it, and the least tolerance."""
-_GAIN = 8.0
-"""Factor by which it can reduce an error: forces converge at least with the square of the elements' length."""
+_FINER, _LEVELS = 2, 2
+"""Factor on elements and steps from one level to the next, and the number of finer levels."""
+_ORDER, _LEAST = 3, 1e-13
+"""Power of that factor by which the tolerance of a step of preset coupled falls, and the least tolerance."""
+_CONVERGES = 0.5
+"""Share of the error estimate of the level before at which a further level is tried."""
+_GAIN, _MOST_GAIN = 8.0, 64.0
+"""Factor by which it can reduce an error: forces converge at least with the square of the elements' length; and where
+modes converge fast, which is tried before a tolerance is refused."""
 _MOST = 2**23
 """Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
@@ -53,7 +57,7 @@ class Reference:
     note : str
         Why ``coupled`` can't be run, and warnings of the model's run; empty if none.
     levels : tuple of Variant
-        The plain model and the finer one.
+        The plain model and finer ones, the finest last.
     """
 
     scene: Scene
@@ -85,7 +89,8 @@ class Reference:
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
     """Preset ``coupled``, or ``stiffened`` if that can't be run, refined once if that can bring the error estimate of
-    a sensor within a share of the tolerance; motions with impacts hardly converge.
+    a sensor within a share of the tolerance, and twice if else the tolerance would be refused; motions with impacts
+    hardly converge.
 
     Parameters
     ----------
@@ -109,30 +114,36 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
         if runs.scene.solve.preset == "coupled":
             raise
         plain, note = STIFFENED, f"preset coupled can't be run: {error}"
-    levels, model, enough = (plain, _finer(runs.scene, plain)), plain, share * tolerance
+    levels, model, enough = _levels(runs.scene, plain), plain, share * tolerance
     doubts = {} if runs.run(plain).curves.undersampled else doubts_of(runs, sensors, plain)
-    hopeful = any(enough < doubt <= _GAIN * enough for doubt in doubts.values())
-    if not doubts or (hopeful and not runs.scene.contacts):
+    deciding, before = max if named else min, math.inf
+    for finer in levels[1:]:
+        hopeful = model is plain and any(enough < doubt <= _GAIN * enough for doubt in doubts.values())
+        found = deciding(doubts.values(), default=math.inf)
+        refused = tolerance < found <= min(_MOST_GAIN * tolerance, _CONVERGES * before)
+        if doubts and (runs.scene.contacts or not (hopeful or refused)):
+            break
         try:
-            doubts, model = doubts_of(runs, sensors, levels[1]), levels[1]
+            doubts, model, before = doubts_of(runs, sensors, finer), finer, found
         except SceneError:
             if not doubts:
                 raise
+            break
     run = runs.run(model)
     _check(runs.scene, model, run, doubts, tolerance, named)
     beyond = {sensor: doubt for sensor, doubt in doubts.items() if doubt > tolerance}
     known = {sensor: doubt for sensor, doubt in doubts.items() if sensor not in beyond}
     notes = "; ".join(filter(None, (note, *run.solution.warnings)))
-    return Reference(runs.scene, model, _denser(run), known, beyond, notes, levels)
+    return Reference(runs.scene, model, _denser(run), known, beyond, notes, _up_to(levels, model))
 
 
 def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
     """Reference of an earlier choice for the same neutral scene."""
     plain = COUPLED if COUPLED.settings[0] in known.reference_settings else STIFFENED
-    levels = plain, _finer(scene, plain)
+    levels = _levels(scene, plain)
     model = next(each for each in levels if each.name == known.reference)
     beyond = {sensor: error for sensor, error in known.open.items() if sensor not in known.doubt}
-    return Reference(scene, model, curves, known.doubt, beyond, known.reference_note, levels)
+    return Reference(scene, model, curves, known.doubt, beyond, known.reference_note, _up_to(levels, model))
 
 
 def kept_curves(curves: Curves, scene: Scene) -> bytes | None:
@@ -151,12 +162,22 @@ def read_curves(path: Path, scene: Scene) -> Curves | None:
         return None
 
 
-def _finer(scene: Scene, plain: Variant) -> Variant:
-    """A finer model than the plain one of a preset, whose error estimate runs one that is twice as fine again."""
-    steps, modes, tolerance = _FINER * resolve_options(scene).steps, 2 * modes_of(scene) + 1, tolerance_of(scene)
-    mesh = {name: _FINER * count for name, count in elements_of(scene).items()}
+def _levels(scene: Scene, plain: Variant) -> tuple[Variant, ...]:
+    """The plain model of a preset and finer ones; the error estimate of each runs one as fine as the next."""
+    return (plain, *(_finer(scene, plain, _FINER**k) for k in range(1, _LEVELS + 1)))
+
+
+def _up_to(levels: tuple[Variant, ...], model: Variant) -> tuple[Variant, ...]:
+    """Levels up to a model, at least two."""
+    return levels[: max(2, levels.index(model) + 1)]
+
+
+def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
+    """A finer model than the plain one of a preset, by a factor on its elements and steps."""
+    steps, modes = scale * resolve_options(scene).steps, scale * (modes_of(scene) + 1) - 1
+    mesh = {name: scale * count for name, count in elements_of(scene).items()}
     if plain is COUPLED:
-        tolerance = max(_LEAST, _TIGHTER * tolerance)
+        tolerance = max(_LEAST, tolerance_of(scene) / scale**_ORDER)
         # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
         mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
         name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"

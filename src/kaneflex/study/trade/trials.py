@@ -109,9 +109,9 @@ class Trials:
         return first if first > _SHORT else min(first, self.runs.repeats([model], 0.0)[model][0].total)
 
     def richest(self) -> Variant:
-        """The plain model if it is within the tolerance, else the finer one."""
-        plain, finer = self.reference.levels
-        return plain if self.within(plain) or not (self.within(finer) or self.tried[finer].differences) else finer
+        """The coarsest level of the reference within the tolerance, else the finest one that can be run."""
+        within = next(filter(self.within, self.reference.levels), None)
+        return within or [each for each in self.reference.levels if self.tried[each].differences][-1]
 
     def beyond(self, model: Variant) -> dict[str, float]:
         """Sensors of a tried model that are not within the tolerance, with their error and uncertainty."""
