@@ -21,7 +21,8 @@ from kaneflex.multibody.model import tree_layout as of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.interactions import side_of
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem, Unfolded
+from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.solve.simulation import solve
 
 STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
@@ -115,10 +116,10 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
     return dict(zip(names, constraints.residuals(poses, list(joints)).tolist(), strict=True))
 
 
-def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded:
+def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
     """The nearest state of a planar system with closed loops, with accelerations and reactions."""
     folded(system, t, q, v)
-    return system.unfold(system.states(system.engine.row(t)[None]))
+    return by_themselves(system, system.states(system.engine.row(t)[None]))
 
 
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:

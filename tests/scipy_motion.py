@@ -48,7 +48,8 @@ def follow(run, times):
 
     def slope(t, x):
         now = row(t, x)
-        return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(now[None])[5][0]])
+        powers = engine.instants(engine.unfold(now[None])).powers[0]
+        return np.concatenate([x[len(free) : 2 * len(free)], a[free], powers])
 
     scale = tolerance * np.where(engine.turns[free], 1.0, length)
     first = np.concatenate([y[free], v[free], run.here[-works:]])

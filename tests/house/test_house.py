@@ -252,7 +252,6 @@ LONG = {
     "integrate/instants.py": {"eighths"},
     "integrate/steppers.py": {"_residual", "collocation", "exact_modal", "newmark"},
     "multibody/time/collocation.py": {"_iterate", "integrate"},
-    "multibody/dynamics/unfolding.py": {"unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.
 

@@ -15,6 +15,7 @@ from kaneflex.generated import body
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.time.linearisation import prepare
+from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 
@@ -30,8 +31,8 @@ def moved(engine):
     """A state of the engine under way, with what its equations say there: t, q, v, a, multipliers."""
     found = simulate_coupled(engine).trajectory
     k = slice(13, 14)
-    state = engine.coupled.unfold(engine.coupled.states(found.rows[k]))
-    return found.times[13], state.q[0], state.v[0], state.a[0], state.reactions[0]
+    state = by_themselves(engine.coupled, engine.coupled.states(found.rows[k]))
+    return found.times[13], state.q[0], state.v[0], state.a[0], state.multipliers[0]
 
 
 def inertia_forces(model, q, v, a):

@@ -11,7 +11,7 @@ from runs import STENCIL, gaps, model, run, solved
 
 from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
-from kaneflex.multibody.model.system import CoupledSystem, Unfolded
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.floating_motion import FloatingMotion
@@ -20,11 +20,13 @@ from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result
 
 
-def still(system: CoupledSystem, q: np.ndarray) -> CoupledTrajectory:
-    """Frames and shapes at rest, all at t = 0."""
-    rows, none = np.zeros((len(q), len(system.engine.row(0.0)))), 0.0 * q
-    reactions = np.zeros((len(q), len(system.constraints)))
-    return by_themselves(rows, Unfolded(q, none, none, reactions, *4 * [none]))
+def path(system: CoupledSystem, *parts: np.ndarray) -> CoupledTrajectory:
+    """Coordinates of frames and shapes, and their rates, zero by default; without forces, all at t = 0."""
+    q = parts[0]
+    rows, record = np.zeros((len(q), len(system.engine.row(0.0)))), np.zeros((len(q), len(system.engine.work.kept)))
+    for columns, part in zip(system.record, parts, strict=False):
+        record[:, columns] = part
+    return by_themselves(system, rows, record)
 
 
 def test_rates_are_the_derivatives_of_places():
@@ -35,9 +37,9 @@ def test_rates_are_the_derivatives_of_places():
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
-    moved = still(given.coupled, q)
+    moved = path(given.coupled, q, v, a)
     moved.rows[:, 0] = times
-    solution = as_result(given, replace(moved, bodies=replace(moved.bodies, v=v, a=a)), 0.0)
+    solution = as_result(given, moved, 0.0)
     motion, xs = solution.motion, (0.0, 0.11, 0.3)
     found = {"shapes": solution.coordinates} | {x: motion.moving.moving_place("rod", (x, 0.0)) for x in xs}
     found |= {f"{x} in its body": motion.displacement("rod", (x, 0.0)) for x in xs}
@@ -52,7 +54,7 @@ def test_constraints_are_the_gaps_between_these_places():
     system, joints = given.coupled, given.scene.joints
     q = 0.1 * np.random.default_rng(5).normal(size=(1, system.size))
     found = gaps(system, 0.0, q[0])
-    motion = FloatingMotion.of(given, given.motion.at(0.0), still(system, q))
+    motion = FloatingMotion.of(given, given.motion.at(0.0), path(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
@@ -74,8 +76,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     system = replace(given.coupled, links={"strip": own}, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
-    trajectory = still(system, q)
-    trajectory = replace(trajectory, bodies=replace(trajectory.bodies, v=v, a=a))
+    trajectory = path(system, q, v, a)
     motion = FloatingMotion.of(replace(given, coupled=system), given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0

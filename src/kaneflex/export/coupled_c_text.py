@@ -100,7 +100,16 @@ int {name}_run({name}_state *state, double until)
 void {name}_motion({name}_state *state, double q[], double v[], double a[], double forces[])
 {{
     const mechanism m = {name}_handed(state);
-{moved}}}
+    {unfold}(&m, state->row{unfolded});
+    for (int k = 0; k < {NAME}_COORDINATES; k++)
+        q[k] = m.kept[{name}_columns_q[k]];
+    for (int k = 0; k < {NAME}_{rates}; k++) {{
+        v[k] = m.kept[{name}_columns_v[k]];
+        a[k] = m.kept[{name}_columns_a[k]];
+    }}
+    for (int k = 0; k < {NAME}_FORCES; k++)
+        forces[k] = {name}_unknown[k] ? NAN : m.kept[{name}_columns_forces[k]];
+}}
 """
 RUN_PARTS = {
     "about": "coordinates of the bodies [m, rad], forces of joints and drives [N, N m]", "header": "{name}.h",
@@ -116,7 +125,7 @@ RUN_PARTS = {
 """Parts of the program that writes a run."""
 
 _PLANE = {
-    "rates": "COORDINATES", "stored": "", "begun": "",
+    "rates": "COORDINATES", "unfolded": ", 1, m.kept", "stored": "", "begun": "",
     "locals": "", "patient": "0.0", "at_once": "{most}", "turned": "",
     "extern": "extern const char *const {name}_free_names[];\n",
     "declared": """\
@@ -139,20 +148,9 @@ int {name}_accelerations({name}_state *state, double t, const double y[], const 
     return {NAME}_DONE;
 }}
 """,
-    "moved": """\
-    double moved[3][{NAME}_COORDINATES], exerted[{NAME}_EXERTED], sums[4], rates[{NAME}_WORKS];
-    {unfold}(&m, state->row, 1, moved[0], moved[1], moved[2], exerted, sums, rates);
-    for (int k = 0; k < {NAME}_COORDINATES; k++) {{
-        q[{name}_order[k]] = moved[0][k];
-        v[{name}_order[k]] = moved[1][k];
-        a[{name}_order[k]] = moved[2][k];
-    }}
-    for (int k = 0; k < {NAME}_FORCES; k++)
-        forces[k] = {name}_unknown[k] ? NAN : exerted[{name}_exerted[k]];
-""",
 }  # fmt: skip
 _SPACE = {
-    "rates": "RATES",
+    "rates": "RATES", "unfolded": "",
     "stored": "    int64_t free[{NAME}_FREE + 1]; /* numbers of the independent speeds */\n",
     "begun": """\
     memcpy(state->free, {name}_free, {free} * sizeof {name}_free[0]);
@@ -191,19 +189,6 @@ int {name}_accelerations(
             else
                 patient = 1.0; /* this choice is the best one: it is not checked in the next steps */
         }}
-""",
-    "moved": """\
-    const int failed = {unfold}(&m, state->row, {name}_joints, (double *)
-        {name}_points, q, v, a, forces) != 0;
-    for (int k = 0; k < {drives}; k++)
-        forces[6 * {joints} + k] = m.along[{name}_driven[k]];
-    for (int k = 0; k < {NAME}_COORDINATES && failed; k++)
-        q[k] = NAN;
-    for (int k = 0; k < {NAME}_RATES && failed; k++)
-        v[k] = a[k] = NAN;
-    for (int k = 0; k < {NAME}_FORCES; k++)
-        if (failed || {name}_unknown[k])
-            forces[k] = NAN;
 """,
 }  # fmt: skip
 BY_SIZE = {3: _PLANE, 6: _SPACE}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -91,27 +89,14 @@ def _state(mechanism: Mechanism, rigid: RigidMotion) -> tuple[np.ndarray, np.nda
     """Kinetic energy, energy of springs and potential of weight [J]."""
     parts = [(name, body.mass, body.inertia, body.centre) for name, body in mechanism.bodies.items()]
     parts += [(lump.point.body, lump.mass, lump.inertia, lump.point.at) for lump in mechanism.masses.values()]
-    (kinetic, weight), strain = of_bodies(rigid, parts, mechanism.gravity), np.zeros(len(rigid.times))
+    kinetic, strain, weight = np.zeros((3, len(rigid.times)))
+    for body, mass, inertia, at in parts:
+        frame = rigid.frame(body)
+        kinetic += 0.5 * (mass * (frame.velocity(at) ** 2).sum(axis=0) + inertia * frame.omega**2)
+        weight -= mass * (mechanism.gravity @ frame.place(at))
     for spring in mechanism.springs.values():
         strain += springs.potential(spring, _stretched(rigid, spring))
     return kinetic, strain, weight
-
-
-def of_bodies(
-    rigid: RigidMotion, parts: Iterable[tuple[str, float, Any, Any]], gravity: np.ndarray | Sequence[float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Kinetic energy and potential of weight [J] of rigid bodies or lumped masses, planar or in space.
-
-    ``parts``: body, mass, inertia about the centre of mass, in space a matrix in the body's axes, and that centre.
-    """
-    kinetic, weight = np.zeros((2, len(rigid.times)))
-    for body, mass, inertia, at in parts:
-        frame = rigid.frame(body)
-        velocity, omega = frame.velocity(at), frame.omega
-        spin = omega[None] if omega.ndim == 1 else frame.to_body(omega)
-        kinetic += 0.5 * (mass * (velocity**2).sum(axis=0) + (spin * (np.atleast_2d(inertia) @ spin)).sum(axis=0))
-        weight -= mass * (gravity @ frame.place(at))
-    return kinetic, weight
 
 
 def _stretched(rigid: RigidMotion, spring: Spring) -> np.ndarray:

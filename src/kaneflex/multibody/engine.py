@@ -20,7 +20,6 @@ from kaneflex.multibody.model.state import NONE, Choice
 from kaneflex.multibody.model.tree_layout import JOINT_NODE
 from kaneflex.multibody.model.views import Views
 from kaneflex.multibody.time import collocation
-from kaneflex.multibody.unilateral.rows import RESULTS
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
@@ -215,13 +214,11 @@ class Engine(Views):
             collocation.integrate, method, control, here, given, len(given), times, len(times), *out, wide
         ))  # fmt: skip
 
-    def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Coordinates q, v, a of the bodies, joint forces, energies and powers at rows of the integration."""
-        count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        exerted = 3 * bodies + self.count(at.REACTIONS) + RESULTS * len(self.rows)
-        widths = (size, size, size, exerted, 4, self.count(at.WORKS))
-        out = tuple(np.zeros((count, width)) for width in widths)
-        self.call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
+    def unfold(self, rows: np.ndarray) -> np.ndarray:
+        """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration with closed
+        loops, (n_times, kept)."""
+        out = np.zeros((len(rows), len(self.work.kept)))
+        self.call(unfolding.unfold, np.ascontiguousarray(rows), len(rows), out)
         return out
 
     def compile(self) -> None:

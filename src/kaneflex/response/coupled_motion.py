@@ -51,7 +51,7 @@ class CoupledMotion(Motion):
     def rigid_forces(self) -> RigidMotion:
         reference = self.model.module
         rows = reference.system.states(reference.rows(self.times, reference.first))
-        trajectory = by_themselves(rows, reference.system.unfold(rows))
+        trajectory = by_themselves(reference.system, rows)
         return FloatingMotion.of(replace(self.model, coupled=reference.system), self.rigid, trajectory)
 
     @property

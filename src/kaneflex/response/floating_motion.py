@@ -26,6 +26,7 @@ from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
+from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
@@ -80,7 +81,7 @@ class FloatingMotion(DeformingMotion):
     def taken(self, instants: np.ndarray) -> Self:
         contacts, frictions, t = self.trajectory.contacts, self.trajectory.frictions, self.trajectory
         trajectory = replace(
-            t, rows=t.rows[instants], bodies=t.bodies and t.bodies.taken(instants),
+            t, rows=t.rows[instants], record=t.record[instants],
             contacts=contacts and contacts.taken(instants), frictions=frictions and frictions.taken(instants),
         )  # fmt: skip
         shift, rigid = {name: part[instants] for name, part in self.shift.items()}, self.rigid.taken(instants)
@@ -254,15 +255,15 @@ class FloatingMotion(DeformingMotion):
         if not still:
             return self
         try:
-            found = self.system.unfold(self.system.states(t.rows, still))
+            found = by_themselves(self.system, self.system.states(t.rows, still))
         except ArithmeticError:
             return self
         across = [k for k, (name, _) in enumerate(self.system.coordinates) if ".transverse_" in name]
         violent = (abs(found.a[:, across]) > abs(t.a[:, across]).max(axis=0)).any(axis=1)
-        assert t.bodies is not None
-        kept = (self._locked & violent)[:, None]
-        a, reactions = np.where(kept, t.a, found.a), np.where(kept, t.multipliers, found.reactions)
-        return replace(self, trajectory=replace(t, bodies=replace(t.bodies, a=a, reactions=reactions)))
+        kept, record = ~(self._locked & violent)[:, None], t.record.copy()
+        for columns in (t.of.a, t.of.forces):
+            record[:, columns] = np.where(kept, found.record[:, columns], record[:, columns])
+        return replace(self, trajectory=replace(t, record=record))
 
     @property
     def _locked(self) -> np.ndarray:

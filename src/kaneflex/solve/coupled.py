@@ -130,7 +130,7 @@ def integrated_in_space(model: Model, share: Share) -> Model:
     if found.outcome is not Outcome.COMPLETED:
         raise run.stopped(found.message, CURE)
     motion = _along(model, run)
-    moved = moving(model, motion, run.energy(motion))
+    moved = moving(model, motion, found.energy)
     check_stage(moved)
     return moved
 
@@ -232,8 +232,6 @@ def _in_space(model: Model, trajectory: CoupledTrajectory, run: SpatialRun, seco
         reference = run.start.t
     elif motion.module.FREE and len(trajectory.times) == len(run.times):
         reference = reference_instant(model.scene, model.options, motion)[0]
-    alone = SpatialKinematics(SpatialModule(run.system), run.system.parameters, run)
-    trajectory = replace(trajectory, energy=run.energy(alone))
     return RunResult(replace(model, motion=motion, reference_time=reference), trajectory, seconds)
 
 

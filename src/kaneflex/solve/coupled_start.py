@@ -10,11 +10,11 @@ import numpy as np
 
 from kaneflex.mechanism.spatial_frame import AXES
 from kaneflex.multibody.compile import library
-from kaneflex.multibody.dynamics import spatial_entries, spatial_unfolding, unfolding
+from kaneflex.multibody.dynamics import exported_entries, spatial_entries, unfolding
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_tables
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
@@ -93,13 +93,10 @@ def _periodic(model: Model) -> State:
 
 def _in_plane(system: CoupledSystem) -> tuple:
     engine, entries = system.engine, {"project": collocation.project, "unfold": unfolding.unfold}
-    room = 3 * engine.count(at.BODIES) + engine.count(at.REACTIONS) + 5  # one contact: the compiler can't see that the
-    # loop over contacts is empty
     names = {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     return (
         names, system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
-        {"order": system.order, "exerted": system.exerted},
-        {"EXERTED": room, "WORKS": engine.count(at.WORKS)}, {"Y": at.Y, "RATE": at.RATE},
+        _recorded(system), {}, {"Y": at.Y, "RATE": at.RATE},
     )  # fmt: skip
 
 
@@ -107,22 +104,21 @@ def _in_space(model: Model) -> tuple:
     motion = model.coupled_in_space
     assert motion is not None
     system = motion.module.system
-    joints, points = joint_tables(system)
-    entries = {
-        "project": (spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]),
-        **{each.__name__: (each, of) for each, of in spatial_unfolding.ENTRIES.items()},
-    }
+    entries = {each.__name__: (each, of) for each, of in exported_entries.ENTRIES.items()}
+    entries["project"] = spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": len(system.state_coordinates), "SPEEDS": system.engine.size}
-    tables = {
-        "joints": np.vstack([joints, [spatial_unfolding.NO_JOINT, 0, 0, 0, 0]]), "points": points,
-        "driven": system.engine.prescribed, "level": system.engine.levels,
-    }  # fmt: skip
     numbers = {
-        "joints": len(points), "drives": len(system.driven), "patience": PATIENT, "fixed": int(system.engine.light),
-        "FIXED": spatial_unfolding.FIXED, "CHANGED": spatial_unfolding.CHANGED,
+        "patience": PATIENT, "fixed": int(system.engine.light), "FIXED": exported_entries.FIXED,
+        "CHANGED": exported_entries.CHANGED,
     }  # fmt: skip
+    tables = {**_recorded(system), "level": system.engine.levels}
     return names, motion.module.open_reactions, entries, tables, sizes, numbers
+
+
+def _recorded(system: CoupledSystem | SpatialSystem) -> dict[str, np.ndarray]:
+    """Columns of the record that exported C reads."""
+    return {f"columns_{key}": getattr(system.record, key) for key in ("q", "v", "a", "forces")}
 
 
 def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:

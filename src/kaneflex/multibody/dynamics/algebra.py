@@ -327,10 +327,3 @@ def by_axis(a, b):
     """Products of the components of two vectors in space"""
     inside()
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
-
-
-@njit(**IN_ORDER)
-def store(out, a):
-    """Store a vector in space in numbers."""
-    inside()
-    out[0], out[1], out[2] = a

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numba.types import Type, float64
@@ -24,9 +25,9 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 
 (
-    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN,
-) = range(11)  # fmt: skip
-"""Places of ``counts``; KEPT: numbers of a row; PHI: rows of phi; GEOMETRY: place in ``w`` of the first of four
+    NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN, JOINTS,
+) = range(12)  # fmt: skip
+"""Places of ``counts``; KEPT: numbers of a record; PHI: rows of phi; GEOMETRY: place in ``w`` of the first of four
 geometries of factors in space, of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of
 coordinates."""
 
@@ -39,13 +40,13 @@ def _parts(d: int) -> dict[str, Type]:
     in q, and of its rotation vector in y; ``own``: of all other coordinates.
     """
     numbers = ("block", "K", "C", "joint_stiffness", "joint_damping", "virtual_inertia", "row_measure", "kept", "q",
-               "u", "du", "multipliers", "along", "deforming", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0",
-               "mass_1", "mass_2", "rows", "sections", "sizes", "springs", "touching")  # fmt: skip
+               "u", "du", "multipliers", "along", "energies", "powers", "touching", "y", "J", "h", "L", "M", "alpha",
+               "x", "now", "mass_0", "mass_1", "mass_2", "rows", "sections", "sizes", "springs")  # fmt: skip
     vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "axes",
-               "x3")  # fmt: skip
-    twists = ("twist", "rate", "wrenches", "slow", "I", "E", "S", "phi", "F")
+               "points", "x3")  # fmt: skip
+    twists = ("twist", "rate", "wrenches", "exerted", "slow", "I", "E", "S", "phi", "F")
     return {
-        "nodes": Fixed(10), "frames": Fixed(5), "balls": Fixed(2), "own": Fixed(2),
+        "nodes": Fixed(10), "frames": Fixed(5), "joints": Fixed(5), "balls": Fixed(2), "own": Fixed(2),
         **dict.fromkeys(("counts", "on", "axis_on"), Fixed(1)), **dict.fromkeys(numbers, N),
         **dict.fromkeys(vectors, Vectors(float64, 3)), **dict.fromkeys(twists, Vectors(float64, d)),
     }  # fmt: skip
@@ -60,7 +61,7 @@ for _each in (
 
 @dataclass(eq=False)
 class Instants:
-    """Stored arrays of an instant, n nodes, s speeds; of many instants, which are then the first axis.
+    """Record of an instant by names, n nodes, s speeds; of many instants, which are then the first axis.
 
     Attributes
     ----------
@@ -71,22 +72,24 @@ class Instants:
         Axes and origins; in the plane cosine, sine and angle of the axes, and the origin with the angle of its section.
     twist, rate : ndarray (n, d)
         Velocity of the origin and angular velocity; their rates.
-    wrenches : ndarray (n, d)
-        Force and moment about its origin that a node's joint exerts on it.
+    exerted : ndarray (n_joints, d)
+        Force and moment of every joint on its second body at its second point, global; in the plane of joints of the
+        tree alone, by the joint's rows, then along its coordinate.
     multipliers : ndarray (n_rows,)
         Of the cuts' rows.
     along : ndarray (s,)
         Generalised forces along every speed beyond loads, springs and cuts.
-    rows : ndarray (n_rows, 3 + 2 d)
-        Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of holds and contacts.
     springs : ndarray (n_springs, 7)
         Length or angle, tension or torque, force, energy, dissipated power; then of bushings, see
         :mod:`kaneflex.multibody.dynamics.bushings`.
-    deforming : ndarray (4,)
-        Kinetic energy, strain energy, that of the weight [J], and dissipated power [W] of shapes.
+    energies : ndarray (4,)
+        Kinetic and strain energy [J], dissipated power [W], and potential energy of the weight [J].
+    powers : ndarray (n_works,)
+        Of dissipation without contacts and friction, loads, drives, frictions and contacts [W].
     touching : ndarray (n_unilateral, 8)
         Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.rows.results`.
     sizes : ndarray (n_loads,)
+        Of the loads; behind the record follow those of switches.
     """
 
     q: np.ndarray
@@ -96,12 +99,12 @@ class Instants:
     r: np.ndarray
     twist: np.ndarray
     rate: np.ndarray
-    wrenches: np.ndarray
+    exerted: np.ndarray
     multipliers: np.ndarray
     along: np.ndarray
-    rows: np.ndarray
     springs: np.ndarray
-    deforming: np.ndarray
+    energies: np.ndarray
+    powers: np.ndarray
     touching: np.ndarray
     sizes: np.ndarray
 
@@ -127,13 +130,29 @@ class Instants:
 
     @classmethod
     def of(cls, rows: np.ndarray, work: Work) -> Instants:
-        """Views of rows that are each like the ``kept`` of a work."""
+        """Views of records, which are each like the ``kept`` of a work."""
         parts, first = list[np.ndarray](), 0
         for each in fields(Instants):
             one = getattr(work, each.name)
             parts.append(rows[:, first : first + one.size].reshape(len(rows), *one.shape))
             first += one.size
         return Instants(*parts)
+
+
+class Columns(NamedTuple):
+    """Columns of a record by the coordinates of the bodies, see :attr:`kaneflex.multibody.engine.Engine.recorded`.
+
+    ``q``: place, in space with the axes, row by row, and shapes of each; ``v``, ``a``: twist and shapes' rates, and the
+    rates of these; ``forces``: of joints and drives; ``loss``, ``supplied``: powers of dissipation, and of loads and
+    drives.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    forces: np.ndarray
+    loss: int
+    supplied: np.ndarray
 
 
 @dataclass(eq=False)
@@ -144,6 +163,10 @@ class Work(Instants):
     ----------
     kept : ndarray
         All that is stored of an instant.
+    wrenches : ndarray (n, d)
+        Force and moment about its origin that a node's joint exerts on it.
+    rows : ndarray (n_rows, 3 + 2 d)
+        Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of holds and contacts.
     y : ndarray (s,)
         Coordinates whose rates are the speeds: of a ball its rotation vector from the axes of its quaternion.
     J : ndarray (n_rows, s)
@@ -185,6 +208,8 @@ class Work(Instants):
     """
 
     kept: np.ndarray
+    wrenches: np.ndarray
+    rows: np.ndarray
     y: np.ndarray
     J: np.ndarray
     h: np.ndarray

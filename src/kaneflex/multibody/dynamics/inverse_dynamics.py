@@ -55,7 +55,7 @@ from kaneflex.multibody.model.tree_layout import (
 )  # fmt: skip
 from kaneflex.support.inner import once
 
-_OWN = len(laws.BODY)
+OF_RIGID = len(laws.BODY)
 """Numbers of a rigid body in space, which precede those of its shapes."""
 
 
@@ -85,7 +85,7 @@ def _demand_of_body_in_space(m, n):
 @of_stiffness(None)
 @njit(**OPTIONS)
 def _demand_of_shapes(m, n):
-    own, u, x = m.nodes[n, BODY] + _OWN, m.nodes[n, SPEED], m.x
+    own, u, x = m.nodes[n, BODY] + OF_RIGID, m.nodes[n, SPEED], m.x
     shape_laws.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
 
 
@@ -157,7 +157,7 @@ def _own_inertia(m, n):
 def _inertia_of_shapes(m, n):
     shapes, q = m.nodes[n, COUNT], m.nodes[n, SPEED]
     room = 36 + (6 + shapes) * shapes
-    shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + _OWN, shapes, m.y, q, m.x, 0, m.x, room)
+    shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + OF_RIGID, shapes, m.y, q, m.x, 0, m.x, room)
 
 
 @njit(**OPTIONS)
@@ -223,25 +223,3 @@ def mass_matrix(m, unit):
         unit[s] = 1.0
         momenta(m, unit, after(m.M, m.counts[SPEEDS] * s))
         unit[s] = 0.0
-
-
-@of_stiffness(None)
-@njit(**OPTIONS)
-def deforming(m):
-    """Contributions of shapes to energies and dissipated power, after ``accelerate``."""
-    apart()
-    x = m.x
-    for i in range(4):
-        m.deforming[i] = 0.0
-    for n in range(m.counts[NODES]):
-        if m.nodes[n, KIND] != SHAPES:
-            continue
-        shapes, u = m.nodes[n, COUNT], m.nodes[n, SPEED]
-        weight, twist = to_axes(m, n, m.gravity[0]), to_axes(m, n, m.twist[n])
-        m.x3[0], m.x3[1], m.x3[2] = first(twist), last(twist), weight
-        m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
-        shape_laws.shaped_energy(m.block, m.nodes[n, BODY] + _OWN, shapes, x, 0, m.y, u, m.u, u, x, 9)
-        m.deforming[0] += x[9]
-        m.deforming[1] += x[10]
-        m.deforming[2] -= dot(weight, m.x3[4])
-        m.deforming[3] += x[11]

@@ -5,44 +5,84 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import body
+from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.values import by_size, twists
 from kaneflex.multibody.unilateral import rows
-from kaneflex.multibody.dynamics.algebra import dot
+from kaneflex.multibody.dynamics.algebra import dot, first, last, plus, times
+from kaneflex.multibody.dynamics.axes import to_axes, to_global
 from kaneflex.multibody.dynamics.courses import courses
+from kaneflex.multibody.dynamics.inverse_dynamics import OF_RIGID
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.model.layout import (
     AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, LOSING, MODAL, ON, OPTIONS, POWER, PRESCRIBED, PUSHED,
-    PUSHES, ROW_AT, SHAPES, SPRINGS, SQUARE, STORED, SUMS, WORKS, apart, shifted,
+    PUSHES, ROW_AT, SPRINGS, SQUARE, STORED, WORKS, apart,
 )  # fmt: skip
-from kaneflex.multibody.model.tree_layout import BODY
+from kaneflex.multibody.model.layout import SHAPES as COUNTED
+from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, SHAPES, SPEED
+
+
+@njit(**OPTIONS)
+def _energies_of_body(m, n):
+    """Add those of a node's body."""
+    g_x, g_y, _ = m.gravity[0]
+    o = m.nodes[n, BODY]
+    c, s, _ = m.R[n]
+    r_x, r_y, _ = m.r[n]
+    v_x, v_y, omega = m.twist[n]
+    x, z = body.energy(m.block, o, m.y, m.u, m.nodes[n, SPEED], c, s, v_x, v_y, omega, m.energies)
+    m.energies[3] -= g_x * (m.block[o] * r_x + x) + g_y * (m.block[o] * r_y + z)
+
+
+@njit(**OPTIONS)
+def _energies_of_body_in_space(m, n):
+    o, energies, block = m.nodes[n, BODY], m.energies, m.block
+    laws.inertia(block, o, m.x, 0)
+    twist, centre = to_axes(m, n, m.twist[n]), (block[o + 1], block[o + 2], block[o + 3])
+    energies[0] += 0.5 * dot(twist, times(twists(m, m.x), twist))
+    energies[3] -= block[o] * dot(m.gravity[0], plus(m.r[n], to_global(m, n, centre)))
+    if m.nodes[n, KIND] == SHAPES:
+        _energies_of_shapes(m, n)
+
+
+@of_stiffness(None)
+@njit(**OPTIONS)
+def _energies_of_shapes(m, n):
+    shapes, u, x = m.nodes[n, COUNT], m.nodes[n, SPEED], m.x
+    weight, twist = to_axes(m, n, m.gravity[0]), to_axes(m, n, m.twist[n])
+    m.x3[0], m.x3[1], m.x3[2] = first(twist), last(twist), weight
+    m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
+    own = m.nodes[n, BODY] + OF_RIGID
+    shape_laws.shaped_energy(m.block, own, shapes, x, 0, m.y, u, m.u, u, x, 9)
+    m.energies[0] += x[9]
+    m.energies[1] += x[10]
+    m.energies[2] += x[11]
+    m.energies[3] -= dot(weight, m.x3[4])
+
+
+_energies_of_body = by_size(_energies_of_body, _energies_of_body_in_space)
 
 
 @njit(**OPTIONS)
 def energies(m):
-    """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
+    """Kinetic energy, strain energy, dissipated power, and potential energy of the weight, after ``demand``."""
     apart()
     plan, w = m.plan, m.w
-    at = plan[SUMS]
     for k in range(4):
-        w[at + k] = 0.0
-    sums = shifted(w, at)
-    g_x, g_y, _ = m.gravity[0]
+        m.energies[k] = 0.0
     for b in range(plan[BODIES]):
         n = m.frames[b, 0]
-        o = m.nodes[n, BODY]
-        c, s, _ = m.R[n]
-        r_x, r_y, _ = m.r[n]
-        v_x, v_y, omega = m.twist[n]
-        mass = m.block[o]
-        x, z = body.energy(m.block, o, m.y, m.u, m.bodies[b, MODAL], c, s, v_x, v_y, omega, sums)
-        w[at + 3] -= g_x * (mass * r_x + x) + g_y * (mass * r_y + z)
-    for n in range(plan[CONTACTS] - plan[SPRINGS]):
+        if m.nodes[n, BODY] >= 0:
+            _energies_of_body(m, n)
+    for n in range(1, plan[CONTACTS] - plan[SPRINGS] + 1):
         k = spring_size(m) * n
-        w[at + 1] += m.springs[k + 4]
-        w[at + 2] += m.springs[k + 5]
+        m.energies[1] += m.springs[k - 2]
+        m.energies[2] += m.springs[k - 1]
     for n in range(-rows.frictions(m), rows.contacts(m)):
-        w[at + 1] += w[rows.at(m, n) + STORED]
-        w[at + 2] += w[rows.at(m, n) + LOSING]
+        m.energies[1] += w[rows.at(m, n) + STORED]
+        m.energies[2] += w[rows.at(m, n) + LOSING]
 
 
 @njit(**OPTIONS)
@@ -55,12 +95,12 @@ def losses(m, out):
     plan, w, acts = m.plan, m.w, m.acts
     lost = 0.0
     for b in range(plan[BODIES]):
-        size, first, square = m.bodies[b, SHAPES], m.bodies[b, MODAL], m.bodies[b, SQUARE]
+        size, modal, square = m.bodies[b, COUNTED], m.bodies[b, MODAL], m.bodies[b, SQUARE]
         for i in range(size):
             total = 0.0
             for j in range(size):
-                total += m.C[square + size * i + j] * m.u[first + j]
-            lost += m.u[first + i] * total
+                total += m.C[square + size * i + j] * m.u[modal + j]
+            lost += m.u[modal + i] * total
     for n in range(plan[SPRINGS], plan[CONTACTS]):
         lost += m.springs[spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
     for n in range(-rows.frictions(m), rows.contacts(m)):

@@ -17,11 +17,12 @@ from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN, SPACE
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.interactions import react
-from kaneflex.multibody.dynamics.inverse_dynamics import deforming, demand, gather, mass_matrix
+from kaneflex.multibody.dynamics.inverse_dynamics import demand, gather, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.tree import use
+from kaneflex.multibody.dynamics.unfolding import complete, exert, give_coordinates
 from kaneflex.multibody.model.layout import (
     ACCEL,
     COORDINATES,
@@ -44,7 +45,6 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
-from kaneflex.multibody.unilateral.rows import record
 
 CLOSED = 1e-7
 """Largest violation of redundant rows, in rad or sizes of the mechanism."""
@@ -74,13 +74,6 @@ def check(outcome: int, *at: float) -> None:
         raise ArithmeticError(REASONS[outcome], *at)
 
 
-@njit(**OPTIONS)
-def _give(m):
-    """Coordinates of the current position, after :func:`rebase`."""
-    for n in range(m.counts[OWN]):
-        m.q[m.own[n, 0]] = m.y[m.own[n, 1]]
-
-
 @njit(**ENTRY)
 def place(m, q):
     """Positions, axes and directions, with the cuts' rows and their derivatives by all speeds at J."""
@@ -96,7 +89,7 @@ def close(m, q):
     for _ in range(_TRIES):
         closes = closes or loop_closure.close(m, 0.0)
         rebase(m)
-    _give(m)
+    give_coordinates(m)
     return closes
 
 
@@ -135,7 +128,7 @@ def _project(m, t):
         if not mend(m, t, m.real, 1):
             return MASSLESS
     rebase(m)
-    _give(m)
+    give_coordinates(m)
     for i in range(n):
         if not abs(w[plan[ACCEL] + i]) < math.inf:
             return INFINITE
@@ -161,17 +154,18 @@ def project(m, t, q, u):
     if outcome == DONE:
         outcome = _decide(m, t)
     if outcome == DONE:
-        _complete(m, t)
+        _keep(m, t, m.kept)
     return outcome
 
 
 @njit(**ENTRY)
 def pass_on(m):
-    """Wrenches of the joints by multipliers of the cuts' rows alone."""
+    """Forces and moments of the joints by multipliers of the cuts' rows alone."""
     for n in range(m.counts[NODES]):
         m.wrenches[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     react(m)
     gather(m, m.wrenches, m.h)
+    exert(m)
 
 
 @njit(**ENTRY)
@@ -218,20 +212,12 @@ def _grown(m):
 
 
 @njit(**OPTIONS)
-def _complete(m, t):
-    """Complete an instant by the joints' wrenches and the energies of deforming bodies."""
+def _keep(m, t, row):
+    """Store the record of the current instant."""
     apart()
     demand(m, t)
-    copy(m.h, m.along, m.plan[COORDINATES])
-    deforming(m)
-    record(m)
-
-
-@njit(**OPTIONS)
-def _keep(m, row):
-    """Store the numbers of the instant."""
-    for i in range(m.counts[KEPT]):
-        row[i] = m.kept[i]
+    complete(m)
+    copy(m.kept, row, m.counts[KEPT])
 
 
 @njit(**ENTRY)
@@ -259,8 +245,7 @@ def follow(m, times, count, out):
                 m.now[1] = GROWN
             if m.now[1] != DONE:
                 return i
-        _complete(m, t)
-        _keep(m, after(out, m.counts[KEPT] * i))
+        _keep(m, t, after(out, m.counts[KEPT] * i))
     return count
 
 
@@ -276,9 +261,8 @@ def near(m, times, count, given, width, out):
         m.now[0], m.now[1] = t, _project(m, t)
         if m.now[1] != DONE:
             return i
-        _give(m)
-        _complete(m, t)  # springs have their energies by it
-        _keep(m, after(out, m.counts[KEPT] * i))
+        give_coordinates(m)
+        _keep(m, t, after(out, m.counts[KEPT] * i))
     return count
 
 
@@ -292,5 +276,6 @@ PRESCRIBED_ENTRIES = {
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],
+    unfolding.unfold: unfolding.ENTRIES[unfolding.unfold],
 }  # fmt: skip
 """Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""

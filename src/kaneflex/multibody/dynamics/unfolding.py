@@ -1,4 +1,4 @@
-"""Compiled motion of the bodies from coordinates of the tree, with energies and joint forces; loops along a path."""
+"""Compiled records of instants: motion of the bodies, joint forces, energies and powers; loops along a path."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from numba.types import boolean, int64, void
 
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral.active_set import stand_closed
-from kaneflex.multibody.unilateral.rows import RESULTS, at, contacts, frictions, results, rigid
-from kaneflex.multibody.compile.values import after, row_length
-from kaneflex.multibody.dynamics.algebra import force_at, minus, store
+from kaneflex.multibody.unilateral.rows import at, contacts, record, rigid
+from kaneflex.multibody.compile.values import after, by_size, copy, row_length
+from kaneflex.multibody.dynamics.algebra import axpy, force_at, minus, plus, scaled
+from kaneflex.multibody.dynamics.arrays import JOINTS, OWN
+from kaneflex.multibody.dynamics.arrays import KEPT as KEPT_NUMBERS
+from kaneflex.multibody.dynamics.axes import to_global
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.independent_speeds import is_dependent
 from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
+from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.time.state_record import give, row_size, take
 from kaneflex.multibody.model.layout import (
-    ACCEL, BODIES, COORDINATES, COURSE, COURSES, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES, MEASURE,
-    MECHANISM, MODAL, MODE, N, NOW, OPEN, OPTIONS, POWER, RATE, REACTIONS, SHAPES, SHUT, SUMS, TOUCH, WORKS, Y, apart,
-    kernel, shifted,
+    ACCEL, COORDINATES, COURSE, COURSES, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES, MEASURE, MECHANISM,
+    MODE, N, OPEN, OPTIONS, RATE, SHUT, TOUCH, Y, apart, kernel, shifted,
 )  # fmt: skip
-from kaneflex.multibody.model.tree_layout import JOINT_NODE, KIND, SIGN, SLIDE, SPEED
+from kaneflex.multibody.model.tree_layout import CARRIER, FIRST_ROW, KIND, LAST_NODE, LAST_ROW, SIDE, SLIDE, SPEED
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
 
@@ -34,43 +37,43 @@ _OPENED = 1e-6
 
 
 @njit(**ENTRY)
-def unfold(m, rows, count, q, v, a, exerted, sums, rates):
-    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), with forces,
-    energies and powers.
-
-    exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
-    the reactions of cuts and frictions, on the joint's second body; then ``rows.results``. sums: kinetic energy, strain
-    energy, dissipated power, potential energy of the weight. rates: powers of dissipation, loads, drives, frictions,
-    contacts. The rows close the loops.
-    """
-    plan, w = m.plan, m.w
-    k = 0
-    for row in range(count):
-        here = shifted(rows, row * row_size(m))
-        take(m, here)
-        stand(m, here[0])
-        demand(m, here[0])
+def unfold(m, rows, count, out):
+    """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration that close the
+    loops."""
+    for k in range(count):
+        row = shifted(rows, k * row_size(m))
+        take(m, row)
+        give_coordinates(m)
+        stand(m, row[0])
+        demand(m, row[0])
         powers.powers(m)
-        powers.energies(m)
-        touching = RESULTS * (contacts(m) + frictions(m))
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + touching))
-        for b in range(plan[BODIES]):
-            n, i, size = m.frames[b, 0], m.bodies[b, MODAL], m.bodies[b, SHAPES]
-            store(after(q, k), m.r[n])
-            store(after(v, k), m.twist[n])
-            store(after(a, k), m.rate[n])
-            for j in range(size):
-                q[k + 3 + j], v[k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
-                a[k + 3 + j] = w[plan[ACCEL] + i + j]
-            k += 3 + size
-            store(after(out, 3 * b), _exerted(m, b))
-        for r in range(plan[REACTIONS]):
-            out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
-        results(m, shifted(out, 3 * plan[BODIES] + plan[REACTIONS]))
-        for j in range(4):
-            sums[4 * row + j] = w[plan[SUMS] + j]
-        for j in range(plan[WORKS]):
-            rates[plan[WORKS] * row + j] = w[plan[POWER] + j]
+        complete(m)
+        copy(m.kept, after(out, m.counts[KEPT_NUMBERS] * k), m.counts[KEPT_NUMBERS])
+
+
+@njit(**OPTIONS)
+def give_coordinates(m):
+    """Set the coordinates q of all nodes but balls to those of their speeds."""
+    for n in range(m.counts[OWN]):
+        m.q[m.own[n, 0]] = m.y[m.own[n, 1]]
+
+
+@njit(**OPTIONS)
+def complete(m):
+    """Complete a record after :func:`demand`: forces along the speeds and of joints, energies, results of rows."""
+    apart()
+    copy(m.h, m.along, m.plan[COORDINATES])
+    exert(m)
+    powers.energies(m)
+    record(m)
+
+
+@njit(**OPTIONS)
+def exert(m):
+    """Forces and moments that the joints exert, from the wrenches of the nodes and the reactions of the cuts."""
+    apart()
+    for n in range(m.counts[JOINTS]):
+        m.exerted[n] = _exerted(m, n)
 
 
 @njit(**ENTRY)
@@ -168,14 +171,16 @@ def states(m, rows, count, first, held):
 
 
 @njit(**OPTIONS)
-def _exerted(m, b):
-    """Force of a body's inboard joint on the joint's second body, by the joint's rows, then along its coordinate.
+def _exerted(m, joint):
+    """Force of a joint of the tree on its second body, by the joint's rows, then along its coordinate; zero of others.
 
-    If the body is the first one, its normal force has the guide's arm besides.
+    If the outer body is the first one, its normal force has the guide's arm besides.
     """
-    n = m.frames[b, JOINT_NODE]
+    n = m.joints[joint, LAST_NODE]
+    if n < 0:
+        return 0.0, 0.0, 0.0
     x, z, turn = force_at(m.wrenches[n], minus(m.r[n], m.P[n]))
-    sign = float(m.frames[b, SIGN])
+    sign = float(m.joints[joint, SIDE])
     if m.nodes[n, KIND] != SLIDE:
         return sign * x, sign * z, sign * turn
     d_x, d_y, _ = m.S[m.nodes[n, SPEED]]
@@ -185,8 +190,24 @@ def _exerted(m, b):
     return normal, turn, along
 
 
+@njit(**OPTIONS)
+def _exerted_in_space(m, joint):
+    """Force and moment of a joint on its second body at its second point."""
+    n, on, wrench = m.joints[joint, LAST_NODE], m.joints[joint, CARRIER], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if n >= 0:
+        place = m.points[joint]
+        if on >= 0:
+            place = plus(m.r[on], to_global(m, on, place))
+        wrench = force_at(scaled(float(m.joints[joint, SIDE]), m.wrenches[n]), minus(m.r[n], place))
+    for r in range(m.joints[joint, FIRST_ROW], m.joints[joint, LAST_ROW]):
+        wrench = axpy(m.multipliers[r], row_wrench(m, r, 1), wrench)
+    return wrench
+
+
+_exerted = by_size(_exerted, _exerted_in_space)
+
 ENTRIES = {
-    unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
+    unfold: void(MECHANISM, N, int64, N),
     courses_at: void(MECHANISM, N, int64, N, int64),
     magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
     follow_rows: int64(MECHANISM, N, int64, int64, N, int64, N),

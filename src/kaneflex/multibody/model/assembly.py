@@ -40,6 +40,7 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
     parts |= {"counts": np.array([
         counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
         views["kept"][1][0], counts.twists, views["geometry"][0], len(balls), len(own),
+        counts.joints,
     ])}  # fmt: skip
     assign_rows(plan, t.acts)
     of_joints = t.acts[t.ranges[4] : t.ranges[5]]

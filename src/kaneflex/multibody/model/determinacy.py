@@ -49,7 +49,8 @@ def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
     first = engine.columns["reactions"].start
     rows[:, engine.columns["reactions"]] = 0.0
     rows[1:, first : first + count] = combinations / units
-    exerted = system.unfold(rows).reactions * [size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
+    exerted = system.unfold(rows)[:, system.record.forces]
+    exerted *= [size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
     changes = abs(exerted[1:] - exerted[0]).max(axis=0, initial=0.0)
     open_rows = changes > _NOTHING * changes.max(initial=0.0)
     return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)

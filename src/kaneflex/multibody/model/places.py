@@ -38,6 +38,7 @@ class Counts:
     ranges : sequence of int
         First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, the end, and the end of the forces
         and moments of loads.
+    joints : int
     joint_rows, switches : int
         Rows of the cuts; switches of the loads' laws.
     driven : sequence of int
@@ -57,6 +58,7 @@ class Counts:
     axes: int
     twists: int
     ranges: tuple[int, ...]
+    joints: int
     joint_rows: int
     driven: Sequence[int]
     switches: int
@@ -70,7 +72,7 @@ class Counts:
         return cls(
             PLANE if t.numbers.shape[1] == 3 * PLANE else 6, t.bodies[:, at.SHAPES].tolist(),
             len(layout.coordinates), len(layout.positions), len(t.nodes), len(t.on), len(t.axis_on),
-            int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)),
+            int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)), len(t.joints),
             max((rows.stop for rows in layout.cuts.values()), default=0), built.driven, built.switches, built.rigid,
             0 if built.virtual is None else int(np.count_nonzero(built.virtual)),
         )  # fmt: skip
@@ -190,8 +192,8 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     n, d, b, s, in_space = c.nodes, c.d, c.bodies, c.coordinates, int(c.in_space)
     stored = {
         "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
-        **dict.fromkeys(("twist", "rate", "wrenches"), (n, d)), "multipliers": (c.reactions,), "along": (s,),
-        "rows": (c.rows, c.row_size), "springs": (c.springs, 5 + d // 3), "deforming": (4,),
+        **dict.fromkeys(("twist", "rate"), (n, d)), "exerted": (c.joints, d), "multipliers": (c.reactions,),
+        "along": (s,), "springs": (c.springs, 5 + d // 3), "energies": (4,), "powers": (c.works,),
         "touching": (c.holds + c.touching, RESULTS), "sizes": (c.loads,),
     }  # fmt: skip
     views, first = Views(), numbers.size
@@ -205,7 +207,8 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     }  # fmt: skip
     views |= {name: (int(plan[what]), shape) for name, (what, shape) in at_plan.items()}
     more = {
-        **dict.fromkeys(("P", "moved", "offset"), (n, 3)), "slow": (n, d), "bent": (n * in_space, 3, 3), "S": (s, d),
+        **dict.fromkeys(("P", "moved", "offset"), (n, 3)), **dict.fromkeys(("wrenches", "slow"), (n, d)),
+        "rows": (c.rows, c.row_size), "bent": (n * in_space, 3, 3), "S": (s, d),
         "phi": (c.twists, d), "sections": (c.sections, c.row_size), "axes": (c.axes, 3),
         "M": (s * in_space, s), "F": (n * in_space, d), "alpha": (3 * s * in_space,),
         "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
@@ -214,7 +217,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     }  # fmt: skip
     views |= {name: (numbers.room(math.prod(shape)), shape) for name, shape in more.items()}
     for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.SPRING: "springs",
-                       at.SIZE: "sizes"}.items():  # fmt: skip
+                       at.SIZE: "sizes", at.POWER: "powers"}.items():  # fmt: skip
         plan[what] = views[name][0]
     return views | {"x3": views["x"]}
 
@@ -232,7 +235,7 @@ def _of_motion(c: Counts) -> dict[int, int]:
     pulls, rows, sections = c.ranges[5] - c.ranges[3], c.cut_rows + c.touching, c.sections * (not c.in_space)
     return {
         at.Y: n, at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.INPUT: c.loads + c.courses,
-        at.SUMS: c.row_size, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
+        at.SUMS: c.row_size, at.DEMAND: n, at.SCALE: n, at.RATE_SCALE: n,
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions,
         at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,

@@ -28,7 +28,7 @@ from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_
 from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Stage, count_of_modes
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches, without_work
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -235,8 +235,7 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
     joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
     for t in times:
         open_ones = [
-            {name: own for name, (own,) in joint_wrenches(system, system.passed_on(multipliers)).items()}
-            for multipliers in without_work(system, motion.curve(float(t)))
+            system.passed_on(multipliers) for multipliers in without_work(system, motion.curve(float(t)))
         ]
         if not open_ones:
             continue

@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.arrays import Instants, Work
+from kaneflex.multibody.dynamics.arrays import Columns, Instants, Work
 from kaneflex.multibody.dynamics.spatial_entries import DONE, check
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.assembly import engine_of
@@ -134,7 +134,7 @@ class SpatialSystem:
 
     def instants(self, rows: np.ndarray) -> Instants:
         """Rows by names."""
-        return Instants.of(rows, self.work)
+        return self.engine.instants(rows)
 
     def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
         """Joints, by how much a state opens them [m or rad], and the unit of that."""
@@ -147,11 +147,22 @@ class SpatialSystem:
             slides = self.mechanism.joints[name].kind == "prismatic"
             yield name, float(state.q[k] - course[0]), self.mechanism.size if slides else 1.0
 
-    def passed_on(self, multipliers: np.ndarray) -> Instants:
-        """Joint forces of multipliers of the rows alone, at the position of ``work``."""
+    def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
+        """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
         self.work.multipliers[:] = multipliers
         self.engine.call(spatial_entries.pass_on)
-        return self.instants(self.work.kept[None])
+        return dict(zip(self.mechanism.joints, self.work.exerted.copy(), strict=True))
+
+    @cached_property
+    def record(self) -> Columns:
+        """Columns of the record by the coordinates of the bodies in the order of the tree, forces and moments of the
+        joints, and forces of the drives."""
+        kept = self.engine.numbered
+        return self.engine.recorded(self.layout.node_of, [kept.exerted.ravel(), kept.along[0, self.engine.prescribed]])
+
+    def unfold(self, rows: np.ndarray) -> np.ndarray:
+        """Records, see :class:`Instants`, of rows of the engine with closed loops, (n_times, kept)."""
+        return self.engine.unfold(rows)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""

@@ -83,8 +83,9 @@ def build_tables(
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
+    seconds = {name: joint.sides[1] for name, joint in mechanism.joints.items()}
     return Built(
-        builder.tables(acts, mechanism.gravity), builder.layout(closing, driven), builder.w,
+        builder.tables(acts, mechanism.gravity, seconds), builder.layout(closing, driven), builder.w,
         [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C, rigid,
     )  # fmt: skip
 

@@ -15,6 +15,7 @@ from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
 from kaneflex.mechanism.joints import course, drive_reaction, reactions
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import whole_turns
+from kaneflex.multibody.dynamics.arrays import Columns
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import build_engine
@@ -26,7 +27,6 @@ from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import SIGN
-from kaneflex.multibody.unilateral.rows import RESULTS
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -108,32 +108,14 @@ class CoupledSystem:
         return slice(first, first + sum(self.counts[body]))
 
     @cached_property
-    def order(self) -> np.ndarray:
-        """Place in q of each coordinate of the bodies in the order of the tree."""
-        ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.node_of]
-        return np.array([k for part in ranges for k in part], int)
-
-    @cached_property
-    def _place(self) -> np.ndarray:
-        """Place of each coordinate of q among those of the bodies in the order of the tree."""
-        return np.argsort(self.order)
-
-    @cached_property
-    def exerted(self) -> np.ndarray:
-        """Number of each of ``reactions`` among those of the engine."""
-        layout = self.engine.layout
-        first_of = {name: 3 * k for k, name in enumerate(layout.inboard) if name is not None}
-        first_of |= {name: 3 * len(layout.inboard) + rows.start for name, rows in layout.cuts.items()}
-        place: dict[str, int] = {}
-        for name, first in first_of.items():
-            names = [*(row for row, *_ in reactions(self.mechanism.joints[name])), f"{name}.drive"]
-            place |= {each: first + j for j, each in enumerate(names)}
-        return np.array([place[name] for name in self.constraints], int)
-
-    @cached_property
-    def _unknown(self) -> list[int]:
-        """Places of statically indeterminate ``reactions``."""
-        return [k for k, name in enumerate(self.constraints) if name in self.undetermined]
+    def record(self) -> Columns:
+        """Columns of the record, as ``coordinates`` and ``constraints`` name them."""
+        layout, kept, place = self.engine.layout, self.engine.numbered, dict[str, int]()
+        for k, (name, joint) in enumerate(self.mechanism.joints.items()):
+            names = [*(row for row, *_ in reactions(joint)), f"{name}.drive"]
+            own = kept.exerted[0, k] if name in layout.tree else kept.multipliers[0, layout.cuts[name]]
+            place |= dict(zip(names, own.tolist(), strict=False))
+        return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
 
     def compile(self) -> None:
         """Compile all kernels, timed separately."""
@@ -164,15 +146,16 @@ class CoupledSystem:
         have their courses up to whole turns."""
         engine, turned = self.engine, dict[str, float]()
         engine.set(state)
-        found = self.unfold(engine.row(state.t)[None])
+        found, of = self.unfold(engine.row(state.t)[None])[0], self.record
+        q = found[of.q]
         lost = np.where(engine.turns, whole_turns(state.q - engine.motion[0]), 0.0)  # drives now have their courses
         index, signs = [*engine.layout.node_of], engine.parts["frames"][:, SIGN]
         for body, fields, sign in zip(index, engine.tables.bodies, signs, strict=True):
             own = lost[fields[at.FIRST] : fields[at.FIRST] + fields[at.DOF]].sum()
             base = fields[at.PARENT_BODY]
             turned[body] = (turned[index[base]] if base >= 0 else 0.0) + sign * own
-            found.q[0, self.start[body] + 2] += turned[body]
-        return found.q[0], found.v[0]
+            q[self.start[body] + 2] += turned[body]
+        return q, found[of.v]
 
     def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
         """Joints, by how much a state opens them [m or rad], and the unit of that."""
@@ -208,16 +191,12 @@ class CoupledSystem:
             raise ArithmeticError(f"the loops don't close near t = {t:.6g} s")
         return engine.state(t, choice)
 
-    def unfold(self, rows: np.ndarray) -> Unfolded:
-        """Motion of the bodies from rows of the engine with closed loops."""
+    def unfold(self, rows: np.ndarray) -> np.ndarray:
+        """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the engine with closed loops,
+        (n_times, kept)."""
         found = self.engine.unfold(rows)
-        q, v, a = (part.take(self._place, axis=1) for part in found[:3])
-        held, count, given = len(self.engine.holds), len(self.engine.rows), 1 + self.engine.inputs
-        ends = found[3][:, found[3].shape[1] - RESULTS * count :].reshape(len(rows), count, RESULTS)
-        exerted = found[3][:, self.exerted]
-        exerted[:, self._unknown] = np.nan
-        frictions = ends[:, held - len(self.mechanism.frictions) : held]
-        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], ends[:, held:], frictions)
+        found[:, self.record.forces[[name in self.undetermined for name in self.constraints]]] = np.nan
+        return found
 
     def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
         """Rows of the engine on the constraints, see :meth:`kaneflex.multibody.engine.Engine.states`.
@@ -251,27 +230,6 @@ class CoupledSystem:
         (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
         along = np.array([c * x - s * y, s * x + c * y])
         return float(along @ apart[3:5])  # the sides part along the guide only
-
-
-@dataclass(frozen=True, eq=False)
-class Unfolded:
-    """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives); results of every contact, then of every switch of a law, and of every
-    friction, see :func:`kaneflex.multibody.unilateral.rows.results`. Dissipated power includes contacts and friction,
-    the dissipation of the powers does not."""
-
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    reactions: np.ndarray
-    sums: np.ndarray
-    powers: np.ndarray
-    gaps: np.ndarray
-    frictions: np.ndarray
-
-    def taken(self, instants: np.ndarray) -> Unfolded:
-        """Some of the states."""
-        return Unfolded(**{name: part[instants] for name, part in vars(self).items()})
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:

@@ -14,7 +14,7 @@ from kaneflex.multibody.model.layout import DOF, MODAL
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     AT, AXED, AXES_NODE, AXIS, BODY, COORDINATE, COUNT, KIND, OWNER, PARENT, PLACE, ROW_OF, SHAPES, SHIFT, SPEED,
-    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, carried, leading,
+    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, leading,
 )  # fmt: skip
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -172,12 +172,14 @@ class TreeBuilder(ABC):
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node that carries a point of a body, and its place in that node's axes; on a deforming body a station."""
-        if side.body in self.shapes:
-            shapes = self.shapes[side.body]
-            place = shapes.carrier(side.at)
-            if (side.body, place) not in self.stations:
-                self.stations[side.body, place] = self.station(side.body, place, shapes.at(place))
-        return carried(self, side)
+        at = np.asarray(side.at, float)
+        if side.body not in self.shapes:
+            return self.node_of[side.body], at
+        shapes = self.shapes[side.body]
+        place = shapes.carrier(side.at)
+        if (side.body, place) not in self.stations:
+            self.stations[side.body, place] = self.station(side.body, place, shapes.at(place))
+        return self.stations[side.body, place], at - place
 
     def station(self, body: str, place: Place, shapes: tuple[np.ndarray, np.ndarray]) -> int:
         """Add the node of a place of a deforming body."""
@@ -215,12 +217,20 @@ class TreeBuilder(ABC):
         """First speed of a joint of the tree."""
         return self.nodes[leading(self.nodes, self.tree[joint])][SPEED]
 
-    def tables(self, found: Interactions, gravity: Sequence[float] | np.ndarray) -> Tables:
-        """Tables of all rows."""
+    def tables(
+        self, found: Interactions, gravity: Sequence[float] | np.ndarray, joints: Mapping[str, Side]
+    ) -> Tables:
+        """Tables of all rows; ``joints``: all joints with their second sides."""
+        rows, points = list[tuple[int, ...]](), list[tuple[int, np.ndarray]]()
+        for name, side in joints.items():
+            nodes, sign = self.tree.get(name, ((-1,), 1))
+            of_cut = found.cuts.get(name, slice(0, 0))
+            points.append(self.on(side))
+            rows.append((nodes[-1], sign, points[-1][0], of_cut.start, of_cut.stop))
         bodies, frames = self._bodies()
         return Tables(
-            whole(self.nodes, 10), np.array(self.numbers), bodies, frames, self.block.whole,
-            *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges,
+            whole(self.nodes, 10), np.array(self.numbers), bodies, frames, whole(rows, 5), _apart(points)[1],
+            self.block.whole, *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges,
             np.array([*gravity, 0.0][:3]),
         )  # fmt: skip
 

@@ -34,6 +34,9 @@ AXES_NODE, HUNG_ON, TWIST_NODE, JOINT_NODE, SIGN = range(5)
 """Columns of ``frames``: node of a body's axes; the one that it hangs on, or -1; the one whose twist is the body's for
 :mod:`kaneflex.multibody.dynamics.articulated`, the last of its joint where shapes turn the axes back from it; the first
 of its joint; -1 where the tree passes through the joint from its second body to its first, else 1."""
+LAST_NODE, SIDE, CARRIER, FIRST_ROW, LAST_ROW = range(5)
+"""Columns of ``joints``: last node of its chain, or -1 outside the tree; -1 if the tree passes from its second body to
+its first, else 1; node of its second point, or -1 on the ground; its rows among those of the cuts."""
 PLACE, AXIS, SHIFT = slice(-9, -6), slice(-6, -3), slice(-3, None)
 """Columns of ``numbers``: joint's point in the parent's axes, in the plane with the angle there; axis; the joint's
 point in its own axes. In space the axes at zero in the parent's, (3, 3), precede them."""
@@ -53,6 +56,8 @@ class Tables(NamedTuple):
     bodies : ndarray (n_bodies, 8)
         Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
     frames : ndarray (n_bodies, 5)
+    joints, points : ndarray (n_joints, 5), (n_joints, 3)
+        All joints in the scene's order, and their second points in the axes of the nodes that carry these.
     block : ndarray
         Numbers of the bodies and their shapes, see ``kaneflex.generated.body``, in space ten of each body by
         ``kaneflex.generated.spatial.BODY``, behind them those of ``kaneflex.generated.spatial_shapes``; numbers of
@@ -73,6 +78,8 @@ class Tables(NamedTuple):
     numbers: np.ndarray
     bodies: np.ndarray
     frames: np.ndarray
+    joints: np.ndarray
+    points: np.ndarray
     block: np.ndarray
     on: np.ndarray
     at: np.ndarray
@@ -185,31 +192,14 @@ class Layout:
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""
-        return carried(self, side)
+        at = np.asarray(side.at, float)
+        if side.body not in self.shapes:
+            return self.node_of.get(side.body, -1), at
+        place = self.shapes[side.body].carrier(side.at)
+        return self.stations[side.body, place], at - place
 
 
 def leading(nodes: Sequence[Sequence[int]] | np.ndarray, chain: tuple[tuple[int, ...], int]) -> int:
     """Node with the first coordinate of a joint of the tree; of a cylindrical joint, its rotation."""
     ordered = chain[0][:: chain[1]]
     return next((node for node in ordered if nodes[node][KIND] != SLIDE), ordered[0])
-
-
-class Carrying(Protocol):
-    """Layout of nodes, complete or in construction."""
-
-    @property
-    def node_of(self) -> Mapping[str, int]: ...
-    @property
-    def stations(self) -> Mapping[tuple[str, Place], int]: ...
-    @property
-    def shapes(self) -> Mapping[str, Deformable]: ...
-
-
-def carried(layout: Carrying, side: Side) -> tuple[int, np.ndarray]:
-    """Node of a side, and its place in that node's axes; on a deforming body relative to the carrier."""
-    at = np.asarray(side.at, float)
-    if side.body in layout.shapes:
-        place = layout.shapes[side.body].carrier(side.at)
-        if (side.body, place) in layout.stations:
-            return layout.stations[side.body, place], at - place
-    return layout.node_of.get(side.body, -1), at

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from kaneflex.multibody.dynamics import independent_speeds
-from kaneflex.multibody.dynamics.arrays import Work
+from kaneflex.multibody.dynamics.arrays import Columns, Instants, Work
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import AXES_NODE, BODY, OWNER, Layout
@@ -81,6 +81,29 @@ class Views:
         """Array that compiled functions fill."""
         first, shape = self.views[name]
         return self.tables.w[first : first + math.prod(shape)].reshape(shape)
+
+    def instants(self, records: np.ndarray) -> Instants:
+        """Records (n_times, kept) by names."""
+        return Instants.of(records, self.work)
+
+    @cached_property
+    def numbered(self) -> Instants:
+        """Columns of the record by its names, (1, .) each."""
+        return self.instants(np.arange(len(self.work.kept))[None])
+
+    def recorded(self, bodies: Iterable[str], forces: Sequence[np.ndarray]) -> Columns:
+        """Columns of the record for the coordinates of these bodies, one after the other, and for forces."""
+        kept, parts = self.numbered, (list[np.ndarray](), list[np.ndarray](), list[np.ndarray]())
+        place, rank = np.zeros(self.size, int), {name: b for b, name in enumerate(self.layout.node_of)}
+        place[self.own[:, 1]] = kept.q[0, self.own[:, 0]]
+        for name in bodies:
+            node, (count, modal) = self.layout.node_of[name], self.tables.bodies[rank[name], [at.SHAPES, at.MODAL]]
+            own, axes = slice(modal, modal + count), kept.R[0, node].ravel() if self.in_space else place[:0]
+            parts[0].extend([kept.r[0, node], axes, place[own]])
+            parts[1].extend([kept.twist[0, node], kept.u[0, own]])
+            parts[2].extend([kept.rate[0, node], kept.du[0, own]])
+        q, v, a, exerted = (np.concatenate([place[:0], *part]) for part in (*parts, forces))
+        return Columns(q, v, a, exerted, kept.energies[0, 2], kept.powers[0, 1 : 1 + self.inputs])
 
     @property
     def in_space(self) -> bool:

@@ -12,10 +12,11 @@ import numpy as np
 
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.spatial_frame import rotation_rates
+from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import CoupledSystem, Unfolded
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral.results import RowRecord
 
@@ -118,9 +119,9 @@ def rates_of_turns(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> t
     return rate, np.einsum("tij,tj->ti", *ahead).imag / _STEP
 
 
-def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> Energy:
+def balance(found: Instants, dissipated: np.ndarray, supplied: np.ndarray) -> Energy:
     """Energies of states; accumulated ones are given."""
-    kinetic, strain, _, weight = found.sums.T
+    kinetic, strain, _, weight = found.energies.T
     return Energy(kinetic, strain, weight, dissipated, supplied)
 
 
@@ -141,7 +142,7 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
     have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
     if trajectory.curve is not None:
-        return replace(trajectory, rows=times[:, None])
+        return replace(trajectory, rows=times[:, None], record=trajectory.curve.rows(times))
     path, engine = _with_changes(trajectory), system.engine
     of, knots = engine.columns, path.times
     k = np.searchsorted(knots, times, side="right") - 1
@@ -150,19 +151,21 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
     rows[:, 0], rows[:, of["modes"]] = times, _modes(system, path, piece, k, times)
     rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
     rows = system.states(rows)
-    found = system.unfold(rows)
+    record = system.unfold(rows)
+    found = engine.instants(record)
     done = np.column_stack([path.energy.dissipated, path.energy.supplied])
     dissipated, supplied = piece.cubic(done, np.column_stack([path.loss, path.power]))[0].T
     energy = balance(found, dissipated, supplied)
     contacts = path.contacts
     if contacts is not None:
-        gaps = found.gaps[:, : len(contacts.names)]
+        gaps = found.results[:, len(engine.holds) :][:, : len(contacts.names)]
         contacts = RowRecord.of(contacts.names, gaps, piece.line(contacts.lost), contacts.impacts)
     frictions = path.frictions
     if frictions is not None:
         lost = piece.line(frictions.lost)
-        frictions = RowRecord.of(frictions.names, found.frictions, lost, jams=frictions.jams)
-    return replace(trajectory, rows=rows, bodies=found, energy=energy, contacts=contacts, frictions=frictions)
+        rubs = found.results[:, : len(engine.holds)][:, -len(frictions.names) :]
+        frictions = RowRecord.of(frictions.names, rubs, lost, jams=frictions.jams)
+    return replace(trajectory, rows=rows, record=record, energy=energy, contacts=contacts, frictions=frictions)
 
 
 def _modes(
@@ -199,10 +202,8 @@ def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
         return np.concatenate([attrgetter(key)(each) for each in both])[order]
 
     zero, contacts, frictions = np.zeros(len(times)), trajectory.contacts, trajectory.frictions
-    assert trajectory.bodies is not None
     return replace(
-        trajectory, rows=merged("rows"),
-        bodies=replace(trajectory.bodies, sums=merged("bodies.sums"), powers=merged("bodies.powers")),
+        trajectory, rows=merged("rows"), record=merged("record"),
         energy=Energy(zero, zero, zero, merged("energy.dissipated"), merged("energy.supplied")),
         contacts=contacts and replace(contacts, lost=merged("contacts.lost")),
         frictions=frictions and replace(frictions, lost=merged("frictions.lost")),

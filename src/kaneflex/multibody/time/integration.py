@@ -44,7 +44,7 @@ def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajecto
     """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
     found = run.trajectory(run.table[: run.filled + 1], *ended, ns, run.ends)
     if run.whole:
-        return found
+        return replace(found, curve=run)
     if len(found.energy.jumps()):
         from kaneflex.multibody.time.lost_branch import departure  # which few runs need
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem, Unfolded
+from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 
@@ -22,7 +22,7 @@ def instants(base: State, count: int) -> np.ndarray:
 
 def probes(system: CoupledSystem, base: State, given: np.ndarray) -> CoupledTrajectory:
     """States near an instant by rows of coordinates, speeds, accelerations and inputs."""
-    engine, rows, states = system.engine, list[np.ndarray](), list[Unfolded]()
+    engine, rows, records = system.engine, list[np.ndarray](), list[np.ndarray]()
     inputs = engine.additions
     # free courses need ascending times
     times = instants(base, len(given)) if system.mechanism.free else np.full(len(given), base.t)
@@ -30,12 +30,11 @@ def probes(system: CoupledSystem, base: State, given: np.ndarray) -> CoupledTraj
         q, u, _, inputs[:] = np.split(each, engine.size * np.arange(1, 4))
         try:
             system.project(base.t, q, u, base.choice)
-            states.append(system.unfold(engine.row(base.t)[None]))
+            records.append(system.unfold(engine.row(base.t)[None]))
             rows.append(engine.row(t))
         finally:
             inputs[:] = 0.0
-    every = Unfolded(**{name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])})
-    return by_themselves(np.array(rows), every)
+    return by_themselves(system, np.array(rows), np.concatenate(records))
 
 
 class Neighbours(Curve):

@@ -24,10 +24,10 @@ from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY, CoupledSystem, Unfolded
+from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -207,14 +207,14 @@ class ReferenceKinematics(RigidKinematics):
 
     module: RigidReference  # type: ignore[assignment]
     free: Courses
-    run: CoupledTrajectory | Unfolded | None = None
+    run: CoupledTrajectory | None = None
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
     def states(self, system: CoupledSystem, times: np.ndarray) -> list[State]:
         """States of a coupled system with undeformed bodies at ``times`` [s], with the full turns since the start."""
-        found = self.module.system.unfold(self.module.rows(times, self.free))
+        found = by_themselves(self.module.system, self.module.rows(times, self.free))
         return system.undeformed(times, found.q, found.v)
 
     def table(self, times: np.ndarray) -> np.ndarray:
@@ -222,7 +222,7 @@ class ReferenceKinematics(RigidKinematics):
         times, found, count = np.asarray(times, dtype=float), self.run, len(self.module.system.start)
         place = np.minimum(np.searchsorted(self.free.times, times), len(self.free.times) - 1)
         if found is None or not (self.free.times[place] == times).all():
-            found = self.module.system.unfold(self.module.rows(times, self.free))
+            found = by_themselves(self.module.system, self.module.rows(times, self.free))
             place = np.arange(len(times))
         q, v, a = (part[place].reshape(len(times), count, BODY) for part in (found.q, found.v, found.a))
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)

@@ -94,7 +94,7 @@ class Run:
         regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
         if self.touching:
             own = slice(len(engine.holds), len(engine.holds) + len(self.touching))
-            self.stored[own] = self.system.unfold(engine.row(t)[None]).gaps[0, : len(self.touching), STORED]
+            self.stored[own] = engine.instants(self.system.unfold(engine.row(t)[None])).touching[0, own, STORED]
         return regular, step
 
     def _forget_rows(self) -> None:
@@ -163,8 +163,8 @@ class Run:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
         if ended != collocation.TOO_SMALL:
             return None
-        frictions, states = self.system.mechanism.frictions, self.system.unfold(self.here[None]).frictions[0]
-        for (name, own), (_, speed, _, pressed, *_) in zip(frictions.items(), states, strict=True):
+        frictions, states = self.system.mechanism.frictions, self.engine.instants(self._record(self.here[None])).touching[0]
+        for (name, own), (_, speed, _, pressed, *_) in zip(frictions.items(), states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
                 return Outcome.STUCK, (
@@ -284,19 +284,19 @@ class Run:
         ends: np.ndarray = EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
-        found = self.system.unfold(rows)
+        record = self._record(rows)
         if self.touching:
-            self.system.unfold(self.here[None])
-        contacts, frictions = self._records(rows, np.hstack([found.frictions, found.gaps]))
-        works = rows[:, self.engine.columns["works"]]
+            self._record(self.here[None])
+        found, works = self.engine.instants(record), rows[:, self.engine.columns["works"]]
+        contacts, frictions = self._rows(rows, found.touching)
         dissipated = works[:, 0] + contacts.lost.sum(axis=1) + frictions.lost.sum(axis=1)
-        supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
+        energy = balance(found, dissipated, works[:, 1 : 1 + self.engine.inputs].sum(axis=1))
         return CoupledTrajectory(
-            rows, found, balance(found, dissipated, supplied), int(self.counts[0]), int(self.counts[1]),
-            outcome, message, ns, ends, contacts=contacts, frictions=frictions,
+            rows, record, self.system.record, energy, int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
+            ends, contacts, frictions,
         )  # fmt: skip
 
-    def _records(self, rows: np.ndarray, touching: np.ndarray) -> tuple[results.RowRecord, results.RowRecord]:
+    def _rows(self, rows: np.ndarray, touching: np.ndarray) -> tuple[results.RowRecord, results.RowRecord]:
         """Records of contacts and of frictions at rows of the run, by the engine's results there, (n_times, n_rows,
         RESULTS); the engine has the state ``here``."""
         held, works = len(self.engine.holds), rows[:, rows.shape[1] - touching.shape[1] :]
@@ -305,6 +305,10 @@ class Run:
         record = results.RowRecord.of(self.touching, touching[:, contacts], lost[:, contacts], happened)
         jams, names = self.engine.holds[:, at.JAMS].copy(), tuple(self.system.mechanism.frictions)
         return record, results.RowRecord.of(names, touching[:, :held], lost[:, :held], jams=jams)
+
+    def _record(self, rows: np.ndarray) -> np.ndarray:
+        """Record of the rows, (n_times, kept)."""
+        return self.system.unfold(rows)
 
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}

@@ -15,7 +15,6 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.pace import Pace
-from kaneflex.mechanism.energy import Energy, of_bodies
 from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.model import layout as at
@@ -25,9 +24,6 @@ from kaneflex.multibody.time import collocation, run
 from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, unknown_energy
-from kaneflex.multibody.unilateral.rows import RESULTS
 from kaneflex.multibody.unilateral.rows import STORED_AT as STORED
 from kaneflex.support.errors import SceneError
 
@@ -148,37 +144,6 @@ class SpatialRun(run.Run, Curve):
         for t in times[times > end].tolist() if end < self.times[-1] else ():
             raise SceneError("t", t, f"the run stopped at {end:.6g} s", "Choose an instant of the run")
         return np.minimum(np.searchsorted([rows[-1, 0] for rows, _ in self.pieces], times), len(self.pieces) - 1)
-
-    def energy(self, motion: SpatialKinematics) -> Energy:
-        """Energy at the ends of the steps."""
-        rows = np.vstack([self.pieces[0][0][:1], *(rows[1:] for rows, _ in self.pieces)])
-        works = rows[:, self.engine.columns["works"]]
-        found, bodies = motion.at(rows[:, 0]), self.system.mechanism.bodies
-        parts = [(name, body.mass, body.about_centre, body.centre) for name, body in bodies.items()]
-        kinetic, weight = of_bodies(found, parts, self.system.mechanism.gravity)
-        kinetic, weight = kinetic + found["kinetic energy"], weight + found["weight energy"]
-        lost = works[:, works.shape[1] - len(self.stored) :]
-        if len(self.stored):
-            lost = lost - (self._touching(rows[:, 0])[:, :, STORED] - self.stored)
-        supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
-        return Energy(kinetic, found["strain energy"], weight, works[:, 0] + lost.sum(axis=1), supplied)
-
-    def _touching(self, times: np.ndarray) -> np.ndarray:
-        """Results of frictions, contacts and switches at ``times`` [s], (n_times, n_rows, RESULTS)."""
-        if not len(self.stored):
-            return np.zeros((len(times), 0, RESULTS))
-        return self.system.instants(self.rows(times)).touching
-
-    def trajectory(
-        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
-        ends: np.ndarray = run.EMPTY,
-    ) -> CoupledTrajectory:  # fmt: skip
-        steps, rejected, *_ = self.counts.astype(int).tolist()
-        energy, touching = unknown_energy(len(rows)), self._touching(np.append(rows[:, 0], self.here[0]))
-        contacts, frictions = self._records(rows, touching[:-1])
-        return CoupledTrajectory(
-            rows[:, :1], None, energy, steps, rejected, outcome, message, ns, ends, contacts, frictions, curve=self
-        )  # fmt: skip
 
     def stopped(self, reason: str, cure: str) -> SceneError:
         """Error for a motion that can't continue."""

@@ -18,13 +18,13 @@ from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS, joint_wrenches
+from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.tree_layout import COORDINATE, Deformable
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
-from kaneflex.multibody.unilateral.rows import FORCE_AT, STORED_AT
+from kaneflex.multibody.unilateral.rows import FORCE_AT
 from kaneflex.scene import Scene
 
 _XYZ = "xyz"
@@ -92,7 +92,6 @@ class SpatialModule(ComputedModule):
         for name, contact in mechanism.contacts.items():
             units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
             found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
-        found += [(f"{name} energy", "J", "of shapes and springs") for name in ("kinetic", "strain", "weight")]
         for body, shapes in self.system.layout.shapes.items():
             for tail, unit in _RATES:
                 found += [(f"{body}.shape_{k}{tail}", unit, "of a shape") for k in range(shapes.count)]
@@ -171,20 +170,16 @@ class SpatialKinematics(RigidKinematics):
         bodies = (found.r[:, nodes], found.R[:, nodes].reshape(count, len(nodes), 9),
                   *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
-        wrenches = joint_wrenches(system, found).values()
         tensions = found.springs[:, :, 1].T
         straight = sum(not spring.is_bushing for spring in mechanism.springs.values())
         springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
-        kinetic, strain, weight, _ = found.deforming.T
-        strain = strain + found.springs[:, :, 5].sum(axis=1) + found.touching[:, :, STORED_AT].sum(axis=1)
         rows = found.touching[:, len(system.engine.holds) :][:, : len(mechanism.contacts)]
         return np.hstack([
-            _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
-            found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
+            _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1),
+            found.exerted.reshape(count, -1), found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
             rows[:, :, [0, FORCE_AT]].reshape(count, -1),
-            *(each[:, None] for each in (kinetic, strain, weight)),
             *_modal_series(system, found),
         ])  # fmt: skip
 

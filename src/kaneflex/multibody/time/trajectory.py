@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
-from kaneflex.multibody.model.system import Unfolded
+from kaneflex.multibody.dynamics.arrays import Columns
 from kaneflex.multibody.unilateral.results import RowRecord
 
 _NONE = np.zeros(0)
@@ -23,11 +23,14 @@ class CoupledTrajectory:
     Attributes
     ----------
     rows : ndarray (n_times, row)
-        Rows of the engine, see ``Engine.columns``, whose loops are closed; in space their times alone.
-    bodies : Unfolded or None
-        Motion of the bodies and reactions there; None in space, where they are read from ``curve``.
+        Rows of the engine, see ``Engine.columns``, whose loops are closed.
+    record : ndarray (n_times, kept)
+        Motion of the bodies, reactions, energies and powers there, see
+        :class:`kaneflex.multibody.dynamics.arrays.Instants`.
+    of : Columns
+        Its columns by the coordinates of the bodies.
     energy : Energy
-        In space at the ends of the steps; zero where it is not known.
+        Zero where it is not known.
     steps, rejected : int
         Accepted and rejected steps.
     ends : ndarray (steps,)
@@ -44,7 +47,8 @@ class CoupledTrajectory:
     """
 
     rows: np.ndarray
-    bodies: Unfolded | None
+    record: np.ndarray
+    of: Columns
     energy: Energy
     steps: int = 0
     rejected: int = 0
@@ -63,49 +67,39 @@ class CoupledTrajectory:
         """Stored instants [s], (n_times,)."""
         return self.rows[:, 0].copy()
 
-    @property
+    @cached_property
     def q(self) -> np.ndarray:
-        """Frames and shapes of the bodies in the plane, (n_times, n)."""
-        return self._bodies.q
+        """Frames and shapes of the bodies, (n_times, n)."""
+        return self.record[:, self.of.q]
 
-    @property
+    @cached_property
     def v(self) -> np.ndarray:
-        """Their rates, (n_times, n)."""
-        return self._bodies.v
+        """Their rates, (n_times, .)."""
+        return self.record[:, self.of.v]
 
-    @property
+    @cached_property
     def a(self) -> np.ndarray:
-        """Their accelerations, (n_times, n)."""
-        return self._bodies.a
+        """Their accelerations, (n_times, .)."""
+        return self.record[:, self.of.a]
 
-    @property
+    @cached_property
     def multipliers(self) -> np.ndarray:
-        """Joint reactions, and forces or torques of prescribed drives, as the system's ``constraints`` names them,
-        (n_times, m)."""
-        return self._bodies.reactions
+        """Joint reactions, and forces or torques of prescribed drives, in the plane as the system's ``constraints``
+        names them, (n_times, m)."""
+        return self.record[:, self.of.forces]
 
     @property
     def loss(self) -> np.ndarray:
         """Dissipated power [W], (n_times,)."""
-        return self._bodies.sums[:, 2]
+        return self.record[:, self.of.loss]
 
     @property
     def power(self) -> np.ndarray:
         """Supplied power [W], (n_times,)."""
-        return self._bodies.powers[:, 1:].sum(axis=1)
-
-    @property
-    def _bodies(self) -> Unfolded:
-        assert self.bodies is not None
-        return self.bodies
+        return self.record[:, self.of.supplied].sum(axis=1)
 
 
-def by_themselves(rows: np.ndarray, found: Unfolded) -> CoupledTrajectory:
-    """Rows without a run, with the motion of the bodies there: energies, contacts and frictions are unknown."""
-    return CoupledTrajectory(rows, found, unknown_energy(len(rows)))
-
-
-def unknown_energy(count: int) -> Energy:
-    """Zero energies at as many instants."""
-    zero = np.zeros(count)
-    return Energy(zero, zero, zero, zero, zero)
+def by_themselves(system: Any, rows: np.ndarray, record: np.ndarray | None = None) -> CoupledTrajectory:
+    """Rows without a run, whose loops are closed: energies, contacts and frictions are unknown."""
+    zero, record = np.zeros(len(rows)), system.unfold(rows) if record is None else record
+    return CoupledTrajectory(rows, record, system.record, Energy(zero, zero, zero, zero, zero))
