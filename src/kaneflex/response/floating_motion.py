@@ -20,10 +20,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, whole_turns, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.body_parameters import PointShapes
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
-from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
 from kaneflex.multibody.time.trajectory import by_themselves
@@ -69,14 +67,13 @@ class FloatingMotion(DeformingMotion):
         return self.model.scene
 
     @property
-    def system(self) -> CoupledSystem:
+    def system(self) -> CoupledSystem:  # type: ignore[override]
         assert self.model.coupled is not None
         return self.model.coupled
 
     @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        of = self.system.engine.columns
-        return self.trajectory.rows[:, of["q"]].T, self.trajectory.rows[:, of["u"]].T
+    def recorded(self) -> np.ndarray:
+        return self.trajectory.record
 
     def taken(self, instants: np.ndarray) -> Self:
         contacts, frictions, t = self.trajectory.contacts, self.trajectory.frictions, self.trajectory
@@ -166,16 +163,6 @@ class FloatingMotion(DeformingMotion):
         k, t = self.system.start[name], self.trajectory
         rows = slice(k, k + BODY)
         return t.q[:, rows].T, t.v[:, rows].T, t.a[:, rows].T
-
-    def modal(self, name: str) -> Rates:
-        rows, t = self.system.modal(name), self.trajectory
-        return t.q[:, rows].T, t.v[:, rows].T, t.a[:, rows].T
-
-    @cached_property
-    def shapes(self) -> Mapping[str, Shapes | PointShapes]:  # type: ignore[override]
-        bodies = self.scene.bodies.items()
-        given = {name: PointShapes(body.modal) for name, body in bodies if body.modal and any(body.modal.counts)}
-        return {**given, **self.system.shapes}
 
     def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
         """Global position x, y [m] and section angle [rad] of a point, including deformation, with rates; (3, n_times)

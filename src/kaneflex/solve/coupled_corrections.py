@@ -7,9 +7,8 @@ over the same time from the same start.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -105,8 +104,8 @@ def _embedded(read: Read, richer: Model) -> SavedState:
     names, state = start_coordinates(read.model), [part[:, 0] for part in read.motion.state]
     wanted, known = start_coordinates(richer), dict(zip(names, np.transpose(state), strict=True))
     found = np.array([known.get(name, np.zeros(2)) for name in wanted]).T
-    others = _shapes(richer)
-    for body, shapes in _shapes(read.model).items():
+    others = richer.coupled_system.engine.layout.shapes
+    for body, shapes in read.model.coupled_system.engine.layout.shapes.items():
         if isinstance(shapes, Shapes):  # those from a file are the same
             named = re.compile(rf"{re.escape(body)}\.(axial|transverse|shape)_\d+")
             own, into = ([k for k, name in enumerate(each) if named.fullmatch(name)] for each in (names, wanted))
@@ -114,14 +113,6 @@ def _embedded(read: Read, richer: Model) -> SavedState:
     t = float(read.times[0])
     turned = {} if read.model.in_space is None else read.model.in_space.turned(t)
     return SavedState("the run", t, *with_turns(wanted, found[0], found[1], turned))
-
-
-def _shapes(model: Model) -> Mapping[str, Any]:
-    """Shapes of every deforming body of a coupled model."""
-    if model.in_space is not None:
-        return model.in_space.module.system.layout.shapes
-    assert model.coupled is not None
-    return model.coupled.shapes
 
 
 def _carried(shapes: Shapes, richer: Shapes) -> np.ndarray:

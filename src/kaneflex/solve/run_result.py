@@ -110,8 +110,11 @@ class RunResult:
 
     @cached_property
     def rigid(self) -> RigidMotion:
-        """Rigid motion at the stored times."""
-        return self.model.motion.at(self.times)
+        """Rigid motion at the stored times; in space under preset ``coupled`` that of the bodies that deform."""
+        own, coupled = self.trajectory, self.model.coupled_in_space
+        if coupled is None or isinstance(own, Trajectory):
+            return self.model.motion.at(self.times)
+        return coupled.at(self.times, own.record)
 
     @property
     def motion(self) -> Motion:

@@ -80,7 +80,7 @@ def _links(model: Model) -> Mapping[str, Link]:
     """Elastic links by their names, of a coupled mechanism in space those of its shapes."""
     if model.coupled_in_space is None:
         return model.links
-    shapes = model.coupled_in_space.module.system.layout.shapes
+    shapes = model.coupled_system.engine.layout.shapes
     return {name: each.link for name, each in shapes.items() if hasattr(each, "link")}
 
 

@@ -276,6 +276,5 @@ PRESCRIBED_ENTRIES = {
 }  # fmt: skip
 ENTRIES = PRESCRIBED_ENTRIES | {
     collocation.integrate: collocation.ENTRIES[collocation.integrate],
-    unfolding.unfold: unfolding.ENTRIES[unfolding.unfold],
 }  # fmt: skip
 """Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""

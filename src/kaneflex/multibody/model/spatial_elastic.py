@@ -29,7 +29,7 @@ from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Stage, count_of_modes
 from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS, without_work
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.contract import AXES, SPATIAL_LINK_SCALARS
@@ -143,12 +143,12 @@ class DeformingKinematics(SpatialKinematics):
     arms: frozenset[str]
     """Statically indeterminate ARMS, which are omitted."""
 
-    def table(self, times: np.ndarray) -> np.ndarray:
+    def at(self, times: np.ndarray | float, record: np.ndarray | None = None) -> SpatialMotion:
         rigid = self.bare.at(times)
         out = np.hstack([rigid.values, self.deforming.table(rigid)])
         out[:, [self.column[name] for name in self.arms]] = 0.0
         out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan
-        return out
+        return SpatialMotion(self, rigid.times, out)
 
 
 def elastic_stage(

@@ -160,10 +160,6 @@ class SpatialSystem:
         kept = self.engine.numbered
         return self.engine.recorded(self.layout.node_of, [kept.exerted.ravel(), kept.along[0, self.engine.prescribed]])
 
-    def unfold(self, rows: np.ndarray) -> np.ndarray:
-        """Records, see :class:`Instants`, of rows of the engine with closed loops, (n_times, kept)."""
-        return self.engine.unfold(rows)
-
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""
         return {name: value for name, value in vars(self).items() if name != "engine"}

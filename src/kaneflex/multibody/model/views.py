@@ -93,17 +93,21 @@ class Views:
 
     def recorded(self, bodies: Iterable[str], forces: Sequence[np.ndarray]) -> Columns:
         """Columns of the record for the coordinates of these bodies, one after the other, and for forces."""
-        kept, parts = self.numbered, (list[np.ndarray](), list[np.ndarray](), list[np.ndarray]())
-        place, rank = np.zeros(self.size, int), {name: b for b, name in enumerate(self.layout.node_of)}
-        place[self.own[:, 1]] = kept.q[0, self.own[:, 0]]
+        kept, none, parts = self.numbered, np.zeros(0, int), ([*forces], *(list[np.ndarray]() for _ in range(3)))
         for name in bodies:
-            node, (count, modal) = self.layout.node_of[name], self.tables.bodies[rank[name], [at.SHAPES, at.MODAL]]
-            own, axes = slice(modal, modal + count), kept.R[0, node].ravel() if self.in_space else place[:0]
-            parts[0].extend([kept.r[0, node], axes, place[own]])
-            parts[1].extend([kept.twist[0, node], kept.u[0, own]])
-            parts[2].extend([kept.rate[0, node], kept.du[0, own]])
-        q, v, a, exerted = (np.concatenate([place[:0], *part]) for part in (*parts, forces))
+            node, (places, speeds) = self.layout.node_of[name], self.amplitudes(name)
+            axes = kept.R[0, node].ravel() if self.in_space else none
+            parts[1].extend([kept.r[0, node], axes, kept.q[0, places]])
+            parts[2].extend([kept.twist[0, node], kept.u[0, speeds]])
+            parts[3].extend([kept.rate[0, node], kept.du[0, speeds]])
+        exerted, q, v, a = (np.concatenate([none, *part]) for part in parts)
         return Columns(q, v, a, exerted, kept.energies[0, 2], kept.powers[0, 1 : 1 + self.inputs])
+
+    def amplitudes(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the amplitudes of a body's shapes among the coordinates q, and their speeds."""
+        count, modal = self.tables.bodies[[*self.layout.node_of].index(body), [at.SHAPES, at.MODAL]].tolist()
+        places, speeds = self.own[(self.own[:, 1] >= modal) & (self.own[:, 1] < modal + count)].T
+        return places, speeds
 
     @property
     def in_space(self) -> bool:

@@ -142,7 +142,7 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
     have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
     if trajectory.curve is not None:
-        return replace(trajectory, rows=times[:, None], record=trajectory.curve.rows(times))
+        return replace(trajectory, rows=times[:, None], record=trajectory.curve.record(times))
     path, engine = _with_changes(trajectory), system.engine
     of, knots = engine.columns, path.times
     k = np.searchsorted(knots, times, side="right") - 1

@@ -163,8 +163,9 @@ class Run:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
         if ended != collocation.TOO_SMALL:
             return None
-        frictions, states = self.system.mechanism.frictions, self.engine.instants(self._record(self.here[None])).touching[0]
-        for (name, own), (_, speed, _, pressed, *_) in zip(frictions.items(), states, strict=False):
+        frictions = self.system.mechanism.frictions.items()
+        states = self.engine.instants(self._record(self.here[None])).touching[0]
+        for (name, own), (_, speed, _, pressed, *_) in zip(frictions, states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
                 return Outcome.STUCK, (

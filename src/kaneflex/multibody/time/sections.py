@@ -16,6 +16,7 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
+from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.scene import Scene
 from kaneflex.support.fingerprint import made_of
 
@@ -89,24 +90,39 @@ def _turn(angles, found):
 class DeformingMotion(RigidMotion, ABC):
     """Motion of bodies that deform, by the names of a rigid motion's scalars.
 
-    ``scene``; ``shapes`` of the bodies that deform.
+    ``scene``; ``system``: that of the record.
     """
 
     motion: Any
     scene: Scene
-    shapes: Mapping[str, Any]
+    system: Any
 
     @property
     @abstractmethod
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates of the equations and their rates, (n, n_times) each."""
+    def recorded(self) -> np.ndarray:
+        """Record of the instants, (n_times, kept)."""
 
     @abstractmethod
     def taken(self, instants: np.ndarray) -> Self: ...
 
-    @abstractmethod
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of the equations and their rates, (n, n_times) each."""
+        engine = self.system.engine
+        found = engine.instants(self.recorded)
+        return found.q.T, rates_of(engine, found.q, found.u).T
+
+    @property
+    def shapes(self) -> Mapping[str, Any]:
+        """Shapes of the bodies that deform."""
+        shapes: Mapping[str, Any] = self.system.engine.layout.shapes
+        return shapes
+
     def modal(self, body: str) -> Rates:
         """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
+        engine, found = self.system.engine, self.system.engine.instants(self.recorded)
+        places, speeds = engine.amplitudes(body)
+        return found.q[:, places].T, found.u[:, speeds].T, found.du[:, speeds].T
 
     @property
     def quiet(self) -> Self:

@@ -41,6 +41,12 @@ class Curve(ABC):
         order.
         """
 
+    def record(self, times: np.ndarray) -> np.ndarray:
+        """The same at ``times`` [s] in any order."""
+        order, found = np.argsort(times, kind="stable"), np.zeros((len(times), len(self.system.work.kept)))
+        found[order] = self.rows(times[order])
+        return found
+
 
 class Standing(Curve):
     """Start of a mechanism, before free joints or shapes are integrated."""

@@ -131,6 +131,9 @@ class SpatialRun(run.Run, Curve):
                 raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {why}", run.CURE) from None
         return out
 
+    def _record(self, rows: np.ndarray) -> np.ndarray:
+        return self.rows(rows[:, 0])
+
     @cached_property
     def _curves(self) -> list[Steps]:
         return [Steps(self.engine, rows) for rows, _ in self.pieces]

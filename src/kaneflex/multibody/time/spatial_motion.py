@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model.computed_module import ComputedModule
-from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
-from kaneflex.multibody.model.tree_layout import COORDINATE, Deformable
+from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
@@ -38,7 +34,6 @@ _BODY = (
 )
 _JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
                for name in COMPONENTS)  # fmt: skip
-_RATES = (("", "m"), ("_rate", "m/s"), ("_accel", "m/s^2"))
 _STEPS = 500
 """Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
 _AT_ONCE = 1024
@@ -92,9 +87,6 @@ class SpatialModule(ComputedModule):
         for name, contact in mechanism.contacts.items():
             units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
             found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
-        for body, shapes in self.system.layout.shapes.items():
-            for tail, unit in _RATES:
-                found += [(f"{body}.shape_{k}{tail}", unit, "of a shape") for k in range(shapes.count)]
         return (*found, *self.more)
 
     @cached_property
@@ -136,31 +128,35 @@ class SpatialKinematics(RigidKinematics):
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        times = np.ascontiguousarray(times, dtype=float)
-        out = self._open(times)
-        self._close(times, out)
-        lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
-        out[:, lost] = np.nan
-        return out
+        return self.at(times).values
 
-    def _open(self, times: np.ndarray) -> np.ndarray:
+    def at(self, times: np.ndarray | float, record: np.ndarray | None = None) -> SpatialMotion:
+        """Rigid motion at ``times`` [s], with scalars by name; ``record``: that of the curve there, if it is known."""
+        motion = self._open(np.ascontiguousarray(np.atleast_1d(times), dtype=float), record)
+        self._close(motion)
+        lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
+        motion.values[:, lost] = np.nan
+        return motion
+
+    def _open(self, times: np.ndarray, record: np.ndarray | None = None) -> SpatialMotion:
         """The same without coordinates of joints that close loops."""
         out = np.zeros((len(times), len(self.column) - len(self.module.more)))
-        order = np.argsort(times, kind="stable")
+        order, deforms = np.argsort(times, kind="stable"), bool(self.module.system.layout.shapes)
+        if record is None and deforms:
+            record = self.curve.record(times)
         for first in range(0, len(times), _AT_ONCE):
             part = order[first : first + _AT_ONCE]
-            out[part] = self._scalars(times[part], self.curve.rows(times[part]))
-        return out
+            out[part] = self._scalars(times[part], self.curve.rows(times[part]) if record is None else record[part])
+        return SpatialMotion(self, times, out, record)
 
-    def _close(self, times: np.ndarray, out: np.ndarray) -> None:
+    def _close(self, motion: SpatialMotion) -> None:
         """Fill in coordinates of joints that close loops, with turns counted from the start."""
-        motion = SpatialMotion(self, times, out)
         for name in self.module.closing:
             if name not in self._turning:
-                out[:, self.column[f"{name}.angle"]] = self._stands(name, motion)[0]
+                motion.values[:, self.column[f"{name}.angle"]] = self._stands(name, motion)[0]
         if self._turning:
             columns = [self.column[f"{name}.angle"] for name in self._turning]
-            out[:, columns] = self._counts.over(times, *self._angles(motion))
+            motion.values[:, columns] = self._counts.over(motion.times, *self._angles(motion))
 
     def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
@@ -180,7 +176,6 @@ class SpatialKinematics(RigidKinematics):
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1),
             found.exerted.reshape(count, -1), found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
             rows[:, :, [0, FORCE_AT]].reshape(count, -1),
-            *_modal_series(system, found),
         ])  # fmt: skip
 
     @cached_property
@@ -197,7 +192,7 @@ class SpatialKinematics(RigidKinematics):
     @cached_property
     def _counts(self) -> Counts:
         def at(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return self._angles(SpatialMotion(self, times, self._open(times)))
+            return self._angles(self._open(times))
 
         known = self.curve.turned or {}
         angles = np.array([known.get(name, np.nan) for name in self._turning])
@@ -254,11 +249,6 @@ class SpatialKinematics(RigidKinematics):
         module = replace(self.module, more=(), open_reactions=frozenset())
         return SpatialKinematics(module, self.parameters, self.curve)
 
-    def at(self, times: np.ndarray | float) -> SpatialMotion:
-        """Rigid motion at ``times`` [s], with scalars by name."""
-        times = np.atleast_1d(np.asarray(times, dtype=float))
-        return SpatialMotion(self, times, self.table(times))
-
     def later(self, times: np.ndarray) -> SpatialMotion:
         """The same, tabulated on request."""
         return _Later(self, times)
@@ -269,36 +259,29 @@ class SpatialMotion(DeformingMotion):
     """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
 
     motion: Any
+    record: np.ndarray | None = None
     freedoms = 6
 
     @property
-    def system(self) -> SpatialSystem:
-        return self.motion.module.system
+    def recorded(self) -> np.ndarray:
+        assert self.record is not None  # of bodies that deform
+        return self.record
 
     @property
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        found = self.system.instants(self.motion.curve.rows(self.times))
-        return found.q.T, rates_of(self.system.engine, found.q, found.u).T
+    def system(self) -> SpatialSystem:  # type: ignore[override]
+        return self.motion.module.system
 
     @property
     def scene(self) -> Scene:  # type: ignore[override]
         return self.system.scene
-
-    @property
-    def shapes(self) -> Mapping[str, Deformable]:  # type: ignore[override]
-        return self.system.layout.shapes
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m or rad] and normal force [N or N m] of a contact."""
         return self[f"{name}.gap"], self[f"{name}.force"]
 
     def taken(self, instants: np.ndarray) -> Self:
-        return type(self)(self.motion, self.times[instants], self.values[instants])
-
-    def modal(self, body: str) -> Rates:
-        first, count = self.motion.column[f"{body}.shape_0"], self.system.layout.shapes[body].count
-        found = self.values[:, first : first + 3 * count].T.reshape(3, count, -1)
-        return found[0], found[1], found[2]
+        record = None if self.record is None else self.record[instants]
+        return type(self)(self.motion, self.times[instants], self.values[instants], record)
 
     def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
         """The axes of a body, or of the ground."""
@@ -325,17 +308,6 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
     stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
     return [Closing(", ".join(system.layout.cuts), False, values, stand)]
-
-
-def _modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
-    """Modal coordinates, rates and accelerations of all deforming bodies, (n_times, count) each."""
-    series, first, modal = list[np.ndarray](), 0, system.engine.modal
-    for shapes in system.layout.shapes.values():
-        own = slice(first, first + shapes.count)
-        q, u = (places[own] for places in modal)
-        series += [found.q[:, q], found.u[:, u], found.du[:, u]]
-        first += shapes.count
-    return series
 
 
 def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:
