@@ -73,7 +73,9 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     numbers |= {"rho_I": rotary(middles), "rho_I_rise": 0.03 * lengths}
     own = replace(link, parameters=dict(link.parameters) | numbers)
     shapes = {"strip": replace(given.coupled.shapes["strip"], link=own)}
-    system = replace(given.coupled, links={"strip": own}, shapes=shapes)
+    engine = given.coupled.engine
+    engine = replace(engine, layout=replace(engine.layout, shapes=shapes))
+    system = replace(given.coupled, engine=engine, links={"strip": own}, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
     trajectory = path(system, q, v, a)
