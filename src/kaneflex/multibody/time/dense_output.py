@@ -135,36 +135,35 @@ def states(
 
 
 def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
-    """Motion at other instants within the run (dense output); in space it is read from the run.
+    """Motion at other instants within the run (dense output); in space it is read from the run, and energies stay those
+    of the stored instants.
 
     q by the quintic through q, q', q'' of the stored instants and of changes between them, projected onto the
     constraints; accelerations and reactions from the equations. Where changes are no longer stored, closed contacts
     have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
     """
+    path, engine, energy = _with_changes(trajectory), system.engine, trajectory.energy
+    k = np.searchsorted(path.times, times, side="right") - 1
+    piece = Pieces.of(path.times, k, times)
     if trajectory.curve is not None:
-        return replace(trajectory, rows=times[:, None], record=trajectory.curve.record(times))
-    path, engine = _with_changes(trajectory), system.engine
-    of, knots = engine.columns, path.times
-    k = np.searchsorted(knots, times, side="right") - 1
-    piece = Pieces.of(knots, k, times)
-    rows = np.zeros((len(times), path.rows.shape[1]))
-    rows[:, 0], rows[:, of["modes"]] = times, _modes(system, path, piece, k, times)
-    rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
-    rows = system.states(rows)
-    record = system.unfold(rows)
-    found = engine.instants(record)
-    done = np.column_stack([path.energy.dissipated, path.energy.supplied])
-    dissipated, supplied = piece.cubic(done, np.column_stack([path.loss, path.power]))[0].T
-    energy = balance(found, dissipated, supplied)
-    contacts = path.contacts
+        rows, record = times[:, None], trajectory.curve.record(times)
+    else:
+        of, rows = engine.columns, np.zeros((len(times), path.rows.shape[1]))
+        rows[:, 0], rows[:, of["modes"]] = times, _modes(system, path, piece, k, times)
+        rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
+        rows = system.states(rows)
+        record = system.unfold(rows)
+        done = np.column_stack([path.energy.dissipated, path.energy.supplied])
+        dissipated, supplied = piece.cubic(done, np.column_stack([path.loss, path.power]))[0].T
+        energy = balance(engine.instants(record), dissipated, supplied)
+    contacts, frictions, held = path.contacts, path.frictions, len(engine.holds)
+    touching = engine.instants(record).touching
     if contacts is not None:
-        gaps = found.results[:, len(engine.holds) :][:, : len(contacts.names)]
+        gaps = touching[:, held : held + len(contacts.names)]
         contacts = RowRecord.of(contacts.names, gaps, piece.line(contacts.lost), contacts.impacts)
-    frictions = path.frictions
     if frictions is not None:
         lost = piece.line(frictions.lost)
-        rubs = found.results[:, : len(engine.holds)][:, -len(frictions.names) :]
-        frictions = RowRecord.of(frictions.names, rubs, lost, jams=frictions.jams)
+        frictions = RowRecord.of(frictions.names, touching[:, :held], lost, jams=frictions.jams)
     return replace(trajectory, rows=rows, record=record, energy=energy, contacts=contacts, frictions=frictions)
 
 
