@@ -222,12 +222,13 @@ def chosen_settings(
 
     Raises SceneError also if one of the varied ``paths`` of the option is part of the choice.
     """
-    from kaneflex.study.trade.choice import check_varied, choose_for_all
+    from kaneflex.study.trade.choice import check_varied, remembered_choice
     from kaneflex.support.terminal import Waiting
 
     check_varied(scenes[0], option, paths)
     with Waiting() as waiting:
-        choice = choose_for_all(scenes, tolerance_of(choosing.tolerance or ""), choosing.sensors or None, waiting)
+        share, (scene, *others) = tolerance_of(choosing.tolerance or ""), scenes
+        choice, _ = remembered_choice(scene, share, choosing.sensors or None, waiting, others=others)
     echo(f"{chosen_lines(choice)}\n  Compared at {where}; elsewhere errors may be larger")
     return choice.settings
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.options import UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
 from kaneflex.scene.parts import TERM_NAMES
+from kaneflex.scene.start import Start
 from kaneflex.solve.variants import Variant
-from kaneflex.support.errors import SceneError
+from kaneflex.study.differences import check_sensors
+from kaneflex.support.errors import SceneError, refuse
 
 _ELEMENTS = (1, 2, 4)
 _MODES = (2, 4, 6)
@@ -149,3 +152,28 @@ def candidates_of(scene: Scene) -> tuple[Variant, ...]:
 
 def _count(number: int, thing: str) -> str:
     return f"{number} {thing}" + ("" if number == 1 else "s")
+
+
+def check_request(
+    scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None, several: bool = True
+) -> tuple[str, ...]:
+    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed.
+
+    ``several``: whether models of different fineness are compared, which needs a beam.
+    """
+    refuse(
+        (not 0 < tolerance < 1, "--tolerance", tolerance, "not a share of each sensor's peak",
+         "Give a value between 0 and 100 %"),
+        (not budget > 0, "--budget", budget, "not a positive time", "Write for example 60s"),
+    )  # fmt: skip
+    check_sensors(scene, sensors)
+    modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
+    refuse(
+        (isinstance(scene.solve.start, Start), "solve.start", "a table of a state",
+         "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
+        (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
+         "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
+        (several and not elements_of(scene), "bodies", None, "no body has a beam: there is only one model",
+         "Give a body a beam"),
+    )  # fmt: skip
+    return tuple(sensors or scene.sensors)

@@ -19,15 +19,16 @@ from kaneflex.solve.summary_tables import Attempt, Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import neutral, neutral_settings, terms_of
-from kaneflex.study.trade.ranking import check_request
-from kaneflex.study.trade.reference import KNOWN, find_reference, kept_curves, read_curves, recalled
+from kaneflex.study.trade.candidates import check_request, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.reference import KNOWN, kept_curves, read_curves, recalled
 from kaneflex.study.trade.trials import Trial, Trials
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
+_SHARES = ("errors", "doubt", "open")
+"""Fields of a choice by sensor, as shares of its peak."""
 _LONGEST = 1.0
 """Most processor seconds of trying cheaper models for one run."""
 
@@ -58,54 +59,30 @@ def choose(
 
 
 def chosen(
-    scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, purpose: Purpose
-) -> tuple[Choice, Solution, Curves]:
-    """Choice as of :func:`choose`, the chosen model's solution, and the curves of the reference."""
-    started = time.perf_counter()
-    trials = _begun(scene, tolerance, sensors, progress, 1.0 if purpose == "run" else KNOWN)
-    model = trials.richest()
-    if purpose != "run":
-        found = [*trials.cheapest_models(), *([model] if trials.within(model) else [])]
-        model = min(found or [model], key=trials.seconds)
-    dropped = _drop_terms(trials, model) if purpose == "code" else []
-    model = dropped[-1] if dropped else model
-    choice = _choice(scene, trials, model, sensors is not None, started)
-    update = {"dropped": [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]}
-    choice = choice.model_copy(update=update | {"compared": purpose != "run"})
-    return choice, trials.runs.run(model).solution, trials.reference.curves
+    scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, purpose: Purpose,
+    others: Sequence[Scene] = (),
+) -> tuple[Choice, Solution, Curves]:  # fmt: skip
+    """Choice as of :func:`choose`, the chosen model's solution, and the curves of the reference.
 
-
-def choose_for_all(
-    scenes: Sequence[Scene], tolerance: float, sensors: Sequence[str] | None = None,
-    progress: Progress = lambda stage: None,
-) -> Choice:  # fmt: skip
-    """Fastest model that is within a tolerance in each of several scenes with other numbers, as :func:`choose` finds
-    it; each error is the largest of the scenes. Taken from the cache if it is there.
-
-    Raises SceneError also if there is none.
+    The model is within the tolerance in all ``others``, too, the scene with other numbers; errors are the largest.
     """
-
-    def compared() -> Choice:
-        started = time.perf_counter()
-        trials = [_begun(scene, tolerance, sensors, progress, KNOWN) for scene in scenes]
+    started, scenes = time.perf_counter(), (scene, *others)
+    trials = [Trials.begun(each, tolerance, sensors, progress, 1.0 if purpose == "run" else KNOWN) for each in scenes]
+    own, model = trials[0], trials[0].richest()
+    if purpose != "run":
         found = dict.fromkeys(model for each in trials for model in (*each.cheapest_models(), each.richest()))
         good = [model for model in found if all(each.within(model) for each in trials)]
-        if not good:
+        if others and not good:
             reason = "no model is within it at all compared points"
             raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Choose a larger one, or fewer sensors")
-        model = min(good, key=lambda model: sum(each.seconds(model) for each in trials))
-        choices = [_choice(scene, each, model, True, started) for scene, each in zip(scenes, trials, strict=True)]
-        update = {key: _largest([getattr(each, key) for each in choices]) for key in ("errors", "doubt", "open")}
-        return choices[0].model_copy(update=update)
-
-    own = check_request(scenes[0], tolerance, 1.0, sensors)
-    path = choice_file(scenes[0], tolerance, own, *(_digest(each) for each in scenes))
-    choice = _read(path)
-    if choice is not None:
-        return choice.model_copy(update={"remembered": True})
-    choice = compared()
-    _keep(path, choice)
-    return choice
+        model = min(good or [model], key=lambda model: sum(each.seconds(model) for each in trials))
+    dropped = _drop_terms(own, model) if purpose == "code" else []
+    model = dropped[-1] if dropped else model
+    choices = [_choice(scene, each, model, sensors is not None) for each in trials]
+    update: dict[str, Any] = {key: _largest([getattr(each, key) for each in choices]) for key in _SHARES}
+    update["dropped"] = [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]
+    update |= {"compared": purpose != "run", "seconds": time.perf_counter() - started}
+    return choices[0].model_copy(update=update), own.runs.run(model).solution, own.reference.curves
 
 
 def check_varied(scene: Scene, option: str, paths: Iterable[str]) -> None:
@@ -121,16 +98,7 @@ def _largest(tables: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: max(table[name] for table in tables if name in table) for name in names}
 
 
-def _begun(
-    scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, share: float
-) -> Trials:
-    """Trials of a scene's models with its reference."""
-    named, sensors = sensors is not None, check_request(scene, tolerance, 1.0, sensors)
-    runs = Runs(neutral(scene), progress)
-    return Trials(runs, tolerance, find_reference(runs, sensors, tolerance, share, named))
-
-
-def _choice(scene: Scene, trials: Trials, model: Variant, named: bool, started: float) -> Choice:
+def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice:
     """Choice of a tried model; raises SceneError if a named sensor is not within the tolerance."""
     reference, beyond, tolerance = trials.reference, trials.beyond(model), trials.tolerance
     for sensor, error in beyond.items() if named else ():
@@ -149,7 +117,7 @@ def _choice(scene: Scene, trials: Trials, model: Variant, named: bool, started: 
         attempts=list(map(_attempt, trials.tried.values())),
         richest_s=trials.runs.run(trials.richest()).timing.total,
         compared=True,
-        seconds=time.perf_counter() - started,
+        seconds=0.0,
         remembered=False,
     )
 
@@ -220,18 +188,19 @@ def _drop_terms(trials: Trials, model: Variant) -> list[Variant]:
 
 def remembered_choice(
     scene: Scene, tolerance: float, sensors: Sequence[str] | None = None, progress: Progress = lambda stage: None,
-    purpose: Purpose = "model",
+    purpose: Purpose = "model", others: Sequence[Scene] = (),
 ) -> tuple[Choice, Solution | None]:  # fmt: skip
     """Choice from the cache, else of :func:`chosen`, which is then stored; and the solution if there is one.
 
     Unreadable cache files are replaced. Parameters and errors are those of :func:`choose`; OutputError if the cache
     can't be written.
     """
-    path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors), purpose)
+    known_by = purpose, *map(_digest, others)
+    path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors), *known_by)
     reference, choice, solution = path.with_suffix(".npy"), _read(path), None
     known, curves = choice is not None, None
     if choice is None:
-        choice, solution, curves = chosen(scene, tolerance, sensors, progress, purpose)
+        choice, solution, curves = chosen(scene, tolerance, sensors, progress, purpose, others)
         data = None if choice.compared else kept_curves(curves, scene)
         if data is not None:
             keep(reference, data)
@@ -241,7 +210,7 @@ def remembered_choice(
             choice, solution = cheaper(scene, choice, curves, progress)
             reference.unlink(missing_ok=True)
     if curves is not None or not known:
-        _keep(path, choice)
+        keep(path, (choice.model_dump_json(indent=2) + "\n").encode())
     return choice.model_copy(update={"remembered": known and solution is None}), solution
 
 
@@ -266,7 +235,3 @@ def _read(path: Path) -> Choice | None:
         return Choice.model_validate_json(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValidationError):
         return None
-
-
-def _keep(path: Path, choice: Choice) -> None:
-    keep(path, (choice.model_dump_json(indent=2) + "\n").encode())

@@ -6,20 +6,17 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import check_sensors
-from kaneflex.study.runs import Runs, cost
-from kaneflex.study.trade.candidates import candidates_of, elements_of, neutral, neutral_settings, own_model
-from kaneflex.study.trade.reference import KNOWN, Reference, find_reference
+from kaneflex.study.runs import cost
+from kaneflex.study.trade.candidates import candidates_of, neutral_settings, own_model
+from kaneflex.study.trade.reference import KNOWN, Reference
 from kaneflex.study.trade.trials import Ranked, Trials
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import Problem, SceneError, failed, refuse
+from kaneflex.support.errors import Problem, SceneError, failed
 from kaneflex.support.terminal import silent
 
 _FIRST_RUNS = 0.6
@@ -111,11 +108,9 @@ def trade(
         converge, or no candidate can be run.
     """
     scene = scene_from(scene)
-    named, sensors = sensors is not None, check_request(scene, tolerance, budget, sensors)
-    basis = neutral(scene)
-    runs = Runs(basis, progress or silent)
-    reference = find_reference(runs, sensors, tolerance, KNOWN, named)
-    begun, trials, own = time.perf_counter(), Trials(runs, tolerance, reference), None
+    trials = Trials.begun(scene, tolerance, sensors, progress or silent, KNOWN, budget)
+    begun, runs, reference, own = time.perf_counter(), trials.runs, trials.reference, None
+    basis = runs.scene
     if candidates is None:
         candidates, own = candidates_of(basis), own_model(scene)
         own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
@@ -135,28 +130,3 @@ def trade(
     ranked = [Ranked(**vars(trial), cost=each) for trial, each in zip(found, costs, strict=True)]
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, tolerance, reference, tuple(ranked), left_out, own)
-
-
-def check_request(
-    scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None, several: bool = True
-) -> tuple[str, ...]:
-    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed.
-
-    ``several``: whether models of different fineness are compared, which needs a beam.
-    """
-    refuse(
-        (not 0 < tolerance < 1, "--tolerance", tolerance, "not a share of each sensor's peak",
-         "Give a value between 0 and 100 %"),
-        (not budget > 0, "--budget", budget, "not a positive time", "Write for example 60s"),
-    )  # fmt: skip
-    check_sensors(scene, sensors)
-    modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
-    refuse(
-        (isinstance(scene.solve.start, Start), "solve.start", "a table of a state",
-         "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
-        (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
-         "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
-        (several and not elements_of(scene), "bodies", None, "no body has a beam: there is only one model",
-         "Give a body a beam"),
-    )  # fmt: skip
-    return tuple(sensors or scene.sensors)

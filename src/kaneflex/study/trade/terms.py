@@ -14,9 +14,8 @@ from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, terms_of
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, check_request, elements_of, neutral, terms_of
 from kaneflex.study.trade.parts import parts
-from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.reference import doubts_of
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, StoppedEarly
@@ -160,7 +159,7 @@ def terms(
     Raises
     ------
     SceneError
-        For invalid requests, see :func:`kaneflex.study.trade.ranking.check_request`, or if ``stiffened`` can't be run.
+        As :func:`kaneflex.study.trade.candidates.check_request`, or if ``stiffened`` can't be run.
     """
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors, several=False)

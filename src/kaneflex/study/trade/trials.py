@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from kaneflex.scene import Scene
+from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, worst
 from kaneflex.study.runs import Cost, Runs
-from kaneflex.study.trade.candidates import COUPLED, STIFFENED, families
-from kaneflex.study.trade.reference import Reference
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, check_request, families, neutral
+from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError
 
 _SHORT = 0.3
@@ -82,6 +85,19 @@ class Trials:
     until: float = math.inf
     coupled: float = 0.0
     tried: dict[Variant, Trial] = field(default_factory=dict)
+
+    @classmethod
+    def begun(
+        cls, scene: Scene, tolerance: float, sensors: Sequence[str] | None, progress: Progress, share: float,
+        budget: float = 1.0,
+    ) -> Trials:  # fmt: skip
+        """Trials of a scene's models, whose reference is run; ``sensors``: those that must be within, else any.
+
+        Raises SceneError as :func:`kaneflex.study.trade.candidates.check_request` and
+        :func:`kaneflex.study.trade.reference.find_reference`, whose ``share`` it takes.
+        """
+        compared, runs = check_request(scene, tolerance, budget, sensors), Runs(neutral(scene), progress)
+        return cls(runs, tolerance, find_reference(runs, compared, tolerance, share, sensors is not None))
 
     def within(self, candidate: Variant) -> bool:
         """True if a candidate is within the tolerance; False also if it can't be run, or not in time."""
