@@ -123,7 +123,7 @@ def test_accelerations_in_space_in_c_are_those_of_the_engine(name, compiler, tmp
     assert len(system.engine.parts["balls"])
     library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
     size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
-    assert size["POSITIONS"] == len(system.state_coordinates) and size["SPEEDS"] == system.engine.size
+    assert size["POSITIONS"] == len(system.engine.layout.positions) and size["SPEEDS"] == system.engine.size
     start, random, state = start_of(system), np.random.default_rng(5), np.zeros(2 * sum(size.values()))
     getattr(library, f"{name}_start")(_address(state))
     accelerate, unit = getattr(library, f"{name}_accelerations"), system.engine.measure

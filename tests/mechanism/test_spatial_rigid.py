@@ -98,7 +98,7 @@ solve.duration = 1
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
     rng = np.random.default_rng(SEED)
     for _ in range(4):
-        q = rng.normal(size=len(system.state_coordinates))
+        q = rng.normal(size=len(system.engine.layout.positions))
         system.place(q)
         assert abs(system.work.rows[:, 0]).max() < 1e-13
         assert abs(system.work.J).max(initial=0.0) < 1e-13
@@ -184,7 +184,7 @@ def test_rows_of_joints_by_hand(kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
     scene = scene_of(GUIDED % (kind, AXES[kind]))
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
-    assert len(system.state_coordinates) == 7 and list(system.layout.cuts) == ["tested"]
+    assert len(system.engine.layout.positions) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
         system.place(q)
         found = np.column_stack([system.work.rows[:, 0], system.work.J, system.work.rows[:, 3:]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from kaneflex.multibody.dynamics import independent_speeds, reduction, spatial_e
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
 from kaneflex.multibody.model.pivots import virtual_inertia
-from kaneflex.multibody.model.state import NONE, Choice
+from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.tree_layout import JOINT_NODE
 from kaneflex.multibody.model.views import Views
 from kaneflex.multibody.time import collocation
@@ -95,6 +95,22 @@ class Engine(Views):
         choice, dropped = self.chosen_by(level)
         self.choose_speeds(choice)
         return dropped
+
+    def chosen_at(self, state: State, spared: Sequence[int] = ()) -> Choice:
+        """Choice of the independent speeds at a state, see :meth:`choose`."""
+        self.set(state)
+        self.choose(state.t, spared)
+        return self.choice
+
+    def gaps(self, state: State) -> Iterator[tuple[str, float, float]]:
+        """Joints, by how much a state opens them [m or rad], and the unit of that."""
+        self.set(state)
+        gaps = self.openings(state.t)[: self.count(at.JOINT_ROWS)].tolist()
+        for place, k in self.own.tolist():  # the drives now have their positions
+            name = self.layout.speeds[k].rpartition(".")[0]
+            yield name, float(state.q[place] - self.motion[0][k]), float(self.measure[k])
+        for row, gap in enumerate(gaps):
+            yield self.cut_of(row), gap, float(self.work.row_measure[row])
 
     def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
         """Choice by the :attr:`levels` of coordinates, and redundant rows, see

@@ -18,9 +18,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving, reference_instant
-from kaneflex.multibody.model.independent_speeds import choose, choose_for_all
+from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
@@ -58,7 +57,7 @@ def simulate_coupled(
     :func:`repeated`."""
     started = time.perf_counter()
     system, options = model.coupled_system, model.options
-    near = None if after is None else state_after(system, after, partial(_choice, system))
+    near = None if after is None else state_after(system, after, system.engine.chosen_at)
     begin = 0.0 if after is None else after.t
     times = begin + model.step * np.arange(options.steps + 1)
     stops = [event for event in model.scene.events.values() if event.stop and model.coupled is not None]
@@ -74,11 +73,6 @@ def simulate_coupled(
     if trajectory.curve is not None and near is not None:
         trajectory.curve.turned = near[1]
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
-
-
-def _choice(system: CoupledSystem | SpatialSystem, given: State) -> Choice:
-    """Choice of independent speeds at a state."""
-    return system.choose(given) if isinstance(system, CoupledSystem) else choose(system, given.q)
 
 
 def repeated(
@@ -207,9 +201,9 @@ def _given(model: Model, start: State) -> State:
     frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
     was, now = system.undeformed(np.full(2, laid.t), frames, 0.0 * frames)
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
-    asked = [k for k, (name, _) in enumerate(system.state_coordinates)
+    asked = [k for k, (name, _) in enumerate(system.engine.layout.positions)
              if name in (*tables.displacements, *tables.velocities) and not engine.shapes[k]]  # fmt: skip
-    return closed_state(scene, system, given, system.choose(given, asked or engine.free_drives))
+    return closed_state(scene, system, given, engine.chosen_at(given, asked or engine.free_drives))
 
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
@@ -266,7 +260,7 @@ def _check_speeds(scene: Scene, system: CoupledSystem, start: State) -> None:
     if not speeds or scene.contacts:  # sides that touch may change them at once
         return
     try:
-        system.project(start.t, start.q, start.u, system.choose(start))
+        system.project(start.t, start.q, start.u, system.engine.chosen_at(start))
     except ArithmeticError:  # the run reports it
         return
     for name, speed in speeds.items():

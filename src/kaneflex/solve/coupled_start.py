@@ -14,7 +14,7 @@ from kaneflex.multibody.dynamics import exported_entries, spatial_entries, unfol
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS
+from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
@@ -107,7 +107,7 @@ def _in_space(model: Model) -> tuple:
     entries = {each.__name__: (each, of) for each, of in exported_entries.ENTRIES.items()}
     entries["project"] = spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]
     names = _names(system)
-    sizes = {"RATES": len(names["rate"]), "POSITIONS": len(system.state_coordinates), "SPEEDS": system.engine.size}
+    sizes = {"RATES": len(names["rate"]), "POSITIONS": len(names["position"]), "SPEEDS": system.engine.size}
     numbers = {
         "patience": PATIENT, "fixed": int(system.engine.light), "FIXED": exported_entries.FIXED,
         "CHANGED": exported_entries.CHANGED,
@@ -135,5 +135,5 @@ def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
     forces = [f"{joint}.{part}" for joint in system.mechanism.joints for part in COMPONENTS]
     return {
         "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
-        "position": [name for name, _ in system.state_coordinates], "speed": layout.speeds,
+        "position": [name for name, _ in layout.positions], "speed": layout.speeds,
     }  # fmt: skip

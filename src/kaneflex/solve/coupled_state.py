@@ -102,7 +102,7 @@ def closed_state(scene: Scene, system: CoupledSystem | SpatialSystem, given: Sta
     changed = np.where(asked, abs(found.q - given.q) / measure, 0.0)
     if not changed.max(initial=0.0) <= OPEN:
         k = int(changed.argmax())
-        name, unit = system.state_coordinates[k]
+        name, unit = system.engine.layout.positions[k]
         made = f"joints and drives make it {found.q[k] + 0.0:.6g} {unit}"
         raise SceneError(f"solve.start.displacements.{name}", tables.displacements.get(name, 0.0), made, cure)
     wanted, rates = (rates_of(engine, found.q[None], each.u[None])[0] for each in (given, found))
@@ -130,7 +130,7 @@ def state_after(
     _normalise(system, q, "after", after.source)
     u = speeds_of(system.engine, q[None], v[None])[0]
     given = State(after.t, q, u, 0.0 * u, system.engine.sizes.copy(), NONE)
-    check_closed(system.openings(given), "after", after.source, CONTINUE)
+    check_closed(system.engine.gaps(given), "after", after.source, CONTINUE)
     try:
         found = system.project(given.t, q, u, choose(given))
     except ArithmeticError as error:
@@ -147,7 +147,7 @@ def _normalise(system: CoupledSystem | SpatialSystem, q: np.ndarray, key: str, s
     for k in system.engine.balls[:, 0].tolist():
         length = float(np.linalg.norm(q[k : k + 4]))
         if not abs(length - 1.0) <= OPEN:
-            owner = system.state_coordinates[k][0].rpartition(".")[0]
+            owner = system.engine.layout.positions[k][0].rpartition(".")[0]
             raise SceneError(
                 key, source, f"the quaternion of {owner} has length {length:.6g}, which is not 1",
                 f"Give {owner}.quaternion_w, _x, _y and _z with w^2 + x^2 + y^2 + z^2 = 1",

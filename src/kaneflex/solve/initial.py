@@ -51,7 +51,7 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
 
 def state_dimensions(system: CoupledSystem | SpatialSystem) -> dict[str, Dimension]:
     """Dimension of each coordinate of a coupled system, in its order."""
-    return {name: _OF_UNIT[unit] for name, unit in system.state_coordinates}
+    return {name: _OF_UNIT[unit] for name, unit in system.engine.layout.positions}
 
 
 def given_start(scene: Scene) -> Start:

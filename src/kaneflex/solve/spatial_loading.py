@@ -14,13 +14,12 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
-from kaneflex.multibody.model.determinacy import check_sensors
+from kaneflex.multibody.model.determinacy import check_sensors, open_reactions
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_reactions import open_reactions
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.tree_layout import COORDINATE
@@ -176,6 +175,6 @@ def given_state(system: SpatialSystem, start: State) -> State:
     turns = system.engine.turns[system.engine.prescribed]
     given.q[driven] -= turns * whole_turns(given.q[driven] - system.courses(start.t)[:, 0])
     # a complete state may lie far from the start, where other speeds are independent
-    complete = {name for name, _ in system.state_coordinates} <= set(given_start(system.scene).displacements)
+    complete = {name for name, _ in system.engine.layout.positions} <= set(given_start(system.scene).displacements)
     choice = choose(system, given.q, prefer=True) if complete else start.choice
     return closed_state(system.scene, system, given, choice)

@@ -7,7 +7,7 @@ the reactions of the tree's joints that balance it, are indeterminate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +23,11 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.engine import Engine
+    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
 
+COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
+"""Components of a joint's force and moment in space, global."""
 _RANK, _NOTHING = 1e-9, 1e-7
 """Share of the largest singular value below which a combination of rows acts on nothing, and of the largest reaction
 below which it has no share in one."""
@@ -39,21 +42,24 @@ def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
 
     A combination of the cuts' rows that acts on no free coordinate is balanced by the joints of the tree.
     """
-    engine, size, choice = system.engine, system.mechanism.size, system.choose(state)
+    engine, size = system.engine, system.mechanism.size
+    engine.set(state)
     engine.openings(state.t)
-    free, count = np.concatenate([choice.dependent, choice.independent]), engine.count(at.JOINT_ROWS)
-    units = engine.work.row_measure
-    J = engine.numbers(at.GRADIENT, count * engine.size).reshape(count, engine.size) * engine.measure / units[:, None]
-    combinations = self_equilibrated(J[:, free]).T
-    rows = np.tile(engine.row(state.t), (1 + len(combinations), 1))
+    multipliers = combinations(engine)
+    rows = np.tile(engine.row(state.t), (1 + len(multipliers), 1))
     first = engine.columns["reactions"].start
     rows[:, engine.columns["reactions"]] = 0.0
-    rows[1:, first : first + count] = combinations / units
+    rows[1:, first : first + multipliers.shape[1]] = multipliers
     exerted = system.unfold(rows)[:, system.record.forces]
     exerted *= [size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
     changes = abs(exerted[1:] - exerted[0]).max(axis=0, initial=0.0)
     open_rows = changes > _NOTHING * changes.max(initial=0.0)
     return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)
+
+
+def combinations(engine: Engine) -> np.ndarray:
+    """Self-equilibrated multipliers of redundant rows at the current position, (combinations, rows)."""
+    return self_equilibrated(engine.jacobian[:, engine.open_speeds]).T / engine.work.row_measure
 
 
 def self_equilibrated(rows: np.ndarray) -> np.ndarray:
@@ -76,6 +82,23 @@ def self_equilibrated_names(wrenches: Mapping[str, np.ndarray], drives: Mapping[
             if abs(values).max() > least:
                 found |= {f"{name}.{part}_{axis}" for axis in "xyz"}
     return found
+
+
+def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
+    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states."""
+    found: set[str] = set()
+    for state in states:
+        for multipliers in without_work(system, state):
+            wrenches = system.passed_on(multipliers)
+            along = system.work.J[: len(multipliers), system.engine.prescribed].T @ multipliers
+            found |= self_equilibrated_names(wrenches, dict(zip(system.driven, along, strict=True)))
+    return frozenset(found)
+
+
+def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
+    """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
+    system.place(state.q)
+    yield from combinations(system.engine)
 
 
 def _of_body(scene: Scene, sensor: Sensor) -> Iterator[str]:

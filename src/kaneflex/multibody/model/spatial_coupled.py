@@ -99,7 +99,7 @@ class _Beside(Curve):
         self.coupled, self.system, self.start = coupled, system, replace(start, t=coupled.begin)
         of, self.turned = coupled.module.system, coupled.curve.turned
         coordinates, speeds = of.engine.modal
-        self.q = np.setdiff1d(np.arange(len(of.state_coordinates)), coordinates)
+        self.q = np.setdiff1d(np.arange(len(of.engine.layout.positions)), coordinates)
         self.u = np.setdiff1d(np.arange(of.engine.size), speeds)
 
     def rows(self, times: np.ndarray) -> np.ndarray:

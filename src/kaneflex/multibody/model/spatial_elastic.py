@@ -27,8 +27,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
 from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Stage, count_of_modes
-from kaneflex.multibody.model.determinacy import self_equilibrated, self_equilibrated_names
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS, without_work
+from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -273,7 +272,7 @@ def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
     """Names of the forces and moments of joints and drives that are statically indeterminate at some instants of a
     motion.
 
-    As :func:`kaneflex.multibody.model.spatial_reactions.open_reactions`, of a mechanism whose links deform.
+    As :func:`kaneflex.multibody.model.determinacy.open_reactions`, of a mechanism whose links deform.
     """
     joined, names = found.joined, set[str]()
     J, where = joined.rows(motion), joined.where

@@ -61,7 +61,7 @@ def _key(system: SpatialSystem, owner: str) -> str:
 
 def _check_drives(system: SpatialSystem, choice: Choice) -> None:
     """Check that prescribed drives are independent of the loops."""
-    J = system.work.J * system.engine.measure / system.row_measure[:, None]
+    J = system.engine.jacobian
     if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
         raise SceneError(
             f"drives.{system.driven[-1]}", None, "the loops and the other drives already determine its motion",

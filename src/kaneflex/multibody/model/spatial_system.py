@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -136,20 +136,10 @@ class SpatialSystem:
         """Rows by names."""
         return self.engine.instants(rows)
 
-    def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
-        """Joints, by how much a state opens them [m or rad], and the unit of that."""
-        self.place(state.q)
-        for name, rows in self.layout.cuts.items():
-            for row in range(rows.start, rows.stop):
-                yield name, float(self.work.rows[row, 0]), float(self.row_measure[row])
-        places, courses = self.columns(self.driven, COORDINATE), self.courses(state.t)
-        for name, k, course in zip(self.driven, places, courses, strict=True):
-            slides = self.mechanism.joints[name].kind == "prismatic"
-            yield name, float(state.q[k] - course[0]), self.mechanism.size if slides else 1.0
-
     def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
         """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
-        self.work.multipliers[:] = multipliers
+        self.work.multipliers[:] = 0.0
+        self.work.multipliers[: len(multipliers)] = multipliers
         self.engine.call(spatial_entries.pass_on)
         return dict(zip(self.mechanism.joints, self.work.exerted.copy(), strict=True))
 
@@ -163,11 +153,6 @@ class SpatialSystem:
     def __getstate__(self) -> dict[str, Any]:
         """Everything except addresses, which belong to one process."""
         return {name: value for name, value in vars(self).items() if name != "engine"}
-
-    @property
-    def state_coordinates(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each coordinate of a state."""
-        return self.layout.positions
 
     @cached_property
     def engine(self) -> Engine:
@@ -254,7 +239,7 @@ class SpatialSystem:
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian J of the rows by the speeds, both in their measures, at a position."""
         self.place(q)
-        return self.work.J * self.engine.measure / self.row_measure[:, None]
+        return self.engine.jacobian
 
 
 def build_spatial_system(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -136,11 +136,6 @@ class CoupledSystem:
         each = zip(times.tolist(), found.real.copy(), found.imag / _STEP, strict=True)
         return [State(t, y, u, 0.0 * u, engine.sizes.copy(), engine.choice) for t, y, u in each]
 
-    @property
-    def state_coordinates(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each coordinate of a state."""
-        return self.engine.layout.coordinates
-
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Frames and shapes of the bodies with their rates at a state, (size,) each; loops are not closed, and drives
         have their courses up to whole turns."""
@@ -156,23 +151,6 @@ class CoupledSystem:
             turned[body] = (turned[index[base]] if base >= 0 else 0.0) + sign * own
             q[self.start[body] + 2] += turned[body]
         return q, found[of.v]
-
-    def openings(self, state: State) -> Iterator[tuple[str, float, float]]:
-        """Joints, by how much a state opens them [m or rad], and the unit of that."""
-        engine, layout, units = self.engine, self.engine.layout, self.engine.work.row_measure.tolist()
-        engine.set(state)
-        gaps = engine.openings(state.t)[: engine.count(at.JOINT_ROWS)].tolist()
-        for k, (name, unit) in enumerate(layout.coordinates):  # the drives now have their positions
-            size = 1.0 if unit == "rad" else self.mechanism.size or 1.0
-            yield name.rpartition(".")[0], float(state.q[k] - engine.motion[0][k]), size
-        for row, gap in enumerate(gaps):
-            yield engine.cut_of(row), gap, units[row]
-
-    def choose(self, state: State, spared: Sequence[int] = ()) -> Choice:
-        """Choice of the independent speeds at a state, see :meth:`kaneflex.multibody.engine.Engine.choose`."""
-        self.engine.set(state)
-        self.engine.choose(state.t, spared)
-        return self.engine.choice
 
     def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """State at t [s] near coordinates q of the tree with the independent ones of the speeds u; contacts are closed

@@ -154,7 +154,9 @@ class Views:
     def set(self, state: State) -> None:
         """Set coordinates and speeds to those of a state; contacts are open, and frictions free."""
         self.part()
-        self.motion[0][:], self.motion[1][:] = state.q, state.u
+        places, speeds = self.own.T
+        self.work.q[:], self.motion[0][:], self.motion[1][:] = state.q, 0.0, state.u
+        self.motion[0][speeds] = state.q[places]
 
     def states_of(self, rows: np.ndarray, choice: Choice) -> Iterator[State]:
         """States of rows of the integration; sizes of loads are the current ones."""
@@ -180,6 +182,11 @@ class Views:
         for first, count in self.tables.bodies[:, [at.MODAL, at.SHAPES]]:
             found[first : first + count] = independent_speeds.OF_SHAPE
         return found
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """Jacobian of the rows of cut joints by the speeds at the current position, both in their measures."""
+        return self.work.J[: len(self.work.row_measure)] * self.measure / self.work.row_measure[:, None]
 
     def cut_of(self, row: int) -> str:
         """Joint of a cut's row; of a resting contact the last one."""

@@ -194,7 +194,7 @@ class RigidReference(ComputedModule):
         """Row of the engine at the start, and the choice of dependent coordinates there."""
         q = np.concatenate([self.start.poses[body] for body in self.system.start])[None]
         (state,) = self.system.undeformed(np.zeros(1), q, 0.0 * q)
-        choice = self.system.choose(state)
+        choice = self.engine.chosen_at(state)
         return self.engine.row(0.0), choice
 
 

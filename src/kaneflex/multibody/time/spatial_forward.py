@@ -115,7 +115,7 @@ class SpatialRun(run.Run, Curve):
         return 3 * int(self.counts[2])
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        system, n = self.system, len(self.system.state_coordinates)
+        system, n = self.system, len(self.system.engine.layout.positions)
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.engine.size))
         steps = self._steps_of(times)
         begins = np.flatnonzero(np.diff(steps, prepend=-1))

@@ -13,8 +13,8 @@ from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidM
 from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.model.computed_module import ComputedModule
+from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.spatial_reactions import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.revolutions import Counts
