@@ -102,7 +102,7 @@ def _mobility(model: Model) -> Blocks:
         if system.engine.shapes.any():  # shapes are no freedoms of joints
             system = build_spatial_system(system.scene, system.module)
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
-        (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
+        (start,) = system.engine.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))
     mechanism = mechanism_of(model.scene)
     by_rank = None

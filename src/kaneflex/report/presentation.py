@@ -92,7 +92,7 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
 def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
     """Degrees of freedom of a mechanism in space, by the rank of its joints' constraints."""
     left, tied = len(choice.independent), len(choice.dependent)
-    rows, speeds = len(system.row_measure), system.engine.size
+    rows, speeds = len(system.work.row_measure), system.engine.size
     spare = rows - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
     return {"degrees of freedom": {

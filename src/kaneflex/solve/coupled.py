@@ -86,7 +86,7 @@ def repeated(
     Raises SceneError if drives or loads are not periodic.
     """
     system, begin, period = model.coupled_system, float(times[0]), model.options.duration
-    system.compile()
+    system.engine.compile()
     equations, first = _of_cycle(model, near)
     check_repeats(system, system.engine.layout.driven, near or first, period)
     cycles = Cycles(equations, times, method_of(model), closer)

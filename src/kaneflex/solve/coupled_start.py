@@ -124,11 +124,9 @@ def _recorded(system: CoupledSystem | SpatialSystem) -> dict[str, np.ndarray]:
 def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
     """Names of the entries of arrays in space: bodies in the order of the tree, joints in the order of the scene."""
     layout = system.layout
-    by_node = {node: name for name, node in layout.node_of.items()}
     coordinates, rates = list[str](), list[str]()
-    for node in system.tables.frames[:, 0].tolist():
-        body = by_node[node]
-        shapes = [f"{body}.shape_{k}" for k in range(layout.shapes[body].count)] if body in layout.shapes else []
+    for body in layout.node_of:
+        shapes = [layout.positions[k][0] for k in system.engine.amplitudes(body)[0]]
         coordinates += [f"{body}.{axis}" for axis in _XYZ] + [f"{body}.axes_{name}" for name in AXES] + shapes
         rates += [f"{body}.{what}_{axis}" for what in ("v", "omega") for axis in _XYZ]
         rates += [f"{shape}_rate" for shape in shapes]

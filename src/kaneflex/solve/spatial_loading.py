@@ -113,7 +113,7 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
     system = motion.module.system
     if any(spring.is_bushing for spring in system.mechanism.springs.values()):
         times = np.linspace(0.0, options.duration, SWEEP + 1)
-        far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).springs)
+        far = overturned(system.mechanism, system.engine.instants(motion.curve.rows(times)).springs)
         if far:
             cure = "Limit the rotation, or use loads with laws"
             raise SceneError(f"springs.{far[0]}.bushing", None, far[1], cure)

@@ -103,7 +103,7 @@ class _Beside(Curve):
         self.u = np.setdiff1d(np.arange(of.engine.size), speeds)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        found = self.coupled.module.system.instants(self.coupled.curve.rows(times))
+        found = self.coupled.module.system.engine.instants(self.coupled.curve.rows(times))
         given = np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))
         out, done = np.full((len(times), len(self.system.work.kept)), np.nan), 0
         while done < len(times):

@@ -72,7 +72,7 @@ def _check_drives(system: SpatialSystem, choice: Choice) -> None:
 def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
     """Check that redundant rows hold, too."""
     system.place(q)
-    off = abs(system.work.rows[: len(system.row_measure), 0]) / system.row_measure
+    off = abs(system.work.rows[: len(system.work.row_measure), 0]) / system.work.row_measure
     if off.max(initial=0.0) > 1e-7:
         joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
         raise SceneError(

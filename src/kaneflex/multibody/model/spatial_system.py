@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.compile.addresses import compiling
 from kaneflex.multibody.dynamics import spatial_entries
-from kaneflex.multibody.dynamics.arrays import Columns, Instants, Work
+from kaneflex.multibody.dynamics.arrays import Columns, Work
 from kaneflex.multibody.dynamics.spatial_entries import DONE, check
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.assembly import engine_of
@@ -71,11 +70,6 @@ class SpatialSystem:
     def layout(self) -> Layout:
         return self.built.layout
 
-    def compile(self) -> None:
-        """Compile all functions, timed separately."""
-        with compiling():
-            self.place(self.at_zero)
-
     def place(self, q: np.ndarray) -> None:
         """Positions, axes and directions in ``work``."""
         self.engine.call(spatial_entries.place, np.ascontiguousarray(q))
@@ -131,10 +125,6 @@ class SpatialSystem:
         if count < len(times):
             t, outcome, _ = self.work.now.tolist()
             check(int(outcome), t)
-
-    def instants(self, rows: np.ndarray) -> Instants:
-        """Rows by names."""
-        return self.engine.instants(rows)
 
     def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
         """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
@@ -199,11 +189,6 @@ class SpatialSystem:
     def speeds_of(self, owner: str) -> list[int]:
         """Numbers of the speeds of a joint of the tree, or of a body that moves freely."""
         return [k for k, name in enumerate(self.layout.speeds) if name.rpartition(".")[0] == owner]
-
-    @property
-    def row_measure(self) -> np.ndarray:
-        """Unit of every row: 1 rad or the mechanism's size."""
-        return self.work.row_measure
 
     def courses(self, t: float) -> np.ndarray:
         """Coordinate, speed and acceleration of every prescribed drive, (drives, 3)."""

@@ -74,10 +74,9 @@ class CoupledSystem:
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
         found: list[tuple[str, str]] = []
-        for body, (axial, transverse) in self.counts.items():
+        for body in self.counts:
             found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
-            found += [(f"{body}.axial_{k}", "m") for k in range(axial)]
-            found += [(f"{body}.transverse_{k}", "m") for k in range(transverse)]
+            found += [self.engine.layout.positions[k] for k in self.engine.amplitudes(body)[0]]
         return tuple(found)
 
     @cached_property
@@ -116,10 +115,6 @@ class CoupledSystem:
             own = kept.exerted[0, k] if name in layout.tree else kept.multipliers[0, layout.cuts[name]]
             place |= dict(zip(names, own.tolist(), strict=False))
         return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
-
-    def compile(self) -> None:
-        """Compile all kernels, timed separately."""
-        self.engine.compile()
 
     def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
         """States at ``times`` [s] by frames x, y, phi of undeformed bodies, and their rates, (n_times, 3 bodies);
@@ -181,7 +176,6 @@ class CoupledSystem:
 
         Raises ArithmeticError at a singular state.
         """
-        self.compile()
         found = self.engine.states(rows, held)
         if found is None:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")

@@ -54,14 +54,11 @@ def _free(system: CoupledSystem) -> list[int]:
 def _loops(system: CoupledSystem, path: np.ndarray) -> np.ndarray:
     """Derivatives of the cut joints' rows by the joints' free coordinates at rows of a path, (n_times, rows,
     coordinates)."""
-    engine, found = system.engine, []
-    n, rows = engine.size, engine.count(at.JOINT_ROWS)
-    free = _free(system)
+    engine, free, found = system.engine, _free(system), []
     for state in engine.states_of(path, engine.choice):
         engine.set(state)
         engine.openings(state.t)
-        gradient = engine.numbers(at.GRADIENT, rows * n).reshape(rows, n) * engine.numbers(at.MEASURE, n)
-        found.append(gradient[:, free])
+        found.append(engine.jacobian[:, free])
     return np.array(found)
 
 

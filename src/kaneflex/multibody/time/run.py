@@ -72,7 +72,7 @@ class Run:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
         self.given = EMPTY if given is None else given
         self.pieces: list[tuple[np.ndarray, Choice]] = []
-        system.compile()
+        self.engine.compile()
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
         self.longest = float(times[1] - times[0])
         self.bounds = ErrorBounds(self.engine, method, self.longest)
@@ -286,6 +286,7 @@ class Run:
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
         record = self._record(rows)
+        rows = rows[: len(record)]
         if self.touching:
             self._record(self.here[None])
         found, works = self.engine.instants(record), rows[:, self.engine.columns["works"]]
@@ -308,7 +309,7 @@ class Run:
         return record, results.RowRecord.of(names, touching[:, :held], lost[:, :held], jams=jams)
 
     def _record(self, rows: np.ndarray) -> np.ndarray:
-        """Record of the rows, (n_times, kept)."""
+        """Record of the rows, in space of those that close the loops, (n_times, kept)."""
         return self.system.unfold(rows)
 
 

@@ -132,7 +132,10 @@ class SpatialRun(run.Run, Curve):
         return out
 
     def _record(self, rows: np.ndarray) -> np.ndarray:
-        return self.rows(rows[:, 0])
+        try:
+            return self.rows(rows[:, 0])
+        except SceneError:  # a run may end where redundant constraints are violated
+            return self.rows(rows[:-1, 0])
 
     @cached_property
     def _curves(self) -> list[Steps]:

@@ -161,7 +161,7 @@ class SpatialKinematics(RigidKinematics):
     def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
         system, module, count = self.module.system, self.module, len(times)
-        found, mechanism = system.instants(rows), system.mechanism
+        found, mechanism = system.engine.instants(rows), system.mechanism
         nodes = [system.layout.node_of[name] for name in mechanism.bodies]
         bodies = (found.r[:, nodes], found.R[:, nodes].reshape(count, len(nodes), 9),
                   *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
@@ -303,7 +303,7 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     if not system.layout.cuts:
         return []
     rows = motion.curve.rows(times)
-    values = least_singular_values(system, system.instants(rows).q)
+    values = least_singular_values(system, system.engine.instants(rows).q)
     at = motion.bare.at(times[[values.argmin()]])
     told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
     stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
