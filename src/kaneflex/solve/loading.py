@@ -204,7 +204,7 @@ def _bind_coupled(
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
     motion = rigid_reference(scene, coupled, placement)
-    compiled = compiled_by(progress, coupled.compile, motion.module.engine.compile)
+    compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_weighty(coupled, placement)
     check_reference(scene, motion, options)
     check_laws(scene, motion, options)

@@ -54,7 +54,7 @@ def bind_in_space(
     else:
         system = build_spatial_system(scene, generated)
         check_memory(scene, options, len(SpatialModule(system).SCALARS))
-    compiled = compiled_by(progress, system.compile)
+    compiled = compiled_by(progress, system.engine.compile)
     motion = _bound(system, options)
     if not motion.is_start:
         check_laws(scene, motion.rigid if isinstance(motion, CoupledKinematics) else motion, options)

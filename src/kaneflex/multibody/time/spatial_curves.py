@@ -44,7 +44,8 @@ class Curve(ABC):
     def record(self, times: np.ndarray) -> np.ndarray:
         """The same at ``times`` [s] in any order."""
         order, found = np.argsort(times, kind="stable"), np.zeros((len(times), len(self.system.work.kept)))
-        found[order] = self.rows(times[order])
+        if len(times):
+            found[order] = self.rows(times[order])
         return found
 
 

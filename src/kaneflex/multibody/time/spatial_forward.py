@@ -115,6 +115,17 @@ class SpatialRun(run.Run, Curve):
         return 3 * int(self.counts[2])
 
     def rows(self, times: np.ndarray) -> np.ndarray:
+        out, failed = self._read(times)
+        if failed is not None:
+            why, t = failed.args
+            raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {why}", run.CURE)
+        return out
+
+    def _record(self, rows: np.ndarray) -> np.ndarray:
+        return self._read(rows[:, 0])[0]
+
+    def _read(self, times: np.ndarray) -> tuple[np.ndarray, ArithmeticError | None]:
+        """Record at ``times`` [s] up to the first one at which loops do not close, and the reason."""
         system, n = self.system, len(self.system.engine.layout.positions)
         out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.engine.size))
         steps = self._steps_of(times)
@@ -127,15 +138,8 @@ class SpatialRun(run.Run, Curve):
             try:
                 system.near(choice, times[first:last], given[first:last], out[first:last])
             except ArithmeticError as reason:
-                why, t = reason.args
-                raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {why}", run.CURE) from None
-        return out
-
-    def _record(self, rows: np.ndarray) -> np.ndarray:
-        try:
-            return self.rows(rows[:, 0])
-        except SceneError:  # a run may end where redundant constraints are violated
-            return self.rows(rows[:-1, 0])
+                return out[: first + np.searchsorted(times[first:last], reason.args[1])], reason
+        return out, None
 
     @cached_property
     def _curves(self) -> list[Steps]:
