@@ -20,7 +20,8 @@ from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.compile.mechanisms import MECHANISM
+from kaneflex.multibody.compile.types import N, Z
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_initial_state import start_of
 
@@ -266,13 +267,13 @@ def test_what_python_means_in_c(compiler, tmp_path):
 
 
 def test_a_function_is_printed_once_for_every_list_of_types():
-    printer, N = Printer(), at.N
+    printer = Printer()
     kinds = [N, types.int64, N, N, types.int64, *(types.float64,) * 5, N]
     name, returned = printer.function(body.energy, kinds)
     assert (name, returned) == ("body_energy", types.UniTuple(types.float64, 2))
     assert printer.function(body.energy, kinds)[0] == name
-    assert printer.function(body.energy, [N, types.int64, N, N, types.int64, *(types.complex128,) * 5, at.Z])[0] != name
-    assert printer.declared(at.MECHANISM, "m") == "const mechanism *m"
+    assert printer.function(body.energy, [N, types.int64, N, N, types.int64, *(types.complex128,) * 5, Z])[0] != name
+    assert printer.declared(MECHANISM, "m") == "const mechanism *m"
     assert "int64_t *pivots;" in printer.text()
 
 

@@ -11,7 +11,10 @@ from runs import model
 from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
-from kaneflex.multibody.compile import addresses, library
+from kaneflex.multibody.compile import entries as of_library
+from kaneflex.multibody.compile import library
+from kaneflex.multibody.compile.mechanisms import MECHANISM
+from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import unfolding
 from kaneflex.multibody.model import layout as at
@@ -28,6 +31,7 @@ ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", 
 WHOLE_RUNS = ("integrate", "finish", "soften", "add_in_stages", "settle")
 """Functions that take as many steps as rounding lets them, or serve contacts, which the scene does not have, or space:
 runs in C are compared with Python's in test_coupled_c."""
+C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, types.boolean: ctypes.c_bool}
 
 
 def arguments(kinds, letters="ab"):
@@ -53,7 +57,7 @@ def in_numba(function, kinds, returned):
     space = {"called": function}
     exec(f"def wrapped({', '.join(['m', *heads, 'out'])}):\n    " + "\n    ".join(lines), space)
     flat = [each for kind in kinds for each in ([float64] * 2 if kind == complex128 else [kind])]
-    return njit(**at.ENTRY)(space["wrapped"]), types.void(at.MECHANISM, *flat, CPointer(float64))
+    return njit(**ENTRY)(space["wrapped"]), types.void(MECHANISM, *flat, CPointer(float64))
 
 
 def in_c(printer, name, kinds, returned):
@@ -75,8 +79,9 @@ def printed(run):
     Those of vectors and records are compared with all that calls them.
     """
     printer = Printer(run.engine.kernels)
+    typed = library.typed(of_library.PLANE, MECHANISM)
     for entry in (collocation.project, collocation.integrate, unfolding.unfold):
-        printer.function(entry, library.ENTRIES[entry].args)
+        printer.function(entry, typed[entry].args)
     rooms = ("kaneflex.multibody.", "kaneflex.generated.")
     known = [each for name, of in [*sys.modules.items()] if name.startswith(rooms) for each in vars(of).values()]
     known += [each.where[0] for each in known if isinstance(getattr(each, "where", None), tuple)]
@@ -99,12 +104,12 @@ def entries(run, compiler, folder, every):
     chosen = {name: of for name, of in functions.items() if of[0].__name__ not in WHOLE_RUNS
               and (every or of[0].py_func.__module__.rpartition(".")[2] in ROOMS)}  # fmt: skip
     numba = dict(in_numba(*of) for of in chosen.values())
-    with addresses.compiling():
-        read = addresses.entered(at.MECHANISM, numba)
-        found = njit(**at.OUTER)(lambda: read())()
+    with of_library.compiling():
+        read = library.entered(numba)
+        found = njit(**OUTER)(lambda: read())()
     made = {}
     for (name, (function, kinds, _)), address, kind in zip(chosen.items(), found, numba.values(), strict=True):
-        of_c = [addresses.C_TYPES.get(each, ctypes.c_void_p) for each in kind.args]
+        of_c = [C_TYPES.get(each, ctypes.c_void_p) for each in kind.args]
         printed_one = getattr(shared, f"wrapped_{name}")
         printed_one.restype, printed_one.argtypes = None, of_c
         by_name = dict(zip(signature(function.py_func).parameters, kinds, strict=True))
@@ -138,7 +143,7 @@ def called(run, function, kinds, arrays, kernels, given):
     passed = [handle.address]
     for name, kind in kinds.items():
         value, step = float(next(values)), name in ("t", "h")
-        if kind is at.MECHANISM:
+        if kind is MECHANISM:
             passed.append(handle.address)
         elif hasattr(kind, "parts"):
             passed.append(method.address)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 from numba import njit
 from numba.types import CPointer, boolean, complex128, float64
 
-from kaneflex.multibody.compile.addresses import called, entered
+from kaneflex.multibody.compile.library import entered
+from kaneflex.multibody.compile.types import ENTRY, OUTER, Fixed, Handed
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import articulated
-from kaneflex.multibody.model.layout import ENTRY, OUTER, Fixed, Handed, Handle
+from kaneflex.multibody.model.layout import Handle
 
 
 def factors(dtype, d: int) -> Handed:
@@ -108,14 +111,13 @@ class _Tree:
             np.zeros((max(SHAPES), self.d), self.dtype),
         )  # fmt: skip
         kind = KINDS[self.d, self.dtype]
-        entries = {_solve: boolean(kind)}
-        read = entered(kind, entries)
+        read = entered({_solve: boolean(kind)})
 
         @njit(**OUTER)
         def addresses():
             return read()
 
-        assert called(addresses, entries)[_solve](handle.address)
+        assert ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)(*addresses())(handle.address)
         return x, y
 
 

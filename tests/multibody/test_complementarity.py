@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.model import layout
+from kaneflex.multibody.model import codes, layout
 from kaneflex.multibody.unilateral import complementarity
 
-ROWS_AT = {name: getattr(complementarity, name) for name in ("WANTED", "MAY", "RATIO", "BESIDE", "PRESSES")}
+ROWS_AT = {name: getattr(codes, name) for name in ("WANTED", "MAY", "RATIO", "BESIDE", "PRESSES")}
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,12 @@ def complement():
         W, gaps, slips, given = problem
         rows = gaps + slips
         m = types.SimpleNamespace(rows=rows, plan={layout.COMPLEMENT: 0}, pivots=np.zeros(9 * rows, int))
-        m.w = np.zeros(complementarity.room_of(gaps, slips))
+        m.w = np.zeros(codes.room_of(gaps, slips))
         m.w[: rows * rows] = W.ravel()
         for name, values in given.items():
             m.w[text["vector"](m, ROWS_AT[name]) :][:rows] = values
-        found = text["complement"](m, complementarity.FORCES, complementarity.ACCELERATIONS, gaps, slips)
-        answer = (complementarity.FORCES, complementarity.ACCELERATIONS)
+        found = text["complement"](m, codes.FORCES, codes.ACCELERATIONS, gaps, slips)
+        answer = (codes.FORCES, codes.ACCELERATIONS)
         return tuple(m.w[text["vector"](m, k) :][:rows].copy() for k in answer) if found else None
 
     return solved

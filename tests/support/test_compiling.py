@@ -32,7 +32,7 @@ from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM
+from kaneflex.multibody.model.layout import Kind
 from kaneflex.multibody.model.system import build_system
 from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.support import inner
@@ -242,12 +242,12 @@ def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     scene = read_scene("slider-crank-clearance")
     system, _ = build_system(scene, lambda stage: None)
     asked = []
-    monkeypatch.setattr(engine, "library", lambda handed, integrates: asked.append(handed))
+    monkeypatch.setattr(engine, "library", lambda kind, integrates: asked.append(kind))
     rigid = rigid_reference(scene, system, place(scene)).module
     for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
         each._entries  # noqa: B018 - which asks for the library
     assert len(asked) == 3
-    assert set(asked) == {CONTACT_MECHANISM}
+    assert set(asked) == {Kind.CONTACTS}
 
 
 READ = """
@@ -261,7 +261,6 @@ from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.multibody.model.system import build_system
-from kaneflex.multibody.model.layout import CONTACT_MECHANISM
 
 
 @numba.njit

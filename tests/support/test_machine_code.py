@@ -103,14 +103,14 @@ def test_machine_code_of_another_state_is_not_used(monkeypatch, tmp_path):
     """Of files beside it that were changed, of other settings of numba, of another processor."""
     (tmp_path / "beside.py").write_text("")
     state = machine_code._state.__wrapped__
-    states = {state(str(tmp_path / "own.py"), "*.py")}
-    assert state(str(tmp_path / "own.py"), "*.py") in states
+    states = {state(tmp_path / "beside.py")}
+    assert state(tmp_path / "beside.py") in states
     (tmp_path / "beside.py").write_text("changed")
-    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    states.add(state(tmp_path / "beside.py"))
     monkeypatch.setenv("NUMBA_OPT", "1")
-    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    states.add(state(tmp_path / "beside.py"))
     monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "another")
-    states.add(state(str(tmp_path / "own.py"), "*.py"))
+    states.add(state(tmp_path / "beside.py"))
     assert len(states) == 4
 
 

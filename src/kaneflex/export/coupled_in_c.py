@@ -9,12 +9,11 @@ import numpy as np
 
 from kaneflex.export.c_text import RUN, array_in_c, cmake_text
 from kaneflex.export.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN_PARTS, SAID, SOURCE
-from kaneflex.multibody.compile.library import ENTRIES
-from kaneflex.multibody.dynamics import load_derivatives
+from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_start import Begun, begun
@@ -59,22 +58,22 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
     name = prefix_of(scene.name)
     progress("printing the engine")
-    engine, printer, texts = start.engine, Printer(start.engine.kernels, name), BY_SIZE[start.engine.handed.d]
-    entries = {**start.entries, "integrate": (collocation.integrate, ENTRIES[collocation.integrate])}
-    called = {key: printer.function(each, (engine.handed, *of.args[1:]))[0] for key, (each, of) in entries.items()}
+    engine, printer, texts = start.engine, Printer(start.engine.kernels, name), BY_SIZE[start.engine.kind.d]
+    m = HANDED[engine.kind]
+    called = {key: printer.function(each, (m, *of.args[1:]))[0] for key, (each, of) in start.entries.items()}
     sizes = _sizes(start)
     given = {
         "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS,
         "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped, "free": sizes["FREE"],
-        "ACCEL": at.ACCEL, "DONE": collocation.DONE, "PAUSED": collocation.PAUSED, "TURNED": collocation.TURNED,
-        "SINGULAR": collocation.SINGULAR, "DAMPED": load_derivatives.DAMPED, "integrator": start.integrator,
+        "ACCEL": at.ACCEL, "DONE": codes.DONE, "PAUSED": codes.PAUSED, "TURNED": codes.TURNED,
+        "SINGULAR": codes.SINGULAR, "DAMPED": codes.DAMPED, "integrator": start.integrator,
         **start.numbers, **called,
     }  # fmt: skip
     given |= {key: text.format(**given) for key, text in texts.items()}
     given |= {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in ABOUT.items()} | {
         "arrays": ",\n".join(f"        {each}" for each in _arrays(engine, name, printer)), "engine": printer.text(),
         "data": "\n".join(_data(start, name)),
-        "enumerated": _enumerated(sizes, SAID[engine.handed.d], name.upper()),
+        "enumerated": _enumerated(sizes, SAID[engine.kind.d], name.upper()),
     }  # fmt: skip
     run = {key: text.format(**given) for key, text in RUN_PARTS.items()}
     return {
@@ -117,7 +116,7 @@ def _enumerated(sizes: dict[str, int], comments: dict[str, str], NAME: str) -> s
 
 def _arrays(engine: Engine, name: str, printer: Any) -> Iterator[str]:
     """C expressions of the engine's arrays."""
-    for key, kind in engine.handed.parts.items():
+    for key, kind in HANDED[engine.kind].parts.items():
         where = _OF_STATE.get(key, f"{name}_table_{key}")
         if key in engine.views:
             where = f"state->numbers + {engine.views[key][0]}"

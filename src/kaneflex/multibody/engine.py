@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.compile.addresses import by_address, kernel_address
-from kaneflex.multibody.compile.library import library
-from kaneflex.multibody.dynamics import independent_speeds, reduction, spatial_entries, unfolding
+from kaneflex.multibody.compile.entries import by_address, compiling, library
+from kaneflex.multibody.dynamics.arrays import ORDER, TABLES
+from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
 from kaneflex.multibody.model.pivots import virtual_inertia
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.tree_layout import JOINT_NODE
 from kaneflex.multibody.model.views import Views
-from kaneflex.multibody.time import collocation
+from kaneflex.support.machine_code import address_of
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
@@ -37,7 +37,7 @@ class Engine(Views):
         Values of the module's PARAMETERS with its tables.
     real, pair : ndarray
         Workspace of factors.
-    shared : Handed, optional
+    shared : Kind, optional
         Kind of a mechanism in space without contacts and frictions.
     integrates : bool
         True if it uses the library that integrates motions.
@@ -51,7 +51,7 @@ class Engine(Views):
     p: np.ndarray
     real: np.ndarray
     pair: np.ndarray
-    shared: at.Handed | None = None
+    shared: at.Kind | None = None
     integrates: bool = True
     light: bool = False
     chosen: list[Choice] = field(default_factory=lambda: [NONE])
@@ -59,7 +59,7 @@ class Engine(Views):
     def courses(self, times: np.ndarray) -> np.ndarray:
         """Coordinate, speed and acceleration of all prescribed drives at ``times`` [s], (n_times, 3 drives)."""
         out = np.zeros((len(times), 3 * len(self.prescribed)))
-        self.call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
+        self.call("courses_at", np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
         return out
 
     def magnitudes(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ class Engine(Views):
         times, x = np.ascontiguousarray(times, float), np.hstack([x, np.zeros((len(x), sides))])
         out = np.zeros((len(times), loads + 2 * sides))
         for _ in range(sides + 1):  # switches may depend on others
-            self.call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, out.shape[1])
+            self.call("magnitudes_at", times, len(times), x, x.shape[1], out, out.shape[1])
             x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
         return out[:, :loads]
 
@@ -81,7 +81,7 @@ class Engine(Views):
     def openings(self, t: float) -> np.ndarray:
         """Opening of every row of the cut joints [m or rad] at the current coordinates."""
         out = np.zeros(self.count(at.REACTIONS))
-        self.call(independent_speeds.openings, t, out)
+        self.call("openings", t, out)
         return out
 
     def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
@@ -91,7 +91,7 @@ class Engine(Views):
         """
         self.openings(t)
         level = self.levels.copy()
-        level[list(spared)] = np.maximum(level[list(spared)], independent_speeds.NAMED)
+        level[list(spared)] = np.maximum(level[list(spared)], codes.NAMED)
         choice, dropped = self.chosen_by(level)
         self.choose_speeds(choice)
         return dropped
@@ -116,7 +116,7 @@ class Engine(Views):
         """Choice by the :attr:`levels` of coordinates, and redundant rows, see
         :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
         taken = np.zeros(self.count(at.REACTIONS), np.int64)
-        self.call(independent_speeds.choose, level, taken)
+        self.call("choose", level, taken)
         rows = np.flatnonzero(taken >= 0)
         return self.choice_of(rows, taken[rows]), np.flatnonzero(taken == -1)
 
@@ -130,7 +130,7 @@ class Engine(Views):
 
     def mass(self) -> np.ndarray:
         """Mass matrix of all speeds at the current position in space, (speeds, speeds)."""
-        self.call(spatial_entries.mass, np.zeros(self.size))
+        self.call("mass", np.zeros(self.size))
         return self.work.M
 
     def choose_speeds(self, choice: Choice) -> None:
@@ -169,13 +169,13 @@ class Engine(Views):
         if not len(self.balls):
             return q + steps
         out = np.tile(q, (len(steps), 1))
-        self.call(spatial_entries.advance, np.ascontiguousarray(steps), len(steps), out)
+        self.call("advance", np.ascontiguousarray(steps), len(steps), out)
         return out
 
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
         found = np.zeros((len(choice.independent), self.size))
-        self.call(reduction.basis, choice.independent, len(choice.independent), found)
+        self.call("basis", choice.independent, len(choice.independent), found)
         return found
 
     def demand(self, choice: Choice, times: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -185,7 +185,7 @@ class Engine(Views):
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         out = np.zeros((len(times), len(choice.independent) + self.size))
         asked = times, len(times), given, given.shape[1], out
-        done = self.call(reduction.reduced_demand, choice.independent, len(choice.independent), *asked)
+        done = self.call("reduced_demand", choice.independent, len(choice.independent), *asked)
         if done < len(times):
             raise ArithmeticError(f"the loops don't close at t = {times[done]:.6g} s")
         return out
@@ -195,12 +195,12 @@ class Engine(Views):
         reactions."""
         if self.in_space:
             q, u = self.coordinates, self.motion[1].copy()
-            return bool(self.call(spatial_entries.project, t, q, u) == spatial_entries.DONE)
-        return bool(self.call(collocation.project, t))
+            return bool(self.call("project", t, q, u) == codes.DONE)
+        return bool(self.call("project", t))
 
     def follow(self, rows: np.ndarray, first: int, given: np.ndarray, side: np.ndarray) -> int:
         """Close the loops of rows in place, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
-        return int(self.call(unfolding.follow_rows, rows, first, len(rows), given, given.shape[1], side))
+        return int(self.call("follow_rows", rows, first, len(rows), given, given.shape[1], side))
 
     def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
         """Rows of the integration with closed loops, accelerations and reactions, from those of nearby states; None if
@@ -214,7 +214,7 @@ class Engine(Views):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
             self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-            before, done = done, self.call(unfolding.states, rows, len(rows), done, len(held) > 0)
+            before, done = done, self.call("states", rows, len(rows), done, len(held) > 0)
             if done == before:
                 break
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
@@ -227,49 +227,49 @@ class Engine(Views):
         ends."""
         given, times, *out = parts
         return int(self.call(
-            collocation.integrate, method, control, here, given, len(given), times, len(times), *out, wide
+            "integrate", method, control, here, given, len(given), times, len(times), *out, wide
         ))  # fmt: skip
 
     def unfold(self, rows: np.ndarray) -> np.ndarray:
         """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration with closed
         loops, (n_times, kept)."""
         out = np.zeros((len(rows), len(self.work.kept)))
-        self.call(unfolding.unfold, np.ascontiguousarray(rows), len(rows), out)
+        self.call("unfold", np.ascontiguousarray(rows), len(rows), out)
         return out
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""
         self._handle, self._entries  # noqa: B018 - computes the kernels' addresses
 
-    def call(self, function: Any, *values: Any) -> Any:
-        """Call a library entry with this engine's handle; arrays and handles are passed by address."""
+    def call(self, function: str, *values: Any) -> Any:
+        """Call a function of :mod:`.compile.entries` with this engine; arrays and handles are passed by address."""
         return self._entries[function](self._handle.address, *map(by_address, values))
 
     @property
-    def handed(self) -> at.Handed:
+    def kind(self) -> at.Kind:
         """Kind of mechanism that its library is compiled for."""
         if len(self.holds):
-            return at.HOLD_SPACE if self.in_space else at.HOLD_MECHANISM
+            return at.Kind.HOLD_SPACE if self.in_space else at.Kind.HOLDS
         if self.count(at.RIGID):
-            return at.IMPACT_SPACE if self.in_space else at.IMPACT_MECHANISM
+            return at.Kind.IMPACT_SPACE if self.in_space else at.Kind.IMPACTS
         if self.shared is not None and len(self.contacts) == self._switches:
             return self.shared
         if len(self.contacts):
-            return at.CONTACT_SPACE if self.in_space else at.CONTACT_MECHANISM
-        return at.MECHANISM
+            return at.Kind.CONTACT_SPACE if self.in_space else at.Kind.CONTACTS
+        return at.Kind.PLAIN
 
     @cached_property
-    def _entries(self) -> Mapping[Any, Callable[..., Any]]:
-        return library(self.handed, self.integrates)
+    def _entries(self) -> Mapping[str, Callable[..., Any]]:
+        return library(self.kind, self.integrates)
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
-        """Arrays of compiled functions by their names in :attr:`handed`."""
+        """Arrays of compiled functions by their names, in the order of compiled code."""
         t = self.tables
         found = t.plan, t.bodies, t.acts, t.w, t.plan, self._kernel_addresses, self.p, self.real, self.pair
         views = {name: self.view(name) for name in self.views}
-        every = {**dict(zip(at.PARTS, found, strict=True)), **self.parts, **views}
-        return {name: every[name] for name in self.handed.parts}
+        every = {**dict(zip(TABLES, found, strict=True)), **self.parts, **views}
+        return {name: every[name] for name in ORDER}
 
     @cached_property
     def _handle(self) -> Handle:
@@ -277,4 +277,5 @@ class Engine(Views):
 
     @cached_property
     def _kernel_addresses(self) -> np.ndarray:
-        return np.array([*map(kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())])
+        with compiling():
+            return np.array([*map(address_of, self.kernels, at.STRUCTURE_KERNELS.values())])

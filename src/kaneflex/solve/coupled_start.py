@@ -10,7 +10,9 @@ import numpy as np
 
 from kaneflex.mechanism.spatial_frame import AXES
 from kaneflex.multibody.compile import library
-from kaneflex.multibody.dynamics import exported_entries, spatial_entries, unfolding
+from kaneflex.multibody.compile.entries import EXPORTED, PLANE, SPACE
+from kaneflex.multibody.compile.mechanisms import HANDED
+from kaneflex.multibody.dynamics import exported_entries
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
@@ -18,7 +20,7 @@ from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
-from kaneflex.multibody.time import collocation, integration
+from kaneflex.multibody.time import integration
 from kaneflex.multibody.time.run import PATIENT
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
@@ -92,10 +94,10 @@ def _periodic(model: Model) -> State:
 
 
 def _in_plane(system: CoupledSystem) -> tuple:
-    engine, entries = system.engine, {"project": collocation.project, "unfold": unfolding.unfold}
+    engine = system.engine
     names = {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names}
     return (
-        names, system.undetermined, {key: (each, library.ENTRIES[each]) for key, each in entries.items()},
+        names, system.undetermined, _typed(engine, PLANE, ("project", "integrate", "unfold")),
         _recorded(system), {}, {"Y": at.Y, "RATE": at.RATE},
     )  # fmt: skip
 
@@ -104,8 +106,7 @@ def _in_space(model: Model) -> tuple:
     motion = model.coupled_in_space
     assert motion is not None
     system = motion.module.system
-    entries = {each.__name__: (each, of) for each, of in exported_entries.ENTRIES.items()}
-    entries["project"] = spatial_entries.project, spatial_entries.ENTRIES[spatial_entries.project]
+    entries = _typed(system.engine, SPACE, ("project", "integrate")) | _typed(system.engine, EXPORTED)
     names = _names(system)
     sizes = {"RATES": len(names["rate"]), "POSITIONS": len(names["position"]), "SPEEDS": system.engine.size}
     numbers = {
@@ -114,6 +115,12 @@ def _in_space(model: Model) -> tuple:
     }  # fmt: skip
     tables = {**_recorded(system), "level": system.engine.levels}
     return names, motion.module.open_reactions, entries, tables, sizes, numbers
+
+
+def _typed(engine: Engine, entries: Mapping[str, str], only: Sequence[str] = ()) -> dict[str, tuple[Any, Any]]:
+    """Compiled functions by name with their signatures as types."""
+    found = library.typed(entries, HANDED[engine.kind])
+    return {each.__name__: (each, of) for each, of in found.items() if not only or each.__name__ in only}
 
 
 def _recorded(system: CoupledSystem | SpatialSystem) -> dict[str, np.ndarray]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.dynamics.bushings import overturned
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
 from kaneflex.multibody.model.determinacy import check_sensors, open_reactions
@@ -25,6 +24,7 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
+from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.quantities import Address

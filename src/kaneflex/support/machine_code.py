@@ -19,7 +19,7 @@ import os
 import struct
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
@@ -52,11 +52,13 @@ class Kernel:
     module : str
         Below ``kaneflex``, like ``"integrate.instants"``.
     name : str
+    sources : callable, optional
+        Files that it is made of, if not its own and those beside it.
     """
 
-    def __init__(self, module: str, name: str) -> None:
+    def __init__(self, module: str, name: str, sources: Callable[[], Sequence[Path]] | None = None) -> None:
         self._file, self._name = str(PACKAGE.joinpath(*module.split(".")).with_suffix(".py")), name
-        self._stamped = "*.py"  # its parts lie beside it
+        self._sources = sources or (lambda: [*Path(self._file).parent.glob("*.py")])
         self._make: Callable[[], Any] = lambda: getattr(importlib.import_module(f"kaneflex.{module}"), name)
         self._entries: dict[object, Any] = {}
 
@@ -76,8 +78,16 @@ class Kernel:
         known = len(overloads)
         found = self.dispatcher(*arguments, **named)
         if len(overloads) > known and not named:
-            self._keep(_kinds(arguments), arguments)
+            self._keep(_kinds(arguments), tuple(map(self.dispatcher.typeof_pyval, arguments)))
         return found
+
+    def address(self, signature: str) -> int:
+        """Address of the function for other compiled code; ``signature``: of numba's types."""
+        if "numba" not in sys.modules and (found := self._entry(signature)) is not None:
+            return int(found)
+        address, of = _compiled_address(self.dispatcher, signature)
+        self._keep(signature, of)
+        return address
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # asked by copy, pickle and inspect
@@ -104,18 +114,19 @@ class Kernel:
             with _LOCK:
                 try:
                     data = self._place(kinds).read_bytes()
-                    fitting = data.startswith(_state(self._file, self._stamped))
-                    self._entries[kinds] = _linked(self._name, *marshal.loads(data[32:])) if fitting else None
+                    code, *symbols = marshal.loads(data[32:]) if data.startswith(_state(*self._sources())) else (b"",)
+                    link = _placed if isinstance(kinds, str) else _linked
+                    self._entries[kinds] = link(code, *symbols) if code else None
                 except (OSError, ValueError, RuntimeError, EOFError, TypeError):  # nothing kept, or damaged
                     self._entries[kinds] = None
         return self._entries[kinds]
 
-    def _keep(self, kinds: object, arguments: tuple[Any, ...]) -> None:
-        """Keep the machine code that numba has in its cache for arguments of these types."""
+    def _keep(self, kinds: object, types: Any) -> None:
+        """Keep the machine code that numba has in its cache for arguments of these types, or for this signature."""
         if kinds is None:
             return
-        cache, types = self.dispatcher._cache, tuple(map(self.dispatcher.typeof_pyval, arguments))
-        if types not in self.dispatcher.overloads or not hasattr(cache, "_cache_file"):  # converted, or not cached
+        cache, known = self.dispatcher._cache, getattr(types, "args", types) in self.dispatcher.overloads
+        if not known or not hasattr(cache, "_cache_file"):  # converted, or not cached
             return
         kept = cache._cache_file.load(cache._index_key(types, self.dispatcher.targetctx.codegen()))
         if kept is None:
@@ -123,8 +134,8 @@ class Kernel:
         (_, kind, (code, _)), described, own, *_, enclosed = kept
         if kind != "object" or any(each.consts for each in (own, *enclosed)) or not _links(code):
             return  # refers to objects of Python, or to functions in C that are unknown without numba
-        place, data = self._place(kinds), marshal.dumps((code, described.llvm_cpython_wrapper_name, own.env_name), 2)
-        data = _state(self._file, self._stamped) + data
+        symbol = described.llvm_func_name if isinstance(kinds, str) else described.llvm_cpython_wrapper_name
+        place, data = self._place(kinds), _state(*self._sources()) + marshal.dumps((code, symbol, own.env_name), 2)
         if not place.is_file() or place.read_bytes() != data:
             with suppress(OutputError):
                 write_bytes(place, data)
@@ -135,7 +146,8 @@ class _Decorated(Kernel):
 
     def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
         self._file, self._name = function.__code__.co_filename, function.__name__
-        self._stamped = Path(self._file).name  # where digests of its parts stand
+        # Of a generated module the digests of its parts stand in it, of others `made_of` has the files.
+        self._sources = lambda: [Path(self._file), *map(Path, getattr(function, "parts", ()))]
         self._make = lambda: _compiled(function, options)
         self._entries = {}
         self.py_func = function
@@ -150,6 +162,20 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
         return _compiled(function, options) if within else _Decorated(function, options)
 
     return decorated
+
+
+def address_of(function: Any, signature: str) -> int:
+    """Address of a function that numba compiles for other compiled code."""
+    return function.address(signature) if isinstance(function, Kernel) else _compiled_address(function, signature)[0]
+
+
+def _compiled_address(function: Any, signature: str) -> tuple[int, Any]:
+    """Address of a function that numba compiles for a signature, and this as numba has it."""
+    from numba import types
+
+    of = eval(signature, vars(types))
+    made = function.get_compile_result(of)
+    return made.library.get_pointer_to_function(made.fndesc.llvm_func_name), of
 
 
 def compiled_with(module: str) -> None:
@@ -191,12 +217,11 @@ def _kind(value: Any) -> object:
 
 
 @functools.cache
-def _state(file: str, stamped: str) -> bytes:
-    """Digest of what machine code depends on beside its types: versions, processor, settings, and files as ``stamped``.
-    """
+def _state(*sources: Path) -> bytes:
+    """Digest of what machine code depends on beside its types: versions, processor, settings, and its sources."""
     from llvmlite import __version__, binding
 
-    files = [*Path(file).parent.glob(stamped), Path(str(_numba().origin))]
+    files = [*sources, Path(str(_numba().origin))]
     stamps = sorted((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
     settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_"))
     processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
@@ -264,13 +289,19 @@ def _linker() -> Any:
     return binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
 
 
-def _linked(name: str, code: bytes, wrapper: str, environment: str) -> Any:
-    """Machine code as a function that Python calls."""
+def _placed(code: bytes, symbol: str, environment: str) -> int:
+    """Address of a function in machine code."""
     from llvmlite.binding import ObjectFileRef
 
-    engine, entries = _linker(), _extension("numba._dynfunc")
+    engine = _linker()
     engine.add_object_file(ObjectFileRef.from_data(code))
     engine.finalize_object()
+    return int(engine.get_function_address(symbol))
+
+
+def _linked(code: bytes, wrapper: str, environment: str) -> Any:
+    """Machine code as a function that Python calls."""
+    address, engine, entries = _placed(code, wrapper, environment), _linker(), _extension("numba._dynfunc")
     own = entries.Environment({})
     ctypes.c_void_p.from_address(engine.get_global_value_address(environment)).value = id(own)
-    return entries.make_function(sys, name, "", engine.get_function_address(wrapper), own, (engine, own))
+    return entries.make_function(sys, wrapper, "", address, own, (engine, own))

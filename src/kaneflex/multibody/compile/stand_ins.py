@@ -7,7 +7,7 @@ import inspect
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.model.layout import (
+from kaneflex.multibody.compile.mechanisms import (
     CONTACT_MECHANISM,
     CONTACT_SPACE,
     HOLD_MECHANISM,
@@ -17,7 +17,7 @@ from kaneflex.multibody.model.layout import (
     MECHANISM,
     SPACE,
     SWITCHED_SPACE,
-)  # fmt: skip
+)
 
 _WITH_HOLDS = HOLD_MECHANISM, HOLD_SPACE
 _WITH_IMPACTS = IMPACT_MECHANISM, IMPACT_SPACE, *_WITH_HOLDS

@@ -17,7 +17,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, UniTuple
 
-from kaneflex.multibody.model.layout import IN_ORDER
+from kaneflex.multibody.compile.types import IN_ORDER
 
 
 class Vectors(types.Type):

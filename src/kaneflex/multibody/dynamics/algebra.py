@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from numba import njit, types
 
+from kaneflex.multibody.compile.types import IN_ORDER
 from kaneflex.multibody.compile.values import by_size, chosen, inside
-from kaneflex.multibody.model.layout import IN_ORDER
 
 
 @njit(**IN_ORDER)

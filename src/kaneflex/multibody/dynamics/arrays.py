@@ -6,23 +6,6 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numba.types import Type, float64
-
-from kaneflex.multibody.compile.values import Vectors
-from kaneflex.multibody.model.layout import (
-    CONTACT_MECHANISM,
-    CONTACT_SPACE,
-    HOLD_MECHANISM,
-    HOLD_SPACE,
-    IMPACT_MECHANISM,
-    IMPACT_SPACE,
-    MECHANISM,
-    RIGID_SPACE,
-    SPACE,
-    SWITCHED_SPACE,
-    Fixed,
-    N,
-)  # fmt: skip
 
 (
     NODES, SPEEDS, COORDINATES, SECTIONS, AXES, BODIES, KEPT, PHI, GEOMETRY, BALLS, OWN, JOINTS,
@@ -31,32 +14,24 @@ from kaneflex.multibody.model.layout import (
 geometries of factors in space, of the middle of a step and of its stages; BALLS, OWN: lengths of the tables of
 coordinates."""
 
+TABLES = "plan", "bodies", "acts", "w", "pivots", "kernels", "p", "real", "pair"
+FIXED = {"nodes": 10, "frames": 5, "joints": 5, "balls": 2, "own": 2, "counts": 1, "on": 1, "axis_on": 1}
+NUMBERS = (
+    "block", "K", "C", "joint_stiffness", "joint_damping", "virtual_inertia", "row_measure", "kept", "q", "u", "du",
+    "multipliers", "along", "energies", "powers", "touching", "y", "J", "h", "L", "M", "alpha", "x", "now", "mass_0",
+    "mass_1", "mass_2", "rows", "sections", "sizes", "springs",
+)  # fmt: skip
+VECTORS = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "axes", "points", "x3")
+TWISTS = ("twist", "rate", "wrenches", "exerted", "slow", "I", "E", "S", "phi", "F")
+ORDER = (*TABLES, *FIXED, *NUMBERS, *VECTORS, *TWISTS)
+"""Arrays of a mechanism as compiled functions get them: its tables, tables of whole numbers with their columns,
+numbers, vectors of three, and of D.
 
-def _parts(d: int) -> dict[str, Type]:
-    """Arrays of a mechanism by their names: its tables, then those that compiled functions fill.
-
-    ``K``, ``C``: stiffness and damping of the shapes of every body, (count, count), ``joint_stiffness``,
-    ``joint_damping``: of springs at joints of the tree, by their speeds; ``balls``: places of every ball's quaternion
-    in q, and of its rotation vector in y; ``own``: of all other coordinates.
-    """
-    numbers = ("block", "K", "C", "joint_stiffness", "joint_damping", "virtual_inertia", "row_measure", "kept", "q",
-               "u", "du", "multipliers", "along", "energies", "powers", "touching", "y", "J", "h", "L", "M", "alpha",
-               "x", "now", "mass_0", "mass_1", "mass_2", "rows", "sections", "sizes", "springs")  # fmt: skip
-    vectors = ("numbers", "at", "axis_at", "gravity", "R", "r", "P", "moved", "offset", "bent", "axes",
-               "points", "x3")  # fmt: skip
-    twists = ("twist", "rate", "wrenches", "exerted", "slow", "I", "E", "S", "phi", "F")
-    return {
-        "nodes": Fixed(10), "frames": Fixed(5), "joints": Fixed(5), "balls": Fixed(2), "own": Fixed(2),
-        **dict.fromkeys(("counts", "on", "axis_on"), Fixed(1)), **dict.fromkeys(numbers, N),
-        **dict.fromkeys(vectors, Vectors(float64, 3)), **dict.fromkeys(twists, Vectors(float64, d)),
-    }  # fmt: skip
-
-
-for _each in (
-    MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM,
-    SPACE, RIGID_SPACE, SWITCHED_SPACE, CONTACT_SPACE, IMPACT_SPACE, HOLD_SPACE,
-):  # fmt: skip
-    _each.parts.update(_parts(_each.d))
+``pivots``: the plan once more, writable; ``kernels``: addresses of those of the structure; ``p``: the parameters of the
+structure's module; ``real``, ``pair``: arrays for factors; ``K``, ``C``: stiffness and damping of the shapes of every
+body, (count, count), ``joint_stiffness``, ``joint_damping``: of springs at joints of the tree, by their speeds;
+``balls``: places of every ball's quaternion in q, and of its rotation vector in y; ``own``: of all other coordinates.
+"""
 
 
 @dataclass(eq=False)

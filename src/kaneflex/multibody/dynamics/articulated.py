@@ -18,22 +18,10 @@ from collections import namedtuple
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, magnitude, together
 from kaneflex.multibody.compile.values import after, inside, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import add_product, axpy, dot, force_at, plus, scaled, times, twist_at
-from kaneflex.multibody.model.layout import (
-    COUPLING,
-    DOF,
-    FIRST,
-    IN_ORDER,
-    MODAL,
-    OPTIONS,
-    OUTBOARD,
-    PARENT_BODY,
-    SHAPES,
-    SQUARE,
-    magnitude,
-    together,
-)
+from kaneflex.multibody.model.layout import COUPLING, DOF, FIRST, MODAL, OUTBOARD, PARENT_BODY, SHAPES, SQUARE
 
 Body = namedtuple("Body", "n f I E L S U D push modal")
 Section = namedtuple("Section", "n I E L phi place modal")

@@ -9,6 +9,7 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart
 from kaneflex.multibody.compile.values import by_size, chosen, inside, size_of, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -24,7 +25,6 @@ from kaneflex.multibody.dynamics.algebra import (
 )
 from kaneflex.multibody.dynamics.arrays import AXES
 from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
-from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, apart
 from kaneflex.multibody.model.tree_layout import (
     AXED,
     BALL,

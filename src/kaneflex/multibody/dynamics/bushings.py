@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
-from kaneflex.mechanism.spatial import SpatialMechanism
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, last, minus, plus, scaled, turned, twist_at
 from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
-from kaneflex.multibody.model.layout import AT, NUMBERS_AT, ON, OPTIONS, ROW_AT, apart, larger
+from kaneflex.multibody.model.layout import AT, NUMBERS_AT, ON, ROW_AT
 from kaneflex.support.inner import once
 
 SIZE = 7
@@ -19,19 +18,6 @@ tensions; the first one has its angle of rotation [rad] for a length, its energy
 _NO_ANGLE = 1e-8
 _HALF_TURN = 1e-6
 """Cosine of half the largest rotation, which is just below half a turn."""
-MOST = 3.0
-"""Largest rotation [rad]: at half a turn the rotation vector jumps."""
-
-
-def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str] | None:
-    """First bushing with too large a rotation, by springs of one or many instants, (..., n_springs, 7), and a
-    message."""
-    names = [name for name, spring in mechanism.springs.items() if spring.is_bushing]
-    angles = rows[..., -6 * len(names) :: 6, 0].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
-    for name, angle in zip(names, angles, strict=True):
-        if angle > MOST:
-            return name, f"bushing {name} is rotated by {math.degrees(angle):.0f} deg, too close to half a turn"
-    return None
 
 
 @once

@@ -15,6 +15,7 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
 from kaneflex.multibody.dynamics.loop_closure import SIDES, crosses, reduce_across
@@ -27,7 +28,6 @@ from kaneflex.multibody.model.layout import (
     KEPT,
     LEAST,
     MEASURE,
-    OPTIONS,
     PASSED,
     PASSING,
     REACH,
@@ -36,10 +36,7 @@ from kaneflex.multibody.model.layout import (
     STAGE_A,
     STAGE_R,
     WHEN,
-    apart,
-    larger,
-    shifted,
-)  # fmt: skip
+)
 
 REGULAR = 0.06
 """Least pivot of regular loops: less admits rounding errors, more admits interpolation errors. Measured at the change

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart, kernel
 from kaneflex.multibody.model.layout import (
     ACTS,
     CONTACTS,
@@ -13,13 +14,10 @@ from kaneflex.multibody.model.layout import (
     HOLDS,
     INPUT,
     LOADS,
-    OPTIONS,
     PRESCRIBED,
     SPRINGS,
     WORKS,
-    apart,
-    kernel,
-)  # fmt: skip
+)
 
 
 @njit(**OPTIONS)

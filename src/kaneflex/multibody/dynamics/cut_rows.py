@@ -6,9 +6,9 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
+from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
-from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
 from kaneflex.multibody.unilateral.rows import rest_rows
 

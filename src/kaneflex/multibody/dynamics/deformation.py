@@ -11,10 +11,10 @@ from numba import njit
 from kaneflex.generated import body
 from kaneflex.generated import spatial_shapes as laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import after, by_size, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import axpy, first, joined, last, plus, scaled, twist_at
 from kaneflex.multibody.dynamics.arrays import NODES
-from kaneflex.multibody.model.layout import OPTIONS, apart
 from kaneflex.multibody.model.tree_layout import AT, COUNT, KIND, ROW_OF, SHAPES, SPEED
 from kaneflex.support.inner import once
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.model.layout import IN_ORDER, OPTIONS, apart, magnitude
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart, magnitude
 from kaneflex.support.inner import once
 
 

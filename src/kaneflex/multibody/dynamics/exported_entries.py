@@ -5,24 +5,22 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import CPointer, boolean, int64, void
 
-from kaneflex.multibody.dynamics.arrays import BALLS, OWN, SPACE
+from kaneflex.multibody.compile.types import ENTRY, shifted
+from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import KEPT as KEPT_NUMBERS
-from kaneflex.multibody.dynamics.independent_speeds import PRESCRIBED, choose, differs, is_dependent, open_rows
-from kaneflex.multibody.dynamics.spatial_entries import DONE, project
+from kaneflex.multibody.dynamics.independent_speeds import choose, differs, is_dependent, open_rows
+from kaneflex.multibody.dynamics.spatial_entries import project
 from kaneflex.multibody.dynamics.unfolding import give_coordinates
+from kaneflex.multibody.model.codes import DONE, PRESCRIBED
 from kaneflex.multibody.model.layout import (
     BENDS,
     COORDINATES,
     DEPENDENT,
-    ENTRY,
     LED,
     LOOP_PIVOTS,
     REACTIONS,
     ROW_OF,
-    N,
-    shifted,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, take
 
@@ -81,11 +79,3 @@ def rates_of(m, out):
         x, y, z = m.u[s], m.u[s + 1], m.u[s + 2]
         out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
         out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
-
-
-ENTRIES = {
-    unfold: void(SPACE, N),
-    change: int64(SPACE, N, CPointer(int64), CPointer(int64), boolean),
-    rates_of: void(SPACE, N),
-}
-"""Signatures of the functions that C calls."""

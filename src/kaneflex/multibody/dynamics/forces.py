@@ -8,9 +8,9 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.unilateral import rows
+from kaneflex.multibody.compile.types import OPTIONS, apart, kernel
 from kaneflex.multibody.model.layout import (
-    AT, COURSE_AT, DRIVES, INPUT, LOADS, MAGNITUDES, MEMORY, NUMBERS_AT, ON, OPTIONS, ROW_AT, SIZE, SPRINGS, SUMS, TURN,
-    WHAT, X, apart, kernel,
+    AT, COURSE_AT, DRIVES, INPUT, LOADS, MAGNITUDES, MEMORY, NUMBERS_AT, ON, ROW_AT, SIZE, SPRINGS, SUMS, TURN, WHAT, X,
 )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from numba import njit
-from numba.types import CPointer, float64, int64, void
 
+from kaneflex.multibody.model.codes import OF_SHAPE
 from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length
 from kaneflex.multibody.dynamics.courses import prescribe
@@ -13,15 +13,13 @@ from kaneflex.multibody.dynamics.deformation import deform
 from kaneflex.multibody.dynamics.kinematics import place
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, DEPENDENT, ENTRY, EXTENT, GRADIENT, HOLDS,
-    JOINT_ROWS, KEPT, MEASURE, MECHANISM, MODE, N, OPEN, OPTIONS, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH, apart, larger,
-    shifted,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, DEPENDENT, EXTENT, GRADIENT, HOLDS, JOINT_ROWS,
+    KEPT, MEASURE, MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import at, contacts, rests, rigid
 
-FIRST, NAMED, GIVEN, OF_SHAPE, PRESCRIBED = range(5)
-"""Levels of coordinates: of joints to become dependent first, later, last; of shapes; of drives, never dependent."""
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: above the first, a joint's coordinate becomes dependent before any shape; below
 the second, a row is redundant."""
@@ -194,10 +192,3 @@ def _subtract(m, pivot, first, taken):
             for k in range(n):
                 A[n * row + k] -= share * A[n * pivot + k]
             A[n * row + i] = 0.0
-
-
-ENTRIES = {
-    openings: void(MECHANISM, float64, N),
-    choose: void(MECHANISM, CPointer(int64), CPointer(int64)),
-}
-"""Signatures of the functions that Python calls."""

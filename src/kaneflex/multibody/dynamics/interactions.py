@@ -17,9 +17,10 @@ from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.bushings import cushion
 from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import along, push, row_wrench
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, turned
 from kaneflex.multibody.model.layout import (
-    AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, OPTIONS, PUSHED, PUSHES,
-    ROW_AT, SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT, apart, larger, turned,
+    AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, PUSHED, PUSHES, ROW_AT,
+    SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import exert, press
 from kaneflex.support.inner import once

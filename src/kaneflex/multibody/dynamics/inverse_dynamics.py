@@ -13,6 +13,7 @@ from kaneflex.generated import body
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import after, by_size, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -32,16 +33,7 @@ from kaneflex.multibody.dynamics.arrays import BODIES, NODES, SPEEDS
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
 from kaneflex.multibody.dynamics.interactions import act, react
 from kaneflex.multibody.dynamics.kinematics import relative
-from kaneflex.multibody.model.layout import (
-    COUPLING,
-    COUPLINGS,
-    INERTIAS,
-    MASSES,
-    MODAL,
-    OPTIONS,
-    SQUARE,
-    apart,
-)
+from kaneflex.multibody.model.layout import COUPLING, COUPLINGS, INERTIAS, MASSES, MODAL, SQUARE
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     BODY,

@@ -33,7 +33,7 @@ from kaneflex.multibody.dynamics.axes import (
 )
 from kaneflex.multibody.dynamics.deformation import growth
 from kaneflex.multibody.dynamics.arrays import NODES, SECTIONS
-from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
+from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
 from kaneflex.multibody.model.tree_layout import COUNT, KIND, PARENT, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 

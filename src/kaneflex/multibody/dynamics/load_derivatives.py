@@ -15,6 +15,7 @@ from __future__ import annotations  # noqa: I001, names of the tables' places st
 
 from numba import njit
 
+from kaneflex.multibody.model.codes import DAMPED, STIFF
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import twists
 from kaneflex.multibody.dynamics import dense_lu
@@ -26,13 +27,13 @@ from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
+from kaneflex.multibody.compile.types import OPTIONS, apart, kernel, magnitude, shifted
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, OPTIONS,
-    PUSHED, PUSHES, REACTION, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, SUMS, TOUCH,
-    VARIED, WAYS, WHAT, WITH_SLOPES, X, YIELDING, apart, kernel, magnitude, shifted,
+    AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, PUSHED,
+    PUSHES, REACTION, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, SUMS, TOUCH, VARIED,
+    WAYS, WHAT, WITH_SLOPES, X, YIELDING,
 )  # fmt: skip
 
-STIFF, DAMPED = 1.0, 2.0
 SMALL = 0.1
 """Largest relative change of a step's matrix along a load or a spring that Newton's iteration tolerates: its error
 falls by that factor in each iteration."""

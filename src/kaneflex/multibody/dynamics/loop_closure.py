@@ -18,9 +18,10 @@ from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_clo
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import copy, row_length
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
-    OPTIONS, PASSING, PIVOTS, REACH, REACTION, REACTIONS, ROW_OF, SIDE, WHEN, YIELDING, apart, larger, shifted,
+    PASSING, PIVOTS, REACH, REACTION, REACTIONS, ROW_OF, SIDE, WHEN, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.compile.values import by_size
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import linear_size
@@ -25,13 +26,10 @@ from kaneflex.multibody.model.layout import (
     LOOP,
     LOOP_PIVOTS,
     MEASURE,
-    OPTIONS,
     ROW_OF,
     SHAPES,
     SIDE,
-    apart,
-    larger,
-)  # fmt: skip
+)
 from kaneflex.support.inner import once
 
 WORN = 8.0

@@ -13,9 +13,9 @@ from kaneflex.multibody.compile.values import row_length, twists
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
+from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, OPTIONS, REACTION, ROW_OF, SCHUR,
-    YIELDING, apart, shifted,
+    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR, YIELDING,
 )  # fmt: skip
 
 

@@ -16,9 +16,10 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.inverse_dynamics import OF_RIGID
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
+from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, LOSING, MODAL, ON, OPTIONS, POWER, PRESCRIBED, PUSHED,
-    PUSHES, ROW_AT, SPRINGS, SQUARE, STORED, WORKS, apart,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, LOSING, MODAL, ON, POWER, PRESCRIBED, PUSHED, PUSHES,
+    ROW_AT, SPRINGS, SQUARE, STORED, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, SHAPES, SPEED

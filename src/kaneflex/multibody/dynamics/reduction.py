@@ -7,7 +7,6 @@ solutions. The reactions of the cuts balance the dependent coordinates of the tr
 from __future__ import annotations
 
 from numba import njit
-from numba.types import CPointer, int64, void
 
 from kaneflex.multibody.compile.values import by_size, inside
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
@@ -16,9 +15,9 @@ from kaneflex.multibody.dynamics import dense_lu, rotation_vectors
 from kaneflex.multibody.dynamics.loop_closure import follow, gradients
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, shifted
 from kaneflex.multibody.model.layout import (
-    COORDINATES, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, OPTIONS, PASSING, REACTIONS,
-    ROW_OF, SIDE, apart, shifted,
+    COORDINATES, DEPENDENT, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, PASSING, REACTIONS, ROW_OF, SIDE,
 )  # fmt: skip
 
 
@@ -137,10 +136,3 @@ def basis(m, independent, count, out):
         dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         for r in range(kept):
             B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]
-
-
-ENTRIES = {
-    reduced_demand: int64(MECHANISM, CPointer(int64), int64, N, int64, N, int64, N),
-    basis: void(MECHANISM, CPointer(int64), int64, N),
-}
-"""Signatures of the functions that Python calls."""

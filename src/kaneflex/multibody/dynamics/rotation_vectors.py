@@ -6,10 +6,11 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import inside
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, plus, scaled
 from kaneflex.multibody.dynamics.arrays import BALLS
-from kaneflex.multibody.model.layout import COORDINATES, LAST_A, OPTIONS, apart
+from kaneflex.multibody.model.layout import COORDINATES, LAST_A
 
 _TERMS = 16
 """Terms of power series: those left out are below rounding up to an angle of a turn."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody.compile.stand_ins import of_changes
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, kernel, larger
 from kaneflex.multibody.compile.values import after, copy, row_length
-from kaneflex.multibody.dynamics import independent_speeds, loop_closure, reduction, unfolding
-from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN, SPACE
+from kaneflex.multibody.dynamics import loop_closure, reduction
+from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.interactions import react
@@ -23,25 +23,20 @@ from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.tree import use
 from kaneflex.multibody.dynamics.unfolding import complete, exert, give_coordinates
+from kaneflex.multibody.model.codes import APART, DONE, GROWN, INFINITE, MASSLESS, UNCLOSED
 from kaneflex.multibody.model.layout import (
     ACCEL,
     COORDINATES,
     COURSE,
     COURSES,
-    ENTRY,
     MEASURE,
     NOW,
-    OPTIONS,
     PASSING,
     PRESCRIBED,
     RATE,
     REACTIONS,
-    N,
     Y,
-    apart,
-    kernel,
-    larger,
-)  # fmt: skip
+)
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
@@ -56,22 +51,6 @@ _AT_ONCE = 256
 """Steps per call of compiled code, after which the position is recorded."""
 _TRIES = 3
 """Newton iterations to close loops from afar, each from the end of the one before."""
-
-DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
-"""Outcome codes of an instant; all but DONE and GROWN are failures."""
-REASONS = {
-    OPEN: "a loop does not close, or the position is singular",
-    APART: "the loops close at the start only: redundant constraints are violated",
-    MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
-    INFINITE: "the accelerations are not finite",
-}
-"""Messages of the failures."""
-
-
-def check(outcome: int, *at: float) -> None:
-    """Raise ArithmeticError for an outcome other than DONE."""
-    if outcome != DONE:
-        raise ArithmeticError(REASONS[outcome], *at)
 
 
 @njit(**ENTRY)
@@ -99,7 +78,7 @@ def _stand(m, t):
     apart()
     m.pivots[PASSING] = 1  # positions as exact as near change points, as readers take derivatives by differences
     if not close_all(m, t) or (rebase(m) and not close_all(m, t)):
-        return OPEN
+        return UNCLOSED
     if m.plan[KEPT_ROWS] < m.plan[REACTIONS]:
         for row in range(m.plan[REACTIONS]):
             if not abs(m.rows[row_length(m) * row]) <= CLOSED * m.row_measure[row]:
@@ -122,7 +101,7 @@ def _project(m, t):
         return outcome
     demand(m, t)
     if not reduction.react(m):
-        return OPEN
+        return UNCLOSED
     if m.now[2] != 0.0:  # else drives prescribe everything: inertia does not matter
         use(m, 0)
         if not mend(m, t, m.real, 1):
@@ -264,17 +243,3 @@ def near(m, times, count, given, width, out):
         give_coordinates(m)
         _keep(m, t, after(out, m.counts[KEPT] * i))
     return count
-
-
-PRESCRIBED_ENTRIES = {
-    unfolding.courses_at: unfolding.ENTRIES[unfolding.courses_at],
-    unfolding.magnitudes_at: unfolding.ENTRIES[unfolding.magnitudes_at],
-    place: void(SPACE, N), close: boolean(SPACE, N), project: int64(SPACE, float64, N, N), pass_on: void(SPACE),
-    advance: void(SPACE, N, int64, N), mass: void(SPACE, N), follow: int64(SPACE, N, int64, N),
-    near: int64(SPACE, N, int64, N, int64, N),
-    **reduction.ENTRIES, **independent_speeds.ENTRIES,
-}  # fmt: skip
-ENTRIES = PRESCRIBED_ENTRIES | {
-    collocation.integrate: collocation.ENTRIES[collocation.integrate],
-}  # fmt: skip
-"""Functions called by Python, and their argument types; without ``integrate`` for motions that drives prescribe."""

@@ -13,6 +13,7 @@ from collections import namedtuple
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart, shifted
 from kaneflex.multibody.compile.values import after, by_size, copy, inside, row_length, twists, vectors, width
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus, plus, scaled, times, twist_at, zero_like
 from kaneflex.multibody.dynamics.arrays import GEOMETRY, NODES, SECTIONS
@@ -29,10 +30,8 @@ from kaneflex.multibody.model.layout import (
     COORDINATES,
     COUPLING,
     FREED,
-    IN_ORDER,
     MIDDLE,
     MODAL,
-    OPTIONS,
     PARENT_BODY,
     PHI,
     PLACES,
@@ -45,9 +44,7 @@ from kaneflex.multibody.model.layout import (
     TREE_ROOM,
     TREE_U,
     TREE_X,
-    apart,
-    shifted,
-)  # fmt: skip
+)
 from kaneflex.multibody.model.tree_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, int64, void
 
+from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral.active_set import stand_closed
 from kaneflex.multibody.unilateral.rows import at, contacts, record, rigid
@@ -21,17 +21,16 @@ from kaneflex.multibody.dynamics.loop_closure import follow, project_now, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.time.state_record import give, row_size, take
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, kernel, shifted
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, COURSE, COURSES, DEPENDENT, ENTRY, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES, MEASURE, MECHANISM,
-    MODE, N, OPEN, OPTIONS, RATE, SHUT, TOUCH, Y, apart, kernel, shifted,
+    ACCEL, COORDINATES, COURSE, COURSES, DEPENDENT, EXTENT, JOINT_ROWS, KEPT, MAGNITUDES, MEASURE, MODE, OPEN, RATE,
+    SHUT, TOUCH, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import CARRIER, FIRST_ROW, KIND, LAST_NODE, LAST_ROW, SIDE, SLIDE, SPEED
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
 
 
-FAR = 0.1
-"""Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
 _OPENED = 1e-6
 """Largest opening of a redundantly constrained joint, in rad or sizes of the mechanism."""
 
@@ -205,12 +204,3 @@ def _exerted_in_space(m, joint):
 
 
 _exerted = by_size(_exerted, _exerted_in_space)
-
-ENTRIES = {
-    unfold: void(MECHANISM, N, int64, N),
-    courses_at: void(MECHANISM, N, int64, N, int64),
-    magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
-    follow_rows: int64(MECHANISM, N, int64, int64, N, int64, N),
-    states: int64(MECHANISM, N, int64, int64, boolean),
-}
-"""Signatures of the functions that Python calls."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
 from kaneflex.multibody.compile.values import after, row_length, twists
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes
 from kaneflex.multibody.dynamics.kinematics import section_place
-from kaneflex.multibody.model.layout import OPTIONS, apart, shifted
 from kaneflex.multibody.model.tree_layout import COUNT, PARENT, ROW_OF, SPEED
 from kaneflex.support.inner import once
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint
-from kaneflex.multibody.dynamics.independent_speeds import GIVEN, NAMED
+from kaneflex.multibody.model.codes import GIVEN, NAMED
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.codes import room_of
 from kaneflex.multibody.model.tree_builder import Built, Numbers
 from kaneflex.multibody.model.tree_layout import COUNT, ROW_OF
-from kaneflex.multibody.unilateral.complementarity import room_of
-from kaneflex.multibody.unilateral.rows import RESULTS
 
 PLANE = 3
 """D of a mechanism in the plane."""
@@ -194,7 +193,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
         "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
         **dict.fromkeys(("twist", "rate"), (n, d)), "exerted": (c.joints, d), "multipliers": (c.reactions,),
         "along": (s,), "springs": (c.springs, 5 + d // 3), "energies": (4,), "powers": (c.works,),
-        "touching": (c.holds + c.touching, RESULTS), "sizes": (c.loads,),
+        "touching": (c.holds + c.touching, at.RESULTS), "sizes": (c.loads,),
     }  # fmt: skip
     views, first = Views(), numbers.size
     for each in fields(Instants):

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
-from kaneflex.multibody.dynamics import spatial_entries
 from kaneflex.multibody.dynamics.arrays import Columns, Work
-from kaneflex.multibody.dynamics.spatial_entries import DONE, check
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.assembly import engine_of
-from kaneflex.multibody.model.layout import RIGID_SPACE, SPACE, SWITCHED_SPACE
+from kaneflex.multibody.model.codes import DONE, check
+from kaneflex.multibody.model.layout import Kind
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.model.state import Choice, State
@@ -72,12 +71,12 @@ class SpatialSystem:
 
     def place(self, q: np.ndarray) -> None:
         """Positions, axes and directions in ``work``."""
-        self.engine.call(spatial_entries.place, np.ascontiguousarray(q))
+        self.engine.call("place", np.ascontiguousarray(q))
 
     def close(self, q: np.ndarray, choice: Choice) -> bool:
         """Close the loops by the dependent coordinates, in place; True if they close."""
         self.engine.choose_speeds(choice)
-        closes = self.engine.call(spatial_entries.close, q)
+        closes = self.engine.call("close", q)
         q[:] = self.work.q
         return bool(closes)
 
@@ -92,7 +91,7 @@ class SpatialSystem:
             If a loop does not close, or the rates are not determined; it says which.
         """
         self.engine.choose_speeds(choice)
-        check(self.engine.call(spatial_entries.project, t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
+        check(self.engine.call("project", t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
         return self.engine.state(t, choice)
 
     def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
@@ -101,7 +100,7 @@ class SpatialSystem:
         its outcome."""
         self.engine.choose_speeds(choice)
         self.work.now[:2] = begin, DONE
-        count = self.engine.call(spatial_entries.follow, np.ascontiguousarray(times, float), len(times), out)
+        count = self.engine.call("follow", np.ascontiguousarray(times, float), len(times), out)
         t, outcome, _ = self.work.now.tolist()
         return count, t, int(outcome)
 
@@ -118,7 +117,7 @@ class SpatialSystem:
         times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
         asked = times, len(times), given, given.shape[1], out
         try:
-            count = self.engine.call(spatial_entries.near, *asked)
+            count = self.engine.call("near", *asked)
         finally:
             if given.shape[1] > len(self.layout.positions) + self.engine.size:
                 self.engine.additions[:] = 0.0
@@ -130,7 +129,7 @@ class SpatialSystem:
         """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
         self.work.multipliers[:] = 0.0
         self.work.multipliers[: len(multipliers)] = multipliers
-        self.engine.call(spatial_entries.pass_on)
+        self.engine.call("pass_on")
         return dict(zip(self.mechanism.joints, self.work.exerted.copy(), strict=True))
 
     @cached_property
@@ -147,7 +146,7 @@ class SpatialSystem:
     @cached_property
     def engine(self) -> Engine:
         stiff = self.coupled or (self.integrates and self.has_slopes)
-        kind = SWITCHED_SPACE if self.built.switches else SPACE if stiff else RIGID_SPACE
+        kind = Kind.SWITCHED_SPACE if self.built.switches else Kind.SPACE if stiff else Kind.RIGID_SPACE
         inertias = [(body.mass, *body.inertia[:3]) for body in self.mechanism.bodies.values()]
         light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
         return engine_of(self.built, self.module, self.parameters, shared=kind, integrates=self.integrates, light=light)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.dynamics import independent_speeds
 from kaneflex.multibody.dynamics.arrays import Columns, Instants, Work
+from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import AXES_NODE, BODY, OWNER, Layout
@@ -166,7 +166,7 @@ class Views:
     @cached_property
     def open_speeds(self) -> np.ndarray:
         """Speeds that no drive prescribes."""
-        return np.flatnonzero(self.levels < independent_speeds.PRESCRIBED)
+        return np.flatnonzero(self.levels < codes.PRESCRIBED)
 
     @property
     def prescribed(self) -> np.ndarray:
@@ -178,9 +178,9 @@ class Views:
     def levels(self) -> np.ndarray:
         """Level of every coordinate in a choice."""
         freed = self.tables.plan[self.count(at.FREED) :][: self.size] == 1
-        found = np.where(freed, independent_speeds.FIRST, independent_speeds.PRESCRIBED)
+        found = np.where(freed, codes.FIRST, codes.PRESCRIBED)
         for first, count in self.tables.bodies[:, [at.MODAL, at.SHAPES]]:
-            found[first : first + count] = independent_speeds.OF_SHAPE
+            found[first : first + count] = codes.OF_SHAPE
         return found
 
     @property
@@ -237,7 +237,7 @@ class Views:
     @cached_property
     def shapes(self) -> np.ndarray:
         """Mask of coordinates that are shape amplitudes."""
-        return self.levels == independent_speeds.OF_SHAPE
+        return self.levels == codes.OF_SHAPE
 
     @property
     def stiffness(self) -> np.ndarray:

@@ -6,9 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-
-from kaneflex.multibody.model.layout import OPTIONS, Handed, N, Z
 
 
 class Table(NamedTuple):
@@ -28,9 +25,6 @@ class Table(NamedTuple):
     pair: np.ndarray
     into: np.ndarray
     out: np.ndarray
-
-
-TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
 
 
 def collocation_table(nodes: np.ndarray) -> Table:
@@ -54,10 +48,3 @@ def _integrals(nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 _ROOT = math.sqrt(6.0)
 RADAU = collocation_table(np.array([(4.0 - _ROOT) / 10.0, (4.0 + _ROOT) / 10.0, 1.0]))
 GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)]))
-
-
-@njit(**OPTIONS)
-def basis(c, x, i):
-    """Lagrange polynomial i of three nodes at x."""
-    j, k = (i + 1) % 3, (i + 2) % 3
-    return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))

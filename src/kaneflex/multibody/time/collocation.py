@@ -21,33 +21,29 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, float64, int64
 
+from kaneflex.multibody.model.codes import (
+    CASCADE, CHANGED, DAMPED, DONE, NO_CONVERGENCE, PARADOX, PAUSED, RESTED, SINGULAR, STRAYED, TOO_SMALL, TURNED,
+)  # fmt: skip
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
 from kaneflex.multibody.time import event_location, stage_residuals
 from kaneflex.multibody.unilateral import active_set, factors, step_rows, stick_slip
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.time.coefficients import TABLE, basis
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, basis, larger, shifted, smaller
 from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
 from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, project_now
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
-    ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, ENTRY, FREED, HOLDS,
-    KEPT, LAST_A, LAST_R, LOADS, MECHANISM, N, OPTIONS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION,
-    REACTIONS, ROW_AT, SCALE, SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R,
-    VIRTUAL, WORKS, YIELDING, apart, larger, shifted, smaller,
+    ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, FREED, HOLDS, KEPT,
+    LAST_A, LAST_R, LOADS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION, REACTIONS, ROW_AT, SCALE, SLOPED,
+    SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, VIRTUAL, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
 from kaneflex.multibody.dynamics.tree import assemble, resist
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
-"""Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
-step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
-contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
-branch."""
 _NEAR, _CLOSE = 1e-3, 1e-5
 """Residual of a step's equations in tolerances. The smaller one is for Gauss, whose energy error depends on it, for
 friction and contacts, whose powers in the stages are balanced, and for repeated steps, which are compared."""
@@ -367,11 +363,11 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if m.pivots[BY_FORCES] and m.pivots[YIELDING] == m.plan[VIRTUAL]:
                 m.pivots[BY_FORCES] = 0
                 continue
-            needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < load_derivatives.DAMPED else 0.0
+            needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < DAMPED else 0.0
             if needed > control[7]:
                 control[7] = needed
                 counts[1] += 1
-                if needed == load_derivatives.DAMPED and table.ends[0] == 0.0:
+                if needed == DAMPED and table.ends[0] == 0.0:
                     status = PAUSED  # overdamped modes oscillate with Gauss and decay with Radau
                     break
                 continue
@@ -434,10 +430,3 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             break
     control[0], control[3], control[4], control[5] = wanted, row, taken, length
     return status
-
-
-ENTRIES = {
-    project: boolean(MECHANISM, float64),
-    integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N, int64),
-}
-"""Functions called by Python, and their argument types."""

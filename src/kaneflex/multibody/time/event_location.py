@@ -17,10 +17,11 @@ from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_imp
 from kaneflex.multibody.dynamics.algebra import angular_size
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.model.layout import (
     AIM, ALLOWED, AT, BENDING, CLOSED, DUE, FLANK, FLOWING, FORCE, FOUND_AT, GAP, GAP_ACCEL, GAP_RATE, HIGH, LARGEST,
-    LAW, LOW, MEMORY, MODE, NODES, OPEN, OPTIONS, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID, SHIFT,
-    SLIPPING, STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, smaller,
+    LAW, LOW, MEMORY, MODE, NODES, OPEN, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID, SHIFT, SLIPPING,
+    STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import take
 from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares

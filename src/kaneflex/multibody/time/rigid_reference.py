@@ -17,11 +17,11 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import Drive, floating_coordinates
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
-from kaneflex.multibody.dynamics.unfolding import FAR
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
@@ -261,7 +261,7 @@ def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> Re
     given = {name: Drive("given", None) if drive.free else drive for name, drive in mechanism.drives.items()}
     rigid = replace(mechanism, drives=given, contacts={}, frictions={})
     engine = build_engine(rigid, system.module, Blocks(scene, none, {}), system.engine.p)
-    engine = replace(engine, shared=system.engine.handed)  # one library for both: compiling another takes as long again
+    engine = replace(engine, shared=system.engine.kind)  # one library for both: compiling another takes as long again
     plan, count = engine.tables.plan, sum(drive.free for drive in mechanism.drives.values())
     laws = len(engine.layout.driven) - count
     plan[plan[at.PRESCRIBED] + laws : plan[at.PRESCRIBED] + laws + count] = -1  # rows give these coordinates

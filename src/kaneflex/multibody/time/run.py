@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.dynamics import load_derivatives
 from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.layout import STORED_AT as STORED
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
 from kaneflex.multibody.time.dense_output import balance
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral import results
-from kaneflex.multibody.unilateral.rows import STORED_AT as STORED
 
 _PATIENCE = 5_000_000
 """Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
@@ -128,15 +127,15 @@ class Run:
             ended = self._collocation(rows, most)
             if len(self.changes) % 2:
                 self.changes.append(self.here.copy())
-            if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
-                ended = collocation.CASCADE
+            if ended == codes.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
+                ended = codes.CASCADE
             most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
-            if ended not in (collocation.DONE, collocation.PAUSED, collocation.CHANGED) and not self._turned():
+            if ended not in (codes.DONE, codes.PAUSED, codes.CHANGED) and not self._turned():
                 outcome, words = self._held() or self._reason(ended) or _ENDED[ended]
                 said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
             if self._is_in_doubt() and not self._agrees():
-                outcome, words = _ENDED[collocation.PARADOX]
+                outcome, words = _ENDED[codes.PARADOX]
                 return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
             misfit = self._misfit()
             if misfit:
@@ -161,7 +160,7 @@ class Run:
 
     def _reason(self, ended: int) -> tuple[Outcome, str] | None:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
-        if ended != collocation.TOO_SMALL:
+        if ended != codes.TOO_SMALL:
             return None
         frictions = self.system.mechanism.frictions.items()
         states = self.engine.instants(self._record(self.here[None])).touching[0]
@@ -232,7 +231,7 @@ class Run:
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
         ends = np.zeros((int(most) + 1, wide))
-        method = TABLES["radau" if self.sloped == load_derivatives.DAMPED else self.method.integrator]
+        method = TABLES["radau" if self.sloped == codes.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
             method, control, self.here, given, self.times[rows], self.table[rows], self.counts, ends, wide=wide
         )
@@ -245,16 +244,16 @@ class Run:
         if self.touching:
             self.impacts += results.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
-        if ended == collocation.TURNED:
+        if ended == codes.TURNED:
             rows = self.engine.choice.rows.tolist()
             self.patient = float(not self._chosen_anew())
             if self.engine.choice.rows.tolist() != rows and not self._projected():
-                return collocation.SINGULAR
-            return collocation.PAUSED
-        if ended == collocation.RESTED:
+                return codes.SINGULAR
+            return codes.PAUSED
+        if ended == codes.RESTED:
             if self._rest():
-                return collocation.PAUSED
-            return collocation.PARADOX if len(self.engine.holds) else collocation.SINGULAR
+                return codes.PAUSED
+            return codes.PARADOX if len(self.engine.holds) else codes.SINGULAR
         return ended
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
@@ -322,20 +321,20 @@ HOLDS = "switches back and forth: on both sides of its jump the motion returns t
 """Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {
-    collocation.TOO_SMALL: (
+    codes.TOO_SMALL: (
         Outcome.STUCK, "the motion can't continue after {at}: the step size tends to zero, as in a locked linkage",
     ),
-    collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
-    collocation.CASCADE: (
+    codes.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
+    codes.CASCADE: (
         Outcome.CASCADE,
         "contacts close and open, or stick and slip, repeatedly after {at}, at intervals too short for a step",
     ),
-    collocation.PARADOX: (
+    codes.PARADOX: (
         Outcome.PARADOX,
         "at {at} no combination of sticking and slipping is consistent with friction (Painleve's paradox): the motion "
         "of rigid bodies with Coulomb's law is undefined",
     ),
-    collocation.NO_CONVERGENCE: (
+    codes.NO_CONVERGENCE: (
         Outcome.STUCK,
         "the step of the given length from {at} does not converge: give shorter ones, or use error control",
     ),

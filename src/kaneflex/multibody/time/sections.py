@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, Self, cast
 
 import numpy as np
-from numba import njit
 
 from kaneflex.fem.links import Link
 from kaneflex.generated import spatial_shapes as shape_laws
@@ -19,6 +18,7 @@ from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.scene import Scene
 from kaneflex.support.fingerprint import made_of
+from kaneflex.support.machine_code import njit
 
 
 @dataclass(frozen=True, eq=False)

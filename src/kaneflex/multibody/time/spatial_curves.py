@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import not_integrated
-from kaneflex.multibody.dynamics.spatial_entries import GROWN, check
+from kaneflex.multibody.model.codes import GROWN, check
 from kaneflex.multibody.model.independent_speeds import choose_anew
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State

@@ -15,16 +15,16 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.pace import Pace
-from kaneflex.multibody.dynamics.bushings import overturned
-from kaneflex.multibody.dynamics.load_derivatives import DAMPED
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.codes import DAMPED, TOO_SMALL
+from kaneflex.multibody.model.layout import STORED_AT as STORED
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.time import collocation, run
+from kaneflex.multibody.time import run
 from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
-from kaneflex.multibody.unilateral.rows import STORED_AT as STORED
+from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.support.errors import SceneError
 
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
@@ -96,7 +96,7 @@ class SpatialRun(run.Run, Curve):
             self.system.project(float(self.here[0]), *self.engine.state_of(self.here), self.engine.choice)
         except ArithmeticError as reason:
             return Outcome.SINGULAR, f"{stuck}: {reason}{advice}"
-        if ended != collocation.TOO_SMALL:
+        if ended != TOO_SMALL:
             return None
         return Outcome.STUCK, f"{stuck}: the step size tends to zero{advice}"
 

@@ -15,12 +15,12 @@ from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
+from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.multibody.time.spatial_curves import Curve, Standing
-from kaneflex.multibody.unilateral.rows import FORCE_AT
 from kaneflex.scene import Scene
 
 _XYZ = "xyz"

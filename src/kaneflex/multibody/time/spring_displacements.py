@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.codes import MOST_TURNED
 
 
 def displacements(
@@ -18,9 +21,9 @@ def displacements(
 
     ``sections``: the engine's at an instant; ``moved``: their change in unit motions, (n, sections, .).
     """
-    in_plane = engine.handed.d == 3
+    in_plane = engine.kind.d == 3
     flat = 2 if in_plane else 3
-    places, (v, omega, _) = sections[:, :flat], np.split(moved[:, :, 3:], [flat, engine.handed.d], axis=2)
+    places, (v, omega, _) = sections[:, :flat], np.split(moved[:, :, 3:], [flat, engine.kind.d], axis=2)
     axes = np.ones((1, 1)) if in_plane else engine.work.axes
     springs = engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.CONTACTS)]
     for kind, first, second, _, axis, place in springs.tolist():
@@ -49,3 +52,14 @@ def _pulled(
     if damping or length:
         parts = parts @ (apart / np.linalg.norm(apart))[:, None]
     return parts, np.full(parts.shape[1], stiffness)
+
+
+def overturned(mechanism: SpatialMechanism, rows: np.ndarray) -> tuple[str, str] | None:
+    """First bushing with too large a rotation, by springs of one or many instants, (..., n_springs, 7), and a
+    message."""
+    names = [name for name, spring in mechanism.springs.items() if spring.is_bushing]
+    angles = rows[..., -6 * len(names) :: 6, 0].reshape(-1, len(names)).max(axis=0, initial=0.0) if names else ()
+    for name, angle in zip(names, angles, strict=True):
+        if angle > MOST_TURNED:
+            return name, f"bushing {name} is rotated by {math.degrees(angle):.0f} deg, too close to half a turn"
+    return None

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
 from kaneflex.multibody.compile.values import by_size, copy, inside
 from kaneflex.multibody.dynamics import load_derivatives, rotation_vectors, tree
-from kaneflex.multibody.dynamics.bushings import MOST, SIZE
+from kaneflex.multibody.dynamics.bushings import SIZE
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble, resist
+from kaneflex.multibody.model.codes import MOST_TURNED
 from kaneflex.multibody.model.layout import (
     BUSHING,
     BY_FORCES,
@@ -30,16 +32,13 @@ from kaneflex.multibody.model.layout import (
     KEPT,
     MASS_PIVOTS,
     MASS_ROWS,
-    OPTIONS,
     REACTION,
     RESISTING,
     RESISTING_R,
     SLOPED,
     SPRINGS,
     WHAT,
-    apart,
-    shifted,
-)  # fmt: skip
+)
 
 
 @njit(**OPTIONS)
@@ -62,7 +61,7 @@ def _keep_accelerations(m, i, first):
     apart()
     plan, w, A = m.plan, m.w, _mass(m, i)
     for act in range(plan[SPRINGS], plan[CONTACTS]):
-        if m.acts[act, WHAT] == BUSHING and not m.springs[SIZE * (act - plan[SPRINGS])] <= MOST:
+        if m.acts[act, WHAT] == BUSHING and not m.springs[SIZE * (act - plan[SPRINGS])] <= MOST_TURNED:
             return False
     if not rotation_vectors.note_turns(m, i):
         return False

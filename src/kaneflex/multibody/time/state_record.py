@@ -6,9 +6,8 @@ from numba import njit
 
 from kaneflex.multibody.dynamics.arrays import BALLS
 from kaneflex.multibody.unilateral.rows import at, contacts, frictions
-from kaneflex.multibody.model.layout import (
-    COORDINATES, MEMORY, MODE, MODE_SIZE, OPTIONS, REACTIONS, WORKS, apart, shifted,
-)  # fmt: skip
+from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
+from kaneflex.multibody.model.layout import COORDINATES, MEMORY, MODE, MODE_SIZE, REACTIONS, WORKS
 
 
 @njit(**OPTIONS)

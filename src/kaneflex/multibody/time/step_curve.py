@@ -10,8 +10,9 @@ from numba import njit
 
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.model.layout import (
-    COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, OPTIONS, SHIFT, SLIP, SLIP_RATE, STAGE_A, apart, larger,
+    COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, SHIFT, SLIP, SLIP_RATE, STAGE_A,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, row_of, switches
 

@@ -24,11 +24,12 @@ from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
 from kaneflex.multibody.model.layout import (
     ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP,
     GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
-    MOST_IMPACTS, NODES, OPEN, OPTIONS, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE,
-    STAYS, TOUCH, WORKS, YIELDING, VIRTUAL, apart, larger, shifted, smaller,
+    MOST_IMPACTS, NODES, OPEN, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS,
+    TOUCH, VIRTUAL, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import stick_slip

@@ -25,18 +25,10 @@ import math
 from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.model.layout import (
-    ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, OPTIONS, TOUCHING, VIRTUAL, apart, larger,
-)  # fmt: skip
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.model.codes import BESIDE, MAY, PRESSES, RATIO, SCALES, TRIED, VECTORS, WANTED
+from kaneflex.multibody.model.layout import ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, TOUCHING, VIRTUAL
 
-(
-    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
-    SCALES, UNIT, TRIED, VECTORS,
-) = range(17)  # fmt: skip
-"""Vectors over the rows of touching contacts, then of frictions: rates before and after, impulses, forces at rest,
-accelerations, the problem's b, active rows; for a friction its mu, constant resistance, and the row of its normal force
-or -1; for a contact whether it does not bounce, whether it was at rest, and a negligible rate; row scales, one unit
-force, the solution of a mode combination."""
 _NOTHING = 1e-13
 """Share of the largest b below which a negative u counts as zero."""
 _FLAT = 1e-9
@@ -47,12 +39,6 @@ _ASTRAY = 1e-9
 """Share of the largest b below which a negative u is accepted as rounding without a pivot."""
 MOST_CHOICES = 7776
 """Largest number of tried mode combinations: 2 per gap and 3 per slip, so those of five contacts with friction."""
-
-
-def room_of(contacts: int, frictions: int) -> int:
-    """Count of numbers that the problem needs."""
-    rows, size = contacts + frictions, contacts + 3 * frictions
-    return rows * (rows + VECTORS) + size * (2 * size + 2)
 
 
 @njit(**OPTIONS)

@@ -12,10 +12,11 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.model.layout import (
     ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE,
-    OPTIONS, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VISCOUS,
-    VIRTUAL, WANTED, WHAT, YIELDING, apart, larger, smaller,
+    REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS,
+    WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.rows import (

@@ -26,19 +26,19 @@ from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.model.codes import (
+    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED,
+)  # fmt: skip
 from kaneflex.multibody.model.layout import (
     ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, CUT_ROWS, DRIVES, DUE, FLANK,
-    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, OPTIONS, PIVOTS, POWER,
-    PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SHUT, SPRINGS, TOUCH, WHAT, WORKS, apart, larger,
-    shifted,
+    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, PIVOTS, POWER,
+    PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SHUT, SPRINGS, TOUCH, WHAT, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import rigid_friction
 from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
-from kaneflex.multibody.unilateral.complementarity import (
-    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED, complement, listed,
-    moved, vector,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.complementarity import complement, listed, moved, vector
 from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, meet, near, no_force, rigid, row_at
 from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at

@@ -16,9 +16,8 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.model.layout import (
-    BY_PRESS, BY_SPEED, DECAY, FIRMEST, MEMORY, NODES, NORMAL, OPTIONS, SLIP, VISCOUS, apart, larger,
-)  # fmt: skip
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.model.layout import BY_PRESS, BY_SPEED, DECAY, FIRMEST, MEMORY, NODES, NORMAL, SLIP, VISCOUS
 
 VISCOUS_AT, STIFFNESS_AT, DAMPING_AT = 7, 12, 13
 """Places among the law's numbers: viscous part, stiffness and damping of the bristles."""

@@ -14,15 +14,17 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
+from kaneflex.multibody.model.codes import (
+    ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED,
+)  # fmt: skip
 from kaneflex.multibody.model.layout import (
-    ALONG, BEFORE, BENDING, BORE, BY_PRESS, COORDINATES, DUE, FORCE, KEPT, LAST_R, LIMIT, MODE, OPEN, OPTIONS, REACTION,
-    REACTIONS, ROW_OF, SLIP, SLIPPING, SLIP_RATE, STICKING, TURN, WHAT, WORKS, apart, larger, smaller,
+    ALONG, BEFORE, BENDING, BORE, BY_PRESS, COORDINATES, DUE, FORCE, KEPT, LAST_R, LIMIT, MODE, OPEN, REACTION,
+    REACTIONS, ROW_OF, SLIP, SLIPPING, SLIP_RATE, STICKING, TURN, WHAT, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.complementarity import (
-    ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, moved, vector,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.complementarity import listed, moved, vector
 from kaneflex.multibody.unilateral.factors import force_by_reaction
 from kaneflex.multibody.unilateral.rows import (
     ARM, LAW_AT, LUGRE, MU_AT, PRELOAD_AT, STATIC_AT, VISCOUS_LAW, act_of, at, contacts, exert, frictions, law_at,

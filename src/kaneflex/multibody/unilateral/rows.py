@@ -28,11 +28,12 @@ from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, t
 from kaneflex.multibody.dynamics.algebra import absolute, axpy, dot, joined, scaled
 from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT, CUT_ROWS,
     DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY,
-    MODE, NORMAL, NUMBERS_AT, ON, OPEN, OPTIONS, PEAK, PLACE, PRECISION, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE,
-    SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT, apart, larger, shifted,
+    MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE,
+    SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -363,10 +364,6 @@ def power(m, n):
     """Power [W] that a row takes; zero while sticking, whatever its rounding slip."""
     k = at(m, n)
     return -m.w[k + FORCE] * m.w[k + GAP_RATE] if m.w[k + MODE] != STICKING else 0.0
-
-
-RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
-"""Number of a row's :func:`results`, and places of its force and its stored energy; its gap is the first one."""
 
 
 @njit(**OPTIONS)

@@ -16,13 +16,13 @@ from kaneflex.multibody.dynamics.algebra import absolute, linear_size
 from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
+from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
     BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT, LIMIT,
-    MEMORY, MODE, NODES, NORMAL, OPEN, OPTIONS, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH,
-    TURN, WANTED, WHAT, apart, larger,
+    MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH, TURN,
+    WANTED, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
-from kaneflex.multibody.time.coefficients import basis
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.rows import (

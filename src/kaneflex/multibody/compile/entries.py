@@ -1,0 +1,112 @@
+"""Functions of the compiled engine that Python calls, by name, without importing numba where they are compiled."""
+
+from __future__ import annotations
+
+import ctypes
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kaneflex.multibody.model.layout import Handle, Kind
+from kaneflex.support.machine_code import PACKAGE, Kernel
+
+_BOTH = {
+    "dynamics.unfolding.courses_at": "void(m, N, int64, N, int64)",
+    "dynamics.unfolding.magnitudes_at": "void(m, N, int64, N, int64, N, int64)",
+    "dynamics.reduction.reduced_demand": "int64(m, CPointer(int64), int64, N, int64, N, int64, N)",
+    "dynamics.reduction.basis": "void(m, CPointer(int64), int64, N)",
+    "dynamics.independent_speeds.openings": "void(m, float64, N)",
+    "dynamics.independent_speeds.choose": "void(m, CPointer(int64), CPointer(int64))",
+}
+_INTEGRATE = {"time.collocation.integrate": "int64(m, TABLE, N, N, N, int64, N, int64, N, N, N, int64)"}
+PLANE = _BOTH | _INTEGRATE | {
+    "time.collocation.project": "boolean(m, float64)",
+    "dynamics.unfolding.unfold": "void(m, N, int64, N)",
+    "dynamics.unfolding.follow_rows": "int64(m, N, int64, int64, N, int64, N)",
+    "dynamics.unfolding.states": "int64(m, N, int64, int64, boolean)",
+}  # fmt: skip
+PRESCRIBED = _BOTH | {
+    "dynamics.spatial_entries.place": "void(m, N)",
+    "dynamics.spatial_entries.close": "boolean(m, N)",
+    "dynamics.spatial_entries.project": "int64(m, float64, N, N)",
+    "dynamics.spatial_entries.pass_on": "void(m)",
+    "dynamics.spatial_entries.advance": "void(m, N, int64, N)",
+    "dynamics.spatial_entries.mass": "void(m, N)",
+    "dynamics.spatial_entries.follow": "int64(m, N, int64, N)",
+    "dynamics.spatial_entries.near": "int64(m, N, int64, N, int64, N)",
+}
+SPACE = PRESCRIBED | _INTEGRATE
+EXPORTED = {
+    "dynamics.exported_entries.unfold": "void(m, N)",
+    "dynamics.exported_entries.change": "int64(m, N, CPointer(int64), CPointer(int64), boolean)",
+    "dynamics.exported_entries.rates_of": "void(m, N)",
+}
+"""Functions in the plane, in space for motions that drives prescribe, for all, and of exported C in space; with their
+signatures: ``m`` is the mechanism, ``N`` the address of numbers, ``TABLE`` that of a collocation method."""
+_C_TYPES = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "boolean": ctypes.c_bool, "void": None}
+
+
+def entries_of(kind: Kind, integrates: bool = True) -> Mapping[str, str]:
+    """Functions of the library of a kind of mechanism, with their signatures."""
+    return PLANE if kind.d == 3 else SPACE if _integrated(kind, integrates) else PRESCRIBED
+
+
+def _integrated(kind: Kind, integrates: bool) -> bool:
+    """True for a library that integrates: of prescribed motions only those of rigid bodies have their own."""
+    return integrates or kind is not Kind.RIGID_SPACE
+
+
+def sources() -> list[Path]:
+    """Files of the engine's compiled functions: those that mention numba, and those of their constants."""
+    multibody, generated = PACKAGE / "multibody", Path(str(find_spec("kaneflex.generated").origin)).parent
+    files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
+    constants = ("model/codes", "model/layout", "model/tree_layout", "dynamics/arrays", "time/coefficients")
+    names = ("body", "contact", "friction", "joints", "spatial", "spatial_shapes")
+    return sorted([
+        *(each for each in files if b"numba" in each.read_bytes()), PACKAGE / "support" / "inner.py",
+        *(multibody / f"{name}.py" for name in constants), *(generated / f"{name}.py" for name in names),
+    ])  # fmt: skip
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Silence numba's warning about first-class function types during compilation."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "First-class function type")
+        yield
+
+
+@cache
+def library(kind: Kind, integrates: bool = True) -> dict[str, Callable[..., Any]]:
+    """C functions of all entries by name, all compiled on the first call.
+
+    Libraries of mechanisms with contacts, impacts, holds, elastic bodies in space or discontinuous loads have more
+    functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
+    """
+    name = f"addresses_{kind.name.lower() if _integrated(kind, integrates) else 'prescribed'}"
+    with compiling():
+        addresses = Kernel("multibody.compile.library", name, sources)()
+    found: dict[str, Callable[..., Any]] = {}
+    for (function, signature), address in zip(entries_of(kind, integrates).items(), addresses, strict=True):
+        returned, _, given = signature.partition("(")
+        kinds = [_C_TYPES.get(each, ctypes.c_void_p) for each in given[:-1].split(", ")]
+        found[function.rpartition(".")[2]] = ctypes.CFUNCTYPE(_C_TYPES[returned], *kinds)(address)
+    return found
+
+
+def by_address(value: Any) -> Any:
+    """Address of an array or handle; other values unchanged."""
+    if isinstance(value, Handle):
+        return value.address
+    if not isinstance(value, np.ndarray):
+        return value
+    assert value.flags.c_contiguous
+    if value.size and value.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # three times as fast as .ctypes.data
+    return value.ctypes.data

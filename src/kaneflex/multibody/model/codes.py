@@ -1,0 +1,45 @@
+"""Numbers by which compiled functions and Python tell each other outcomes and choices."""
+
+from __future__ import annotations
+
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
+"""Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
+step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
+contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
+branch."""
+UNCLOSED, APART, MASSLESS, INFINITE, GROWN = range(1, 6)
+"""Outcomes of an instant in space beside DONE; all but GROWN are failures."""
+_REASONS = {
+    UNCLOSED: "a loop does not close, or the position is singular",
+    APART: "the loops close at the start only: redundant constraints are violated",
+    MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
+    INFINITE: "the accelerations are not finite",
+}
+FIRST, NAMED, GIVEN, OF_SHAPE, PRESCRIBED = range(5)
+"""Levels of coordinates: of joints to become dependent first, later, last; of shapes; of drives, never dependent."""
+STIFF, DAMPED = 1.0, 2.0
+"""Derivatives of loads and springs in the factors of a step: those by coordinates; those by speeds, too."""
+FAR = 0.1
+"""Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
+MOST_TURNED = 3.0
+"""Largest rotation of a bushing [rad]: at half a turn the rotation vector jumps."""
+(
+    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
+    SCALES, UNIT, TRIED, VECTORS,
+) = range(17)  # fmt: skip
+"""Vectors of the problem of rigid contacts at one instant, over the rows of touching contacts, then of frictions: rates
+before and after, impulses, forces at rest, accelerations, the problem's b, active rows; for a friction its mu, constant
+resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether it was at rest, and
+a negligible rate; row scales, one unit force, the solution of a mode combination."""
+
+
+def room_of(contacts: int, frictions: int) -> int:
+    """Count of numbers that the problem needs."""
+    rows, size = contacts + frictions, contacts + 3 * frictions
+    return rows * (rows + VECTORS) + size * (2 * size + 2)
+
+
+def check(outcome: int, *at: float) -> None:
+    """Raise ArithmeticError for the failure of an instant in space."""
+    if outcome != DONE:
+        raise ArithmeticError(_REASONS[outcome], *at)
