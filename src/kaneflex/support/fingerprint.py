@@ -21,7 +21,7 @@ def made_of(*files: str) -> Callable[[Any], Any]:
     def enclosing(function: FunctionType) -> FunctionType:
         code = function.__code__.replace(co_freevars=("made_of",))
         rest = (function.__globals__, function.__name__, function.__defaults__, (cell,))
-        found = update_wrapper(FunctionType(code, *rest), function)
+        found: Any = update_wrapper(FunctionType(code, *rest), function)
         found.parts = files
         return found
 

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -64,13 +64,13 @@ def _integrated(kind: Kind, integrates: bool) -> bool:
 
 def sources() -> list[Path]:
     """Files of the engine's compiled functions: those that mention numba, and those of their constants."""
-    multibody, generated = PACKAGE / "multibody", Path(str(find_spec("kaneflex.generated").origin)).parent
+    multibody, folder = PACKAGE / "multibody", Path(str(import_module("kaneflex.generated").__file__)).parent
     files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
     constants = ("model/codes", "model/layout", "model/tree_layout", "dynamics/arrays", "time/coefficients")
     names = ("body", "contact", "friction", "joints", "spatial", "spatial_shapes")
     return sorted([
         *(each for each in files if b"numba" in each.read_bytes()), PACKAGE / "support" / "inner.py",
-        *(multibody / f"{name}.py" for name in constants), *(generated / f"{name}.py" for name in names),
+        *(multibody / f"{name}.py" for name in constants), *(folder / f"{name}.py" for name in names),
     ])  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def library(kind: Kind, integrates: bool = True) -> dict[str, Callable[..., Any]
     found: dict[str, Callable[..., Any]] = {}
     for (function, signature), address in zip(entries_of(kind, integrates).items(), addresses, strict=True):
         returned, _, given = signature.partition("(")
-        kinds = [_C_TYPES.get(each, ctypes.c_void_p) for each in given[:-1].split(", ")]
+        kinds: list[Any] = [_C_TYPES.get(each, ctypes.c_void_p) for each in given[:-1].split(", ")]
         found[function.rpartition(".")[2]] = ctypes.CFUNCTYPE(_C_TYPES[returned], *kinds)(address)
     return found
 
