@@ -119,6 +119,27 @@ def test_a_repeated_command_compares_cheaper_models_with_the_reference_of_the_fi
     assert third == second.model_copy(update={"remembered": True}) and solution is None
 
 
+def test_a_repeated_command_stores_densely_what_the_richest_model_did_not(cache, monkeypatch):
+    """The engine by 24 steps a cycle: with 96 all sensors are within."""
+    scene = with_settings(read_scene("engine"), ["solve.steps=24"])
+    first, _ = remembered_choice(scene, 0.05, purpose="run")
+    assert "rod_force_piston" in first.open and not first.errors.keys() & first.open.keys()
+    monkeypatch.setattr(choice_cache, "_LONGEST", 100.0)
+    slow = first.model_copy(update={"richest_s": 50.0})
+    choice_file(scene, 0.05, scene.sensors, "run").write_text(slow.model_dump_json())
+    second, solution = remembered_choice(scene, 0.05, purpose="run")
+    assert second.model.endswith(", 96 steps") and len(solution.times) == 97
+    assert second.open == {} and set(second.errors) == set(second.sensors) == {*first.errors, *first.open}
+
+
+def test_errors_of_several_points_are_the_largest_of_sensors_that_are_within_in_all(engine):
+    _, found = engine
+    one = {"errors": {"a": 0.1, "b": 0.2}, "doubt": {"a": 0.0, "b": 0.3}, "open": {}, "sensors": ["a", "b"]}
+    other = {"errors": {"a": 0.05}, "doubt": {"a": 0.01}, "open": {"b": 0.4}, "sensors": ["a"]}
+    largest = choice_cache._largest([found.model_copy(update=each) for each in (one, other)])
+    assert largest == {"errors": {"a": 0.1}, "doubt": {"a": 0.01}, "open": {"b": 0.4}, "sensors": ["a"]}
+
+
 @pytest.mark.parametrize("damage", [lambda file: file.unlink(), lambda file: file.write_bytes(b"\x93NUMPY")])
 def test_without_the_reference_or_time_the_richest_model_stays_the_answer(engine, cache, monkeypatch, damage):
     scene, _ = engine

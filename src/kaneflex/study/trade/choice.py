@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,8 +27,6 @@ from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
-_SHARES = ("errors", "doubt", "open")
-"""Fields of a choice by sensor, as shares of its peak."""
 _LONGEST = 1.0
 """Most processor seconds of trying cheaper models for one run."""
 
@@ -72,14 +70,15 @@ def chosen(
     if purpose != "run":
         found = dict.fromkeys(model for each in trials for model in (*each.cheapest_models(), each.richest()))
         good = [model for model in found if all(each.within(model) for each in trials)]
-        if others and not good:
+        known = set.intersection(*(set(each.reference.sensors) for each in trials))
+        if others and not (good and known):
             reason = "no model is within it at all compared points"
             raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Choose a larger one, or fewer sensors")
         model = min(good or [model], key=lambda model: sum(each.seconds(model) for each in trials))
     dropped = _drop_terms(own, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
-    choices = [_choice(scene, each, model, sensors is not None) for each in trials]
-    update: dict[str, Any] = {key: _largest([getattr(each, key) for each in choices]) for key in _SHARES}
+    choices = [_choice(each, trial, model, sensors is not None) for each, trial in zip(scenes, trials, strict=True)]
+    update = _largest(choices) if others else {}
     update["dropped"] = [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]
     update |= {"compared": purpose != "run", "seconds": time.perf_counter() - started}
     return choices[0].model_copy(update=update), own.runs.run(model).solution, own.reference.curves
@@ -93,9 +92,15 @@ def check_varied(scene: Scene, option: str, paths: Iterable[str]) -> None:
             raise SceneError(option, path, "--tolerance chooses it", "Leave out one of the two")
 
 
-def _largest(tables: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    names = dict.fromkeys(name for table in tables for name in table)
-    return {name: max(table[name] for table in tables if name in table) for name in names}
+def _largest(choices: Sequence[Choice]) -> dict[str, Any]:
+    """Sensors that are within the tolerance in all choices of one model, and the largest shares of each sensor."""
+    found: dict[str, Any] = {}
+    for key in ("errors", "doubt", "open"):
+        tables = [getattr(choice, key) for choice in choices]
+        names = dict.fromkeys(name for table in tables for name in table)
+        found[key] = {name: max(table.get(name, 0.0) for table in tables) for name in names}
+    found["sensors"] = [name for name in choices[0].sensors if name not in found["open"]]
+    return found | {key: {name: found[key][name] for name in found["sensors"]} for key in ("errors", "doubt")}
 
 
 def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice:
@@ -154,7 +159,8 @@ def cheaper(
     update = {"compared": True, "attempts": attempts}
     if not found or trials.seconds(model) >= known.richest_s:
         return known.model_copy(update=update), None
-    update |= _of_model(scene, trials, model) | {"seconds": time.perf_counter() - started}
+    update |= _of_model(scene, trials, model) | {"open": dict(reference.open), "sensors": list(reference.sensors)}
+    update["seconds"] = time.perf_counter() - started
     return known.model_copy(update=update), runs.run(model).solution
 
 
