@@ -62,9 +62,10 @@ class Engine(Views):
         self.call("courses_at", np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
         return out
 
-    def magnitudes(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Magnitudes of all loads, (n_times, loads), at ``times`` [s] and rows x of the laws' joint coordinates and
-        speeds, then accelerations."""
+    def magnitudes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Magnitudes of all loads [N, N m or N/m], (n_times, loads), at ``times`` [s] and coordinates, speeds and
+        accelerations of the joints in laws, the drives first, (n_times, joints, 3)."""
+        x = np.hstack([states[:, :, :2].reshape(len(times), 2 * states.shape[1]), states[:, :, 2]])
         loads, sides = self.count(at.SPRINGS) - self.count(at.LOADS), self._switches
         times, x = np.ascontiguousarray(times, float), np.hstack([x, np.zeros((len(x), sides))])
         out = np.zeros((len(times), loads + 2 * sides))

@@ -149,12 +149,12 @@ class FloatingMotion(DeformingMotion):
     @cached_property
     def _load_sizes(self) -> dict[str, np.ndarray]:
         """Magnitudes of loads whose laws use joints without drive, which the rigid motion lacks."""
-        mechanism, states = self.system.mechanism, list[np.ndarray]()
-        for name in (*mechanism.drives, *mechanism.observed) if mechanism.observed else ():
-            states += self.coordinate(name)
-        if not states:
+        mechanism = self.system.mechanism
+        if not mechanism.observed:
             return {}
-        return dict(zip(mechanism.loads, self.system.load_sizes(self.times, np.column_stack(states)).T, strict=True))
+        states = np.array([self.coordinate(name) for name in (*mechanism.drives, *mechanism.observed)])
+        sizes = self.system.engine.magnitudes(self.times, states.transpose(2, 0, 1))
+        return dict(zip(mechanism.loads, sizes.T, strict=True))
 
     # ---- frames and sections ----------------------------------------------------------------------------------
 

@@ -195,10 +195,10 @@ class SpatialSystem:
 
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
-        x = np.zeros((len(times), 3 * len(self.known_joints)))
-        where = np.array([2 * self.known_joints.index(name) for name in self.told_joints], int)
-        x[:, where], x[:, where + 1] = coordinates, speeds
-        return self.engine.magnitudes(times, x)
+        states = np.zeros((len(times), len(self.known_joints), 3))
+        where = [self.known_joints.index(name) for name in self.told_joints]
+        states[:, where, 0], states[:, where, 1] = coordinates, speeds
+        return self.engine.magnitudes(times, states)
 
     @cached_property
     def told_joints(self) -> tuple[str, ...]:

@@ -181,14 +181,6 @@ class CoupledSystem:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return found
 
-    def load_sizes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """Sizes of all loads [N, N m or N/m], (n_times, loads).
-
-        ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint in laws: the
-        drives', then the others'.
-        """
-        return self.engine.magnitudes(times, np.hstack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3]]))
-
     def rate(self, joint: str) -> float:
         """Rate [rad/s or m/s] of a joint's coordinate at the state of the tables."""
         of, layout = self.mechanism.joints[joint], self.engine.layout

@@ -125,8 +125,8 @@ class RigidReference(ComputedModule):
         drives = self.engine.courses(times).reshape(len(times), len(driven), 3)
         drives[:, len(driven) - count :] = free.at(times)[:, :, :count].transpose(1, 2, 0)
         drives = drives[:, [driven.index(name) for name in mechanism.drives]]
-        unknown = np.zeros((len(times), 3 * len(mechanism.observed)))
-        sizes = self.system.load_sizes(times, np.column_stack([drives.reshape(len(times), 3 * len(driven)), unknown]))
+        unknown = np.zeros((len(times), len(mechanism.observed), 3))
+        sizes = self.engine.magnitudes(times, np.concatenate([drives, unknown], axis=1))
         return np.concatenate([drives[:, :, 0], sizes], axis=1)
 
     def rows(self, times: np.ndarray, free: Courses) -> np.ndarray:
