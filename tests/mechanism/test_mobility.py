@@ -230,7 +230,8 @@ def moved(name, *settings: str):
 
 
 def found(name, *settings: str):
-    return closings(*moved(name, *settings))
+    scene, courses = moved(name, *settings)
+    return closings(mechanism_of(scene), courses)
 
 
 def test_transmission_angles_are_those_of_the_closed_forms(tmp_path):
@@ -341,7 +342,7 @@ def test_strokes_and_ranges_are_those_of_the_closed_forms():
 @pytest.mark.parametrize("name", ["four-bar", "six-bar", "spin-up"])
 def test_numbers_alone_find_what_the_kernels_find(name):
     scene, model = read_scene(name), load(read_scene(name))
-    courses = courses_of(scene, model.motion.at(np.linspace(0.0, min(scene.horizon, 20.0), 721)))
+    courses = courses_of(mechanism_of(scene), model.motion.at(np.linspace(0.0, min(scene.horizon, 20.0), 721)))
     short = with_settings(scene, ["solve.duration=20 s"]) if name == "spin-up" else scene
     assert reach_lines(scene, courses) == reach_lines(scene, followed(short, place(scene)))
 

@@ -276,11 +276,12 @@ def test_near_of_a_dyad_names_a_body_of_its_loop():
 
 @pytest.mark.parametrize("turn", [2 * np.pi, -1.0])
 def test_knots_found_all_at_once_are_those_that_steps_lead_to(turn, monkeypatch):
-    follower = _Follower(scene_of(MECHANISMS["three rockers"]))
+    scene = scene_of(MECHANISMS["three rockers"])
+    follower = _Follower(mechanism_of(scene), place_bodies(scene))
     xs, count, step = follower.start.drives["main"] + np.linspace(0.0, turn, 203), [], _Follower._step
 
     def followed() -> np.ndarray:
-        return follower.over(xs, lambda x: {"main": x}, None, str).poses
+        return follower.over(xs, lambda x: {"main": x}).poses
 
     with monkeypatch.context() as alone:
         alone.setattr(_Follower, "_step", lambda *those: count.append(1) or step(*those))
@@ -291,7 +292,8 @@ def test_knots_found_all_at_once_are_those_that_steps_lead_to(turn, monkeypatch)
 
 
 def test_knots_that_no_step_would_lead_to_are_not_taken(monkeypatch):
-    follower = _Follower(scene_of(MECHANISMS["three rockers"]))
+    scene = scene_of(MECHANISMS["three rockers"])
+    follower = _Follower(mechanism_of(scene), place_bodies(scene))
     xs, few = follower.start.drives["main"] + np.linspace(0.0, 0.5, 9), [0, 4, 8]
     start = np.concatenate([follower.start.poses[name] for name in follower.bodies])
     here = _Place(start, follower._jacobian(start))

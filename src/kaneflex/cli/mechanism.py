@@ -107,13 +107,14 @@ def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list
     elastic, count = _elastic_count(scene), count_freedom(mechanism_of(scene))
     blocks |= mobility(count, elastic)
     scene = as_it_starts(scene)
+    mechanism = mechanism_of(scene)
     placement = place(scene, at)
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
     courses = here if at else followed(scene, placement)
     if not scene.is_frame:
-        blocks |= mobility(count, elastic, mobility_by_rank(mechanism_of(scene), courses))
+        blocks |= mobility(count, elastic, mobility_by_rank(mechanism, courses))
         several = len(next(iter(courses.values()))[0]) > 1
-        found = closings(scene, courses)
+        found = closings(mechanism, courses)
         blocks["over the run" if several else "as shown"] = reach_lines(scene, courses) | closing_lines(found)
         notes += [each.note for each in found if each.note]
     return lambda: scheme(scene, placement)

@@ -149,8 +149,7 @@ def _margins(rigid: RigidMotion) -> list[str]:
 
 def drive_positions(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) -> str:
     """Positions of the first three drives at an instant, like "main = 90 deg"."""
-    first = list(mechanism.drives)[:3]
-    return ", ".join(f"{name} = {mechanism.joints[name].written(rigid[f'{name}.angle'][index])}" for name in first)
+    return mechanism.written({name: rigid[f"{name}.angle"][index] for name in list(mechanism.drives)[:3]})
 
 
 def _elsewhere(mechanism: Mechanism) -> str:
@@ -168,10 +167,10 @@ _SAME = 1e-6
 """Distance below which points coincide, as a share of the mechanism's size."""
 
 
-def courses_of(scene: Scene, rigid: RigidMotion) -> Courses:
+def courses_of(mechanism: Mechanism, rigid: RigidMotion) -> Courses:
     """Poses of a rigid motion."""
     found = {}
-    for name in scene.bodies:
+    for name in mechanism.bodies:
         angle = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
         found[name] = np.array([rigid[f"{name}.x"], rigid[f"{name}.y"], angle])
     return found
@@ -192,7 +191,7 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     times = instants(scene)
     try:
         drives = scene.drives.items()
-        return follow(scene, times, lambda t: {name: drive.coordinate(t) for name, drive in drives}, placement)
+        return follow(mechanism, placement, times, lambda t: {name: drive.coordinate(t) for name, drive in drives})
     except SceneError:
         return at_start  # loading reports the position
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.mechanism.joints import Constraints, axes_of, course
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import Number, wrapped
 from kaneflex.mechanism.position_analysis import Placement, larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
@@ -51,7 +51,7 @@ class _Locked(Exception):
         self.x, self.joint = x, joint
 
 
-def check_free(scene: Scene) -> None:
+def check_free(mechanism: NumericMechanism) -> None:
     """Raise SceneError for a loop closed by Newton's method if its drive is free and there are other drives.
 
     Raises
@@ -59,8 +59,8 @@ def check_free(scene: Scene) -> None:
     SceneError
         Before anything is derived. Preset coupled does not need the sweep.
     """
-    free = [name for name, drive in scene.drives.items() if drive.free]
-    if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(mechanism_of(scene))):
+    free = [name for name, drive in mechanism.drives.items() if drive.free]
+    if free and len(mechanism.drives) > 1 and not mechanism.frame and (group := larger_group(mechanism)):
         raise SceneError(
             f"drives.{free[0]}", "free",
             f"a free drive must be the only drive, as {', '.join(group)} close a loop of more than two bodies",
@@ -80,11 +80,12 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     loops = getattr(module, "LOOPS", ())
     if not loops:
         return parameters
-    sweep = _swept(scene, module, parameters, horizon)
+    follower = _Follower(mechanism_of(scene), place(scene))
+    sweep = _swept(follower, module, parameters, horizon)
     columns, axes = dict[str, np.ndarray](), axes_of(sweep.courses)
     for _, _, turning, sliding in loops:
         columns |= {f"bodies.{body}.seed_{key}": getattr(axes[body], key) for body in turning for key in "cs"}
-        columns |= {f"joints.{joint}.seed_slide": course(mechanism_of(scene).joints[joint], sweep.courses)
+        columns |= {f"joints.{joint}.seed_slide": course(follower.mechanism.joints[joint], sweep.courses)
                     for joint in sliding}  # fmt: skip
     blocks = {path: Table(sweep.x, column).coefficients(sweep.period) for path, column in columns.items()}
     p, places = with_tables(module, parameters, blocks), _places(module)
@@ -125,11 +126,9 @@ class _Sweep:
         return dict(zip(self.bodies, self.poses.transpose(1, 2, 0), strict=True))
 
 
-def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
+def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
     """Assembly over a whole turn of the only drive if it rotates fully, else over the drives' range."""
-    follower = _Follower(scene)
-    drives = list(scene.drives)
-    free = [name for name in drives if scene.drives[name].kind == "free"]
+    mechanism, drives = follower.mechanism, list(follower.mechanism.drives)
     if len(drives) > 1:
         motion = RigidKinematics(module, parameters)
 
@@ -139,34 +138,32 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
 
         steps = max(_KNOTS, math.ceil(_KNOTS * _turns(motion, drives, horizon)))
         times = np.linspace(0.0, horizon, steps + 1)
-        return follower.over(times, at_time, None, lambda t: _at_all(scene, at_time(t)))
+        return follower.over(times, at_time)
     (drive,) = drives
+    slides = mechanism.joints[drive].slides
 
     def only(x: float) -> dict[str, float]:
         return {drive: x}
 
-    def written(x: float) -> str:
-        return f"{drive} = {scene.written_coordinate(drive, x)}"
-
     start = follower.start.drives[drive]
     locked = None
-    if not scene.slides(drive):
+    if not slides:
         try:
-            turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, written)
+            turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi)
             change = turn.poses[-1] - turn.poses[0]
             change[:, 2] = wrapped(change[:, 2])
-            if abs(change).max() < 1e-6 * max(1.0, follower.mechanism.size):
+            if abs(change).max() < 1e-6 * max(1.0, mechanism.size):
                 return turn
         except SceneError as error:
             locked = error
-    if free:
+    if mechanism.drives[drive].free:
         raise locked or SceneError(
             f"drives.{drive}", "free", "the linkage does not return to its start after a turn", "Prescribe this drive"
         )
     angles = RigidKinematics(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
-    knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not scene.slides(drive) else _KNOTS)
-    there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, written)
-    back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, written)
+    knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not slides else _KNOTS)
+    there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only)
+    back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only)
     # If the drive moves only to one side of its start, the other sweep is empty.
     x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
     if len(x) == 1:  # a fixed drive: the table has one value
@@ -179,23 +176,17 @@ def _turns(motion: RigidKinematics, drives: list[str], horizon: float) -> float:
     return max(np.ptp(rigid[f"{name}.angle"]) for name in drives) / (2 * math.pi)
 
 
-def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in drives.items())
-
-
 def follow(
-    scene: Scene, times: np.ndarray, drives: Coordinates, start: Placement | None = None
+    mechanism: NumericMechanism, start: Placement, times: np.ndarray, drives: Coordinates
 ) -> dict[str, np.ndarray]:
-    """Poses of the scene's assembly, by numerical computation only: body -> x, y and angle, (3, n_times).
-
-    ``start`` is the placement at the start of the run, where the caller has it.
+    """Poses of an assembly from its start on, by numerical computation only: body -> x, y and angle, (3, n_times).
 
     Raises
     ------
     SceneError
-        If it can't close at the start, or locks on the way.
+        If it locks on the way.
     """
-    return _Follower(scene, start).over(times, drives, None, lambda t: _at_all(scene, drives(t))).courses
+    return _Follower(mechanism, start).over(times, drives).courses
 
 
 class _Place(NamedTuple):
@@ -206,16 +197,14 @@ class _Place(NamedTuple):
 
 
 class _Follower:
-    """Continuation of the assembly that a scene starts from."""
+    """Continuation of the assembly that a mechanism starts from."""
 
-    def __init__(self, scene: Scene, start: Placement | None = None) -> None:
-        self.mechanism, self.start = mechanism_of(scene), start or place(scene)
+    def __init__(self, mechanism: NumericMechanism, start: Placement) -> None:
+        self.mechanism, self.start = mechanism, start
         self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
         self.scale = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
 
-    def over(
-        self, xs: np.ndarray, drives: Coordinates, period: float | None, written: Callable[[float], str]
-    ) -> _Sweep:
+    def over(self, xs: np.ndarray, drives: Coordinates, period: float | None = None) -> _Sweep:
         """Poses at all of ``xs``; the first is the start."""
         start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
         first = _Place(start, self._jacobian(start))
@@ -229,8 +218,8 @@ class _Follower:
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
-                f"the loop cannot close beyond {written(locked.x)}: the linkage locks there, or would "
-                "change its branch",
+                f"the loop cannot close beyond {self.mechanism.written(drives(locked.x))}: the linkage locks there, or "
+                "would change its branch",
                 "Change the lengths, or limit the drive's range",
             ) from None  # fmt: skip
         return _Sweep(np.array(xs), found.reshape(len(xs), -1, 3), self.bodies, period)

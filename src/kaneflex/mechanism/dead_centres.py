@@ -9,10 +9,9 @@ import numpy as np
 
 from kaneflex.mechanism.closure import Courses, joint_course, turns_around
 from kaneflex.mechanism.joints import Constraints, axes_of
-from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.planar import cross, dot
 from kaneflex.mechanism.position_analysis import Dyad, closing_groups
-from kaneflex.scene import Scene
 
 _NEAR = math.radians(10.0)
 """Transmission angle below which forces are more than five times amplified."""
@@ -71,14 +70,13 @@ class Closing:
         return ""
 
 
-def closings(scene: Scene, courses: Courses) -> list[Closing]:
+def closings(mechanism: NumericMechanism, courses: Courses) -> list[Closing]:
     """Distance of each loop of a planar mechanism to its dead centres over a motion.
 
     The transmission angle (Alt 1932; Norton, Design of Machinery) of three pins is that between the two links at the
     middle one; of a rod and a slider that between the rod and the guide's normal; of a slider on a lever that between
     the line of the pivots and the slide's normal. All three are zero where the loop's constraints are singular.
     """
-    mechanism = mechanism_of(scene)
     if mechanism.frame or not mechanism.joints:
         return []
     found = []
@@ -92,7 +90,7 @@ def closings(scene: Scene, courses: Courses) -> list[Closing]:
             values = _smallest(mechanism, group, [joint.name for joint in joints], courses, every)
         elif dyad is not None:
             name = dyad.middle.name
-        found.append(Closing(name, is_angle, values, _position(scene, courses, every * int(values.argmin()))))
+        found.append(Closing(name, is_angle, values, _position(mechanism, courses, every * int(values.argmin()))))
     return found
 
 
@@ -112,12 +110,11 @@ def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:
     return None if vectors is None else np.arctan2(abs(cross(*vectors)), abs(dot(*vectors)))
 
 
-def _position(scene: Scene, courses: Courses, k: int) -> str:
+def _position(mechanism: NumericMechanism, courses: Courses, k: int) -> str:
     """Coordinates of the drives at an instant, "main = 90 deg"."""
-    mechanism, found = mechanism_of(scene), []
+    found = {}
     for name in mechanism.drives:
         joint = mechanism.joints[name]
         course = joint_course(joint, courses)
-        value = course[k] % math.tau if not joint.slides and turns_around(course) else course[k]
-        found.append(f"{name} = {scene.written_coordinate(name, float(value))}")
-    return ", ".join(found)
+        found[name] = course[k] % math.tau if not joint.slides and turns_around(course) else course[k]
+    return mechanism.written(found)

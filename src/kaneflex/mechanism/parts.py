@@ -94,7 +94,7 @@ class Joint:
 
     def written(self, value: float) -> str:
         """Text of a coordinate [rad or m], like "90 deg" or "12.5 mm"."""
-        return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value):.6g} deg"
+        return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value) + 0.0:.6g} deg"
 
 
 @dataclass(frozen=True)
@@ -309,6 +309,10 @@ class Mechanism:
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: earlier joints already connect their two bodies."""
         return tuple(name for name, joint in self.joints.items() if joint.closes_loop)
+
+    def written(self, drives: Mapping[str, float]) -> str:
+        """Text of coordinates of drives [rad or m], like "main = 90 deg, bore = 12.5 mm"."""
+        return ", ".join(f"{name} = {self.joints[name].written(float(value))}" for name, value in drives.items())
 
     def joints_of(self, placed: Collection[str], group: Collection[str]) -> list[Joint]:
         """Joints between bodies of a group, or between the group and placed bodies or the ground."""

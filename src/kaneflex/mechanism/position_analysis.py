@@ -235,10 +235,10 @@ def _closed(
         _check_held(constraints, assemblies, group, joints, closing)
         chosen = _nearest(closing, assemblies, group)
         return {name: chosen[name] for name in group}
-    at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
         f"joints.{closing.name}.branch", closing.written_branch,
-        f"the loop cannot close at {at}: {', '.join(group)}", "Change the lengths, or the positions of its drives",
+        f"the loop cannot close at {mechanism.written(constraints.drives)}: {', '.join(group)}",
+        "Change the lengths, or the positions of its drives",
     )  # fmt: skip
 
 

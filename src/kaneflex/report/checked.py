@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from kaneflex.fem.mobility import count_freedom, mobility_by_rank
-from kaneflex.mechanism.closure import courses_of, instants
+from kaneflex.mechanism.closure import Courses, courses_of, instants
 from kaneflex.mechanism.dead_centres import Closing, closings
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import has_modes, reference_modes
 from kaneflex.report.presentation import (
@@ -81,9 +81,15 @@ def _closings(model: Model) -> list[Closing]:
 
             assert isinstance(model.motion, SpatialKinematics)
             return firmness(model.motion, _times(model))
-        return closings(model.scene, courses_of(model.scene, model.motion.at(_times(model))))
+        return closings(*_over_the_run(model))
 
     return _CLOSINGS.of(model, find)
+
+
+def _over_the_run(model: Model) -> tuple[NumericMechanism, Courses]:
+    """Planar mechanism and its poses, as far as they are known."""
+    mechanism = mechanism_of(model.scene)
+    return mechanism, courses_of(mechanism, model.motion.at(_times(model)))
 
 
 def _times(model: Model) -> np.ndarray:
@@ -104,10 +110,8 @@ def _mobility(model: Model) -> Blocks:
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.engine.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))
-    mechanism = mechanism_of(model.scene)
-    by_rank = None
-    if not mechanism.frame:
-        by_rank = mobility_by_rank(mechanism, courses_of(model.scene, model.motion.at(_times(model))))
+    mechanism, courses = _over_the_run(model)
+    by_rank = None if mechanism.frame else mobility_by_rank(mechanism, courses)
     return mobility(count_freedom(mechanism), None, by_rank)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism.closure import courses_of, instants, reach_lines, without_rounding
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
@@ -74,7 +75,7 @@ def _reach(model: Model) -> dict[str, str]:
     times = model.motion.begin + (instants(model.scene) if is_followed(model) else np.zeros(1))
     if model.in_space is not None:
         return _ranges(model, model.in_space.bare.at(times))
-    return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))
+    return reach_lines(model.scene, courses_of(mechanism_of(model.scene), model.motion.at(times)))
 
 
 def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:

@@ -18,7 +18,7 @@ from kaneflex.integrate.pace import Pace
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.energy import Energy, rigid_energy
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -40,9 +40,13 @@ _COURSES = 5 * 3
 
 @dataclass(frozen=True, eq=False)
 class StartKinematics(RigidKinematics):
-    """Rigid motion at its start, before free joints are integrated; ``given``: parameters without their courses."""
+    """Rigid motion at its start, before free joints are integrated.
+
+    ``given``: parameters without their courses; ``state``: coordinates, then speeds of the free joints, (2 n,).
+    """
 
     given: np.ndarray
+    state: np.ndarray
 
     is_start = True
 
@@ -58,29 +62,20 @@ def at_start(scene: Scene, module: ModuleType, parameters: np.ndarray) -> StartK
     Raises SceneError if it can't start: the linkage can't close, the mass matrix is singular, or forces are not finite.
     """
     accelerations, inertia = forward_equations(module, parameters)
-    start, count = _start(scene, module), len(module.FREE)
+    start = np.array([getattr(scene.drives[name], key) for key in ("start", "initial_speed") for name in module.FREE])
+    count = len(module.FREE)
     epsilon = accelerations(0.0, start)
     check_start(mechanism_of(scene), standing(module, parameters, 0.0, start), epsilon, inertia(0.0, start))
     states, own = np.repeat(start[:, None], 3, axis=1), np.repeat(epsilon[:, None], 3, axis=1)
     states[:count, 1:] += start[count:, None] * _AROUND[1:] + 0.5 * epsilon[:, None] * _AROUND[1:] ** 2
     states[count:, 1:] += epsilon[:, None] * _AROUND[1:]
-    return StartKinematics(module, with_courses(module, parameters, _AROUND, states, own), parameters)
-
-
-def _start(scene: Scene, module: ModuleType) -> np.ndarray:
-    """Coordinates, then speeds of the free joints at the start, (2 n,)."""
-    return np.concatenate([
-        [getattr(scene.drives[name], key) for name in module.FREE] for key in ("start", "initial_speed")
-    ])  # fmt: skip
+    return StartKinematics(module, with_courses(module, parameters, _AROUND, states, own), parameters, start)
 
 
 def integrate_free_joints(
-    scene: Scene,
-    module: ModuleType,
-    parameters: np.ndarray,
-    options: Options,
+    mechanism: NumericMechanism, start: StartKinematics, options: Options,
     share: Callable[[float], None] = lambda done: None,
-) -> tuple[RigidKinematics, Energy]:
+) -> tuple[RigidKinematics, Energy]:  # fmt: skip
     """Integrate the free joints over the duration of ``options``, by its tolerance.
 
     ``share`` is called with the finished share, 0 to 1.
@@ -99,11 +94,10 @@ def integrate_free_joints(
         If the motion can't continue: a loop locks, forces are not finite, or too many steps are needed. Names joint,
         position and time.
     """
-    accelerations, start = forward_equations(module, parameters)[0], _start(scene, module)
-    times, states, epsilon = [0.0], [start], [accelerations(0.0, start)]
-    mechanism = mechanism_of(scene)
-    run = _Steps(scene, module, parameters, options, accelerations)
-    for stretch in run.stretches(start):
+    module, parameters, accelerations = start.module, start.given, forward_equations(start.module, start.given)[0]
+    times, states, epsilon = [0.0], [start.state], [accelerations(0.0, start.state)]
+    run = _Steps(mechanism, module, parameters, options, accelerations)
+    for stretch in run.stretches(start.state):
         share(times[-1] / options.duration)
         for t, state in stretch:
             times.append(t)
@@ -120,8 +114,10 @@ def integrate_free_joints(
 class _Steps:
     """Steps of DOP853, of Radau from where the motion is stiff, grouped into stretches."""
 
-    def __init__(self, scene: Scene, module: ModuleType, parameters: np.ndarray, options: Options, accelerations):
-        self.scene, self.module, self.parameters, self.options = scene, module, parameters, options
+    def __init__(
+        self, mechanism: NumericMechanism, module: ModuleType, parameters: np.ndarray, options: Options, accelerations
+    ) -> None:
+        self.mechanism, self.module, self.parameters, self.options = mechanism, module, parameters, options
         self.accelerations, self.pace = accelerations, Pace(options.duration)
         most = max(options.steps, _MOST_NUMBERS / (_COURSES * _PIECES * len(module.FREE)))
         self.shortest = options.duration / most
@@ -164,7 +160,7 @@ class _Steps:
         rigid = standing(self.module, self.parameters, t, state)
         joint = locking(rigid)
         if joint is not None:
-            return swung(mechanism_of(self.scene), joint, rigid)
+            return swung(self.mechanism, joint, rigid)
         if message is not None:
             return SceneError(
                 f"drives.{free[0]}", "free", f"the motion can't continue after t = {t:.6g} s: {message.rstrip('.')}",
@@ -178,7 +174,8 @@ class _Steps:
         from kaneflex.mechanism.closure import courses_of
         from kaneflex.mechanism.dead_centres import closings
 
-        found = [each for each in closings(self.scene, courses_of(self.scene, rigid)) if each.values.min() < _SINGULAR]
+        courses = courses_of(self.mechanism, rigid)
+        found = [each for each in closings(self.mechanism, courses) if each.values.min() < _SINGULAR]
         if not found:
             return None
         return SceneError(

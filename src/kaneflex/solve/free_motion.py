@@ -44,9 +44,9 @@ def uncoupled(model: Model, share: Share = silent) -> Model:
 def _in_plane(model: Model, share: Share) -> Model:
     from kaneflex.solve.forward import StartKinematics, integrate_free_joints
 
-    scene, options, start = model.scene, model.options, model.motion
+    mechanism, options, start = mechanism_of(model.scene), model.options, model.motion
     assert isinstance(start, StartKinematics)
-    motion, energy = integrate_free_joints(scene, model.module, start.given, options, share)
-    check_closure(mechanism_of(scene), motion, options.duration)
-    check_laws(scene, motion, options)
+    motion, energy = integrate_free_joints(mechanism, start, options, share)
+    check_closure(mechanism, motion, options.duration)
+    check_laws(model.scene, motion, options)
     return moving(model, motion, energy)

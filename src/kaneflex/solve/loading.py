@@ -14,7 +14,7 @@ import numpy as np
 from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, drive_positions
 from kaneflex.mechanism.floating_frames import link_modes
-from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
@@ -101,7 +101,7 @@ def _bind_one_way(
     compilation."""
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
-        _check_free(scene)
+        _check_free(mechanism_of(scene))
     scene = as_it_starts(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
@@ -126,12 +126,12 @@ def _bind_one_way(
     return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
 
 
-def _check_free(scene: Scene) -> None:
-    """As :func:`kaneflex.mechanism.closure_continuation.check_free`, which few scenes need."""
-    if any(drive.free for drive in scene.drives.values()):
+def _check_free(mechanism: NumericMechanism) -> None:
+    """As :func:`kaneflex.mechanism.closure_continuation.check_free`, which few mechanisms need."""
+    if any(drive.free for drive in mechanism.drives.values()):
         from kaneflex.mechanism.closure_continuation import check_free
 
-        check_free(scene)
+        check_free(mechanism)
 
 
 def _warnings(model: Model) -> tuple[str, ...]:
@@ -173,7 +173,7 @@ def has_elastic_stage(scene: Scene) -> bool:
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
         return False
     try:
-        _check_free(scene)
+        _check_free(mechanism_of(scene))
         check_elastic(scene)
     except SceneError:
         return False

@@ -85,7 +85,7 @@ def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
             check_cycle(other, asked)
         elif dynamics != "rigid":
             check_determined(mechanism_of(other))
-            check_free(other)
+            check_free(mechanism_of(other))
             elastic_coordinates(other)
     except SceneError as refusal:
         if refusal.key.startswith("solve."):
