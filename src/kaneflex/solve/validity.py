@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import lost_stiffness
@@ -57,31 +56,31 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     model, coupled = solution.model, solution.model.coupled is not None
     stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics resolve all modes
     found = [*foreseen(model, frequencies, solution.times, stepped), *_parted(solution), *_unbalanced(solution)]
+    moved = _moved(solution) if len(solution.times) else {}
     if coupled:
-        found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
+        found += [*_loose(solution, moved), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
         from kaneflex.solve.contact_lines import off_their_lines
         from kaneflex.solve.touching import undetermined_frictions
 
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):
         return found
-    motion, shares, bends = solution.motion, {}, model.options.dynamics == "coupled"
-    for name, link in _links(model).items():
-        q = motion.nodes(name)
-        of_node = q.reshape(len(link.nodes), -1, q.shape[1])  # u, v, theta; in space u, v, w and three rotations
-        across = abs(of_node[:, 1]) if link.dofs == 3 else np.hypot(of_node[:, 1], of_node[:, 2])
-        shares[name] = float(across.max()) / link.length
-        found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], bends)
+    bends, lengths = model.options.dynamics == "coupled", {name: link.length for name, link in model.meshes.items()}
+    shares = {name: float(np.hypot(*nodes[1:]).max()) / lengths[name] for name, nodes in moved.items()}
+    for name, (u, *_) in moved.items():
+        found += _deformed(name, lengths[name], u[-1] - u[0], shares[name], bends)
     found += near_resonance(solution)
     return found if coupled else found + _uncoupled(solution, shares)
 
 
-def _links(model: Model) -> Mapping[str, Link]:
-    """Elastic links by their names, of a coupled mechanism in space those of its shapes."""
-    if model.coupled_in_space is None:
-        return model.links
-    shapes = model.coupled_system.engine.layout.shapes
-    return {name: each.link for name, each in shapes.items() if hasattr(each, "link")}
+def _moved(solution: RunResult) -> dict[str, np.ndarray]:
+    """Displacements u, v, w of the nodes of every elastic link, (3, n_nodes, n_times); in the plane w = 0."""
+    motion, found = solution.motion, {}
+    for name, link in solution.model.meshes.items():
+        nodes = motion.nodes(name)
+        nodes = nodes.reshape(len(link.nodes), link.dofs, -1).swapaxes(0, 1)[: link.dofs // 2 + link.dofs % 2]
+        found[name] = np.concatenate([nodes, np.zeros((3 - len(nodes), *nodes.shape[1:]))])
+    return found
 
 
 def foreseen(model: Model, frequencies: Sequence[float], times: np.ndarray, stepped: bool) -> list[str]:
@@ -340,16 +339,18 @@ def _jammed(solution: RunResult) -> Iterator[str]:
             )
 
 
-def _loose(solution: RunResult) -> list[str]:
-    """Warning if the tolerance of coupled steps is large compared with the largest deformation."""
+def _loose(solution: RunResult, moved: Mapping[str, np.ndarray]) -> list[str]:
+    """Warning if the tolerance of coupled steps is large compared with the largest deformation.
+
+    ``moved``: displacements of the links' nodes.
+    """
     from kaneflex.solve.coupled import longest
 
-    model, motion = solution.model, solution.motion
+    model = solution.model
     if solution.trajectory.steps == 0:
         return []
     allowed = model.options.tolerance * longest(model.scene)
-    moved = (np.delete(motion.nodes(name), np.s_[2::3], axis=0) for name in model.links)
-    largest = max((abs(series).max() for series in moved), default=0.0)
+    largest = max((float(abs(nodes).max()) for nodes in moved.values()), default=0.0)
     if allowed <= LARGEST_ERROR * largest or largest == 0.0:
         return []
     wanted = 0.1 * LARGEST_ERROR * largest / longest(model.scene)

@@ -190,6 +190,14 @@ class Model:
         return self.coupled or cast("SpatialKinematics", self.motion).module.system
 
     @property
+    def meshes(self) -> Mapping[str, Link]:
+        """Elastic links with their finite elements; of a coupled mechanism in space those of its shapes."""
+        if self.coupled_in_space is None:
+            return self.links
+        shapes = self.coupled_system.engine.layout.shapes
+        return {name: each.link for name, each in shapes.items() if hasattr(each, "link")}
+
+    @property
     def awaits_run(self) -> bool:
         """True if a run first integrates the motion: with free joints, or of a coupled mechanism in space."""
         coupled = self.coupled_in_space

@@ -100,12 +100,8 @@ def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool
             parameter.name, parameter.value, "a small change of it changes the equations",
             "Choose another value: the equations change at this one",
         )  # fmt: skip
-    links = model.links
-    if model.coupled_in_space is not None:
-        shapes = model.coupled_in_space.module.system.layout.shapes
-        links = {name: each.link for name, each in shapes.items() if isinstance(each, Shapes)}
-    elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in links}
-    if any(len(mesh(scene, name, elements[name])) != len(link.nodes) for name, link in links.items()):
+    elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.meshes}
+    if any(len(mesh(scene, name, elements[name])) != len(link.nodes) for name, link in model.meshes.items()):
         raise SceneError(
             parameter.name, parameter.value, "a small change of it changes the mesh",
             "Choose another value: the number of elements changes at this one",
