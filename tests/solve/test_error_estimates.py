@@ -417,7 +417,7 @@ def test_richer_models_in_space_begin_at_a_given_state():
         read = Read.of(begun, periodic=False)
         start, own = read.model.in_space.curve.start, read.model.in_space.module.system
         for _, scene, options in coupled_corrections._richer(read.model):
-            richer = coupled_corrections.refined(read.model, scene, options)
+            richer = coupled_corrections.neighbour(read.model, scene, options=options)
             system = richer.in_space.module.system
             embedded = coupled_corrections._embedded(read, richer)
             found, _ = state_after(system, embedded, lambda given, of=system: choose(of, given.q))

@@ -129,7 +129,7 @@ def modes(
 def _export(scene: Scene, folder: Path, force: bool) -> None:
     from kaneflex.response.modal_data import export, links_data
 
-    if not any(body.elastic for body in scene.bodies.values()):
+    if not scene.is_elastic:
         raise SceneError("--export", str(folder), "no body has a beam: there are no mode shapes", "Give a body a beam")
     with Waiting() as waiting:
         written = export(links_data(scene, waiting), folder, force)

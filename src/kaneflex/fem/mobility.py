@@ -75,7 +75,7 @@ def count_freedom(mechanism: Mechanism) -> Freedom:
         len(mechanism.bodies),
         {name: len(joint.rows) for name, joint in mechanism.joints.items()},
         tuple(name for name, drive in mechanism.drives.items() if not drive.free),
-        tuple(name for name, drive in mechanism.drives.items() if drive.free),
+        mechanism.free_joints,
         mechanism.floating,
         mechanism.frame,
     )

@@ -153,7 +153,7 @@ def drive_positions(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) ->
 
 
 def _elsewhere(mechanism: Mechanism) -> str:
-    free = [name for name, drive in mechanism.drives.items() if drive.free]
+    free = mechanism.free_joints
     return f"let {', '.join(free)} start elsewhere" if free else "limit the drive's range"
 
 
@@ -184,7 +184,7 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     at_start = {name: pose[:, None] for name, pose in placement.poses.items()}
     mechanism = mechanism_of(scene)
     held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
-    if scene.is_frame or not scene.drives or any(drive.free for drive in scene.drives.values()):
+    if scene.is_frame or not scene.drives or scene.free_joints:
         return at_start
     if held != 3 * len(mechanism.bodies):
         return at_start

@@ -59,7 +59,7 @@ def check_free(mechanism: NumericMechanism) -> None:
     SceneError
         Before anything is derived. Preset coupled does not need the sweep.
     """
-    free = [name for name, drive in mechanism.drives.items() if drive.free]
+    free = mechanism.free_joints
     if free and len(mechanism.drives) > 1 and not mechanism.frame and (group := larger_group(mechanism)):
         raise SceneError(
             f"drives.{free[0]}", "free",

@@ -300,10 +300,14 @@ class Mechanism:
         return tuple(name for name, body in self.bodies.items() if body.free is not None)
 
     @property
+    def free_joints(self) -> tuple[str, ...]:
+        """Joints with a free drive."""
+        return tuple(name for name, drive in self.drives.items() if drive.free)
+
+    @property
     def free(self) -> tuple[str, ...]:
         """Free joints, then the coordinates of free bodies."""
-        joints = tuple(name for name, drive in self.drives.items() if drive.free)
-        return joints + tuple(name for body in self.floating for name in floating_coordinates(body))
+        return self.free_joints + tuple(name for body in self.floating for name in floating_coordinates(body))
 
     @property
     def loop_joints(self) -> tuple[str, ...]:

@@ -24,9 +24,8 @@ def tight_start(scene: Scene) -> Scene:
     It gives the start of free joints for which the scene gives neither position nor speed. If the others and the
     drives do not determine them, they start at zero.
     """
-    free = [name for name, drive in scene.drives.items() if drive.free]
     given = {"angle", "position", "initial_speed"}
-    open_ = [name for name in free if not given & scene.drives[name].model_fields_set]
+    open_ = [name for name in scene.free_joints if not given & scene.drives[name].model_fields_set]
     if not scene.loose or not open_:
         return scene
     import numpy as np

@@ -97,7 +97,7 @@ def between_steps(model: Model) -> list[str]:
 
 def _between_steps(model: Model) -> list[str]:
     options, scene = model.options, model.scene
-    if options.dynamics == "coupled" and (scene.floating or any(drive.free for drive in scene.drives.values())):
+    if options.dynamics == "coupled" and (scene.floating or scene.free_joints):
         return []  # the rigid mechanism moves differently
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)

@@ -298,7 +298,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
         if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):
             reason = f"{name}_speed is both a joint and the speed of joint {name}"
             raise Fault(reason, "Give the joint another name")
-    free = law.uses_any([name for name, drive in scene.drives.items() if drive.free])
+    free = law.uses_any(scene.free_joints)
     if scene.horizon is None and not free:
         return
     times = np.zeros(1) if free else sample_times(scene.horizon)

@@ -72,7 +72,7 @@ def check_contacts(scene: Scene, dynamics: str) -> None:
 
 def check_laws(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for laws of loads that need preset coupled, or its error control."""
-    free = next(iter([*(name for name, drive in scene.drives.items() if drive.free), *scene.floating]), None)
+    free = next(iter([*scene.free_joints, *scene.floating]), None)
     for name, load in scene.loads.items():
         law, key = scene.argument(name), f"loads.{name}.{'law' if load.against is None else 'against'}"
         if law is None:

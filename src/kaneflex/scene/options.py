@@ -158,7 +158,7 @@ def resolve_options(scene: Scene) -> Options:
             f"preset {solve.preset} needs a link's finite elements, not modal data",
             "Use preset coupled or rigid, or give the body a beam",
         )  # fmt: skip
-    elastic = modal is not None or any(body.elastic for body in scene.bodies.values())
+    elastic = modal is not None or scene.is_elastic
     if elastic and scene.is_frame and solve.preset == "rigid":
         raise SceneError(
             "solve.preset", "rigid",

@@ -313,6 +313,16 @@ class Scene(SceneTable):
         return any(body.pose is not None for body in self.bodies.values())
 
     @property
+    def is_elastic(self) -> bool:
+        """True if a body has finite elements."""
+        return any(body.elastic for body in self.bodies.values())
+
+    @property
+    def free_joints(self) -> tuple[str, ...]:
+        """Joints with a free drive."""
+        return tuple(name for name, drive in self.drives.items() if drive.free)
+
+    @property
     def floating(self) -> dict[str, Free]:
         """Free bodies, with their initial positions and speeds."""
         return {name: body.free for name, body in self.bodies.items() if body.free is not None}

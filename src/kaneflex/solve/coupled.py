@@ -33,7 +33,6 @@ from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.floating_motion import FloatingMotion
-from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import given_start
@@ -145,7 +144,7 @@ def _along(model: Model, run: SpatialRun) -> SpatialKinematics:
 def method_of(model: Model) -> Method:
     """Integration method of a model's options; in space without coupling that of the motion before anything deforms."""
     options, scene = model.options, model.scene
-    size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(scene)
+    size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(model)
     if options.dynamics != "coupled":
         return Method("radau", options.forward_tolerance, size)
     return Method(options.integrator, options.tolerance, size, options.bounded)
@@ -165,14 +164,14 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 def _beginning(model: Model) -> State:
     if model.coupled is None:
         return _beginning_in_space(model)
-    system, start = model.coupled, undeformed(model, np.zeros(1))[0]
+    start = undeformed(model, np.zeros(1))[0]
     if model.options.start == "given":
         start = _given(model, start)
-    _check_turns(model.scene, system, start)
+    _check_turns(model, start)
     if model.options.start == "quasistatic":
         return _slow(model, start)
     if model.options.start != "given":
-        _check_speeds(model.scene, system, start)
+        _check_speeds(model, start)
     return start
 
 
@@ -194,7 +193,7 @@ def _given(model: Model, start: State) -> State:
     """
     scene, system, tables = model.scene, model.coupled, given_start(model.scene)
     assert system is not None
-    laid, engine = laid_state(scene, system, start), system.engine
+    laid, engine = laid_state(tables, system, start), system.engine
     before, _ = system.frames(laid)
     q = unwrapped(scene, system, before, model.module.start.drives, system.start)
     check_turns_kept(scene, system, before, q)
@@ -203,7 +202,7 @@ def _given(model: Model, start: State) -> State:
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
     asked = [k for k, (name, _) in enumerate(system.engine.layout.positions)
              if name in (*tables.displacements, *tables.velocities) and not engine.shapes[k]]  # fmt: skip
-    return closed_state(scene, system, given, engine.chosen_at(given, asked or engine.free_drives))
+    return closed_state(tables, system, given, engine.chosen_at(given, asked or engine.free_drives))
 
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
@@ -229,15 +228,18 @@ def _in_space(model: Model, trajectory: CoupledTrajectory, run: SpatialRun, seco
     return RunResult(replace(model, motion=motion, reference_time=reference), trajectory, seconds)
 
 
-def longest(scene: Scene) -> float:
+def longest(model: Model) -> float:
     """Size of the mechanism [m]: longest body, else farthest ground point, else that of the rigid mechanism."""
+    scene = model.scene
     length = max((body.length or 0.0 for body in scene.bodies.values()), default=0.0)
     length = length or max((math.hypot(*at) for at in scene.ground.values()), default=0.0)
     return length or (1.0 if scene.is_spatial else mechanism_of(scene).size)
 
 
-def _check_turns(scene: Scene, system: CoupledSystem, start: State) -> None:
+def _check_turns(model: Model, start: State) -> None:
     """Raise SceneError if the bodies of a joint with backlash start with different whole turns."""
+    scene, system = model.scene, model.coupled
+    assert system is not None
     if not any(joint.clearance is not None for joint in scene.joints.values()):
         return
     q, _ = system.frames(start)
@@ -253,8 +255,10 @@ def _check_turns(scene: Scene, system: CoupledSystem, start: State) -> None:
                 )  # fmt: skip
 
 
-def _check_speeds(scene: Scene, system: CoupledSystem, start: State) -> None:
+def _check_speeds(model: Model, start: State) -> None:
     """Check that free joints start with their given speeds, which locked loops may prevent."""
+    scene, system = model.scene, model.coupled
+    assert system is not None
     speeds = {name: drive.initial_speed for name, drive in scene.drives.items()
               if drive.kind == "free" and "initial_speed" in drive.model_fields_set}  # fmt: skip
     if not speeds or scene.contacts:  # sides that touch may change them at once
@@ -270,8 +274,7 @@ def _check_speeds(scene: Scene, system: CoupledSystem, start: State) -> None:
 
 def _slow(model: Model, start: State) -> State:
     """State of a quasi-static start (:mod:`kaneflex.solve.slow_start`), from that of undeformed bodies."""
-    free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
-    if free:
+    if free := model.scene.free_joints:
         raise SceneError(
             "solve.start", model.options.start, f"{free[0]} is free and has no equilibrium",
             "Start from zero",

@@ -22,7 +22,7 @@ from kaneflex.solve.coupled import simulate_coupled
 from kaneflex.solve.coupled_state import SavedState, with_turns
 from kaneflex.solve.error_stages import TOGETHER, Progress, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.initial import start_coordinates
-from kaneflex.solve.loading import load, refined
+from kaneflex.solve.loading import load, neighbour
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult
 
@@ -60,7 +60,7 @@ def _richer(model: Model) -> Iterator[tuple[str, Scene, Options]]:
     tolerance, forward = (max(_LEAST, each / _TIGHTER) for each in (options.tolerance, options.forward_tolerance))
     options = replace(options, tolerance=tolerance, forward_tolerance=forward, steps=2 * options.steps)
     yield "time", scene, options
-    if not any(body.elastic for body in scene.bodies.values()):
+    if not scene.is_elastic:
         return
     # twice as many covers symmetric links, too; every third mode is one of stretch
     modes = max(4, 2 * int(options.modes) + 1)
@@ -83,7 +83,7 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
         options = replace(options, steps=2 * reached, duration=read.model.step * reached)
     scene = scene.seen(events={})
     coupled = options.dynamics == "coupled"
-    model = refined(read.model, scene, options) if coupled else replace(load(scene), options=options)
+    model = neighbour(read.model, scene, options=options) if coupled else replace(load(scene), options=options)
     as_before = options.start in ("given", "periodic") or read.times[0] != 0.0
     return _run(model, progress, _embedded(read, model) if as_before else None).motion.taken(2 * read.stored)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.multibody.model.coordinate_rates import rates_of, speeds_of
 from kaneflex.multibody.model.state import NONE, Choice, State
-from kaneflex.solve.initial import given_start, laid_over, start_coordinates, state_dimensions
+from kaneflex.solve.initial import laid_over, start_coordinates, state_dimensions
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.labelled import read_labelled
@@ -20,7 +20,7 @@ from kaneflex.support.units import ANGLE, LENGTH
 if TYPE_CHECKING:
     from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
-    from kaneflex.scene import Scene
+    from kaneflex.scene.start import Start
     from kaneflex.solve.run_result import RunResult
 
 _TABLE = "a table of a state"
@@ -72,24 +72,24 @@ def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str
             raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 
-def laid_state(scene: Scene, system: CoupledSystem | SpatialSystem, start: State) -> State:
-    """Start with the coordinates and rates that the scene gives; loops are not closed.
+def laid_state(given: Start, system: CoupledSystem | SpatialSystem, start: State) -> State:
+    """Start with the coordinates and rates that a scene gives; loops are not closed.
 
     Raises SceneError as :func:`kaneflex.solve.initial.laid_over`, and for a quaternion that is not of unit length.
     """
     dimensions, engine = state_dimensions(system), system.engine
-    q = laid_over(scene, dimensions, start.q, np.zeros(len(dimensions)))[0]
+    q = laid_over(given, dimensions, start.q, np.zeros(len(dimensions)))[0]
     _normalise(system, q, "solve.start", _TABLE)
-    v = laid_over(scene, dimensions, q, rates_of(engine, q[None], start.u[None])[0])[1]
+    v = laid_over(given, dimensions, q, rates_of(engine, q[None], start.u[None])[0])[1]
     return replace(start, q=q, u=speeds_of(engine, q[None], v[None])[0])
 
 
-def closed_state(scene: Scene, system: CoupledSystem | SpatialSystem, given: State, choice: Choice) -> State:
-    """State of a scene with closed loops, by the independent speeds of a choice.
+def closed_state(tables: Start, system: CoupledSystem | SpatialSystem, given: State, choice: Choice) -> State:
+    """State that a scene's tables give with closed loops, by the independent speeds of a choice.
 
     Raises SceneError if joints or drives change given coordinates or rates, or shapes.
     """
-    dimensions, engine, tables = state_dimensions(system), system.engine, given_start(scene)
+    dimensions, engine = state_dimensions(system), system.engine
     size = system.mechanism.size or 1.0
     measure = np.array([size if dimension is LENGTH else 1.0 for dimension in dimensions.values()])
     asked = np.array([name in tables.displacements for name in dimensions], bool)

@@ -82,7 +82,7 @@ def error_estimates(
 
 
 def _stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:
-    if solution.model.options.dynamics == "coupled" or _is_rigid(solution.model):
+    if solution.model.options.dynamics == "coupled" or not solution.model.scene.is_elastic:
         from kaneflex.solve.coupled_corrections import coupled_stages
 
         return coupled_stages(solution, progress)
@@ -152,14 +152,9 @@ def _impossible(solution: RunResult) -> str:
         return f": the outcome of the run is {solution.outcome.name.lower()}"
     if len(solution.times) < 3:
         return ": the run has too few instants"
-    if options.dynamics == "coupled" or (_is_rigid(model) and model.module.FREE):
+    if options.dynamics == "coupled" or (model.module.FREE and not model.scene.is_elastic):
         return _too_long(solution)
     return _impossible_one_way(model)
-
-
-def _is_rigid(model: Model) -> bool:
-    """True if no body deforms."""
-    return not any(body.elastic for body in model.scene.bodies.values())
 
 
 def _too_long(solution: RunResult) -> str:
@@ -171,7 +166,7 @@ def _too_long(solution: RunResult) -> str:
 
 
 def _impossible_one_way(model: Model) -> str:
-    if _is_rigid(model):
+    if not model.scene.is_elastic:
         return ": no body is elastic, and drives prescribe the motion"
     if model.module.FREE and model.options.errors != "all":
         return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'

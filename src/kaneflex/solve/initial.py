@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
     from kaneflex.scene import Scene
+    from kaneflex.scene.drives import Drive
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
 _QUATERNION = Dimension("a component of a unit quaternion", "", "0.5")
@@ -62,7 +63,7 @@ def given_start(scene: Scene) -> Start:
 
 
 def laid_over(
-    scene: Scene, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
+    start: Start, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Copies of z and v, (n,) in the order of ``dimensions``, with the values of ``solve.start``.
 
@@ -71,7 +72,6 @@ def laid_over(
     SceneError
         For unknown coordinates and wrong dimensions; names every problem.
     """
-    start = given_start(scene)
     rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
     return (
         _filled(STATE[0], start.displacements, dimensions, z),
@@ -117,7 +117,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
         As :func:`laid_over`.
     """
     none = np.zeros(len(model.coordinates))
-    z, v = laid_over(model.scene, start_dimensions(model), none, none)
+    z, v = laid_over(given_start(model.scene), start_dimensions(model), none, none)
     basis = model.modal_basis
     if basis is None:
         return z, v
@@ -132,22 +132,22 @@ def check_apart(model: Model) -> None:
 
     mechanism, rigid = parts_of(model.scene), model.motion.at(0.0)
     for name, contact in mechanism.contacts.items():
+        given = model.scene.contacts[name]
         if model.scene.is_spatial:
-            _check_gap(model.scene, name, float(rigid[f"{name}.gap"][0]), mechanism.size)
+            _check_gap(name, given, float(rigid[f"{name}.gap"][0]), mechanism.size)
             continue
         first, second = (rigid.frame(side.body) for side in contact.sides)
         if contact.kind == "angle":
-            _check_flank(model.scene, name, first.to_body(second.to_global((1.0, 0.0))))
+            _check_flank(given, model.scene.drives, first.to_body(second.to_global((1.0, 0.0))))
             continue
         x, y = second.place(contact.second.at) - first.place(contact.first.at)
         normal = first.to_global(contact.direction)
         gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
-        _check_gap(model.scene, name, gap, mechanism.size)
+        _check_gap(name, given, gap, mechanism.size)
 
 
-def _check_gap(scene: Scene, name: str, gap: float, size: float) -> None:
+def _check_gap(name: str, contact: Contact, gap: float, size: float) -> None:
     """Raise SceneError if the sides of a contact penetrate each other; ``size``: that of the mechanism [m]."""
-    contact = scene.contacts[name]
     if isinstance(contact, ClearanceContact) and contact.clearance.angle is not None:
         if gap < -_TOUCHING:
             raise _beyond(contact, contact.flank * (gap - contact.clearance.angle))
@@ -167,13 +167,12 @@ def _beyond(contact: ClearanceContact, away: float) -> SceneError:
     )  # fmt: skip
 
 
-def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
+def _check_flank(contact: Contact, drives: Mapping[str, Drive], along: np.ndarray) -> None:
     """Raise SceneError if flanks penetrate; ``along`` (2, 1): x axis of the second body in the axes of the first."""
-    contact = scene.contacts[name]
     assert isinstance(contact, ClearanceContact) and contact.clearance.angle is not None
     away = float(np.arctan2(along[1], along[0]).item()) - contact.clearance.middle
     away -= float(whole_turns(away))
-    if contact.joint in scene.drives:
-        away = scene.drives[contact.joint].start - contact.clearance.middle
+    if contact.joint in drives:
+        away = drives[contact.joint].start - contact.clearance.middle
     if abs(away) > contact.clearance.angle + _TOUCHING:
         raise _beyond(contact, away)

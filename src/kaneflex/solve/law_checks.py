@@ -40,8 +40,7 @@ def check_laws(scene: Scene, motion: RigidKinematics, options: Options) -> None:
 def _check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Raise SceneError unless loads and prescribed motions are finite at every step."""
     times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
-    free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
-    free_bodies = options.dynamics == "coupled" and free
+    free_bodies = options.dynamics == "coupled" and bool(scene.floating or scene.free_joints)
     rigid = motion.at(times)
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}

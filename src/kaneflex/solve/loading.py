@@ -103,7 +103,7 @@ def _bind_one_way(
         check_determined(mechanism_of(scene))
         _check_free(mechanism_of(scene))
     scene = as_it_starts(scene)
-    if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
+    if options.dynamics != "rigid" and scene.is_elastic:
         check_elastic(scene)
     module, derived = find_module(scene, progress)
     ignored, scene = ignored_of(scene, options), acting(scene, options)
@@ -128,7 +128,7 @@ def _bind_one_way(
 
 def _check_free(mechanism: NumericMechanism) -> None:
     """As :func:`kaneflex.mechanism.closure_continuation.check_free`, which few mechanisms need."""
-    if any(drive.free for drive in mechanism.drives.values()):
+    if mechanism.free_joints:
         from kaneflex.mechanism.closure_continuation import check_free
 
         check_free(mechanism)
@@ -255,7 +255,7 @@ def check_reference(scene: Scene, motion: ReferenceKinematics, options: Options)
         )  # fmt: skip
 
 
-def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
+def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options | None = None) -> Model:
     """Model of a scene that differs in numbers only, with the same module, options and number of steps.
 
     Parameters
@@ -264,21 +264,11 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
         Model of the scene before the change, without free joints unless its preset is coupled.
     frozen : bool
         Whether to keep the modal bases and the modes of the damping.
+    options : Options, optional
+        Other options of a coupled model, whose elements and numbers of modes may differ, too.
     """
-    return _beside(model, scene, neighbour_options(model, scene), True, frozen)
-
-
-def refined(model: Model, scene: Scene, options: Options) -> Model:
-    """Coupled model with other options, of a scene that differs in elements and numbers of modes only.
-
-    The module is reused.
-    """
-    return _beside(model, scene, options)
-
-
-def _beside(model: Model, scene: Scene, options: Options, alike: bool = False, frozen: bool = False) -> Model:
-    """Model of another scene of the same mechanism; ``alike``: with shapes like those of the model, see
-    :func:`kaneflex.multibody.model.system.bound_system`."""
+    alike = options is None
+    options = options or neighbour_options(model, scene)
     if scene.is_spatial:
         from kaneflex.solve.spatial_loading import beside_in_space
 
@@ -325,7 +315,7 @@ def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:
         yield f"preset {solve.preset} has no initial state: solve.start = {solve.start} has no effect"
     if dynamics == "frozen" and solve.start != "zero":
         yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} has no effect"
-    if dynamics == "rigid" and solve.start != "zero" and any(drive.free for drive in scene.drives.values()):
+    if dynamics == "rigid" and solve.start != "zero" and scene.free_joints:
         yield f"under preset rigid, free joints start as given in drives: solve.start = {solve.start} has no effect"
     kept = options.reduction == "none" and dynamics != "coupled"
     if kept and solve.reduction not in (None, "none"):
@@ -369,7 +359,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
     if idle:
         found.append(f"solve.terms.{', solve.terms.'.join(idle)} has no effect: the scene has no such terms")
-    free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
+    free = bool(scene.floating or scene.free_joints)
     if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
         why = "preset coupled integrates them with the links" if free else "no joint is free"
         found.append(f"solve.forward has no effect: {why}")

@@ -60,13 +60,14 @@ def bind_in_space(
         check_laws(scene, motion.rigid if isinstance(motion, CoupledKinematics) else motion, options)
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    return model, tuple(_beyond(system, scene) if coupled else ()), {"derive": derived, "compile": compiled}
+    return model, tuple(_beyond(system) if coupled else ()), {"derive": derived, "compile": compiled}
 
 
-def _beyond(system: SpatialSystem, scene: Scene) -> list[str]:
+def _beyond(system: SpatialSystem) -> list[str]:
     """Warning for each link whose elements have fewer modes than the scene requests."""
-    asked = scene.solve.modes
-    if asked == "all" or "modes" not in scene.solve.model_fields_set:
+    solve = system.scene.solve
+    asked = solve.modes
+    if asked == "all" or "modes" not in solve.model_fields_set:
         return []
     links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, Shapes)}
     return [
@@ -85,8 +86,8 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 def beside_in_space(
     model: Model, scene: Scene, options: Options, like: SpatialSystem | None = None, frozen: bool = False
 ) -> Model:
-    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, and of ``refined`` without a system
-    that its own is like."""
+    """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, with a system that its own is
+    like."""
     scene, module = acting(scene, options), model.module.system.module
     if options.dynamics == "coupled":
         system = build_coupled_system(scene, module, options, like, frozen)
@@ -171,10 +172,11 @@ def given_state(system: SpatialSystem, start: State) -> State:
 
     Raises SceneError as :func:`kaneflex.solve.coupled_state.closed_state`.
     """
-    given, driven = laid_state(system.scene, system, start), system.columns(system.driven, COORDINATE)
+    tables, driven = given_start(system.scene), system.columns(system.driven, COORDINATE)
+    given = laid_state(tables, system, start)
     turns = system.engine.turns[system.engine.prescribed]
     given.q[driven] -= turns * whole_turns(given.q[driven] - system.courses(start.t)[:, 0])
     # a complete state may lie far from the start, where other speeds are independent
-    complete = {name for name, _ in system.engine.layout.positions} <= set(given_start(system.scene).displacements)
+    complete = {name for name, _ in system.engine.layout.positions} <= set(tables.displacements)
     choice = choose(system, given.q, prefer=True) if complete else start.choice
-    return closed_state(system.scene, system, given, choice)
+    return closed_state(tables, system, given, choice)

@@ -349,11 +349,11 @@ def _loose(solution: RunResult, moved: Mapping[str, np.ndarray]) -> list[str]:
     model = solution.model
     if solution.trajectory.steps == 0:
         return []
-    allowed = model.options.tolerance * longest(model.scene)
+    allowed = model.options.tolerance * longest(model)
     largest = max((float(abs(nodes).max()) for nodes in moved.values()), default=0.0)
     if allowed <= LARGEST_ERROR * largest or largest == 0.0:
         return []
-    wanted = 0.1 * LARGEST_ERROR * largest / longest(model.scene)
+    wanted = 0.1 * LARGEST_ERROR * largest / longest(model)
     return [
         f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m, but links deform by at most "
         f"{largest:.2g} m; lower it to {wanted:.0e} for accurate deformations and forces"
@@ -370,7 +370,7 @@ def _left_ringing(solution: RunResult) -> list[str]:
     from kaneflex.solve.unresolved import left_by_gauss, unresolved
 
     model, series, found = solution.model, solution.series, left_by_gauss(solution)
-    options, length = model.options, longest(model.scene)
+    options, length = model.options, longest(model)
     peaks = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
     if not peaks or solution.outcome is not Outcome.COMPLETED:

@@ -52,7 +52,7 @@ def build_model(
         model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
                         seconds={})  # fmt: skip
         return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
-    if bare or options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
+    if bare or options.dynamics == "rigid" or not scene.is_elastic:
         links = _links(scene, options, motion) if bare else {}
         return model_without_equations(scene, options, motion, reference, links)
     bases = {} if frozen is None else frozen.bases

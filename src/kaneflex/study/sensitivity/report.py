@@ -203,7 +203,7 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
              f"the instants at which {turning} {'has a kink' if coupled else 'jumps'} depend on the parameter",
              "Use a smooth law, for example sqrt(x**2 + small**2) for abs(x)"),
         )  # fmt: skip
-    free = next((name for name, drive in scene.drives.items() if drive.free), None)
+    free = next(iter(scene.free_joints), None)
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
     refuse(
         (free is not None and not coupled, f"drives.{free}.free", True,

@@ -17,7 +17,6 @@ import numpy as np
 from kaneflex.fem.links import mesh
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
