@@ -104,12 +104,12 @@ def _embedded(read: Read, richer: Model) -> SavedState:
     names, state = start_coordinates(read.model), [part[:, 0] for part in read.motion.state]
     wanted, known = start_coordinates(richer), dict(zip(names, np.transpose(state), strict=True))
     found = np.array([known.get(name, np.zeros(2)) for name in wanted]).T
-    others = richer.coupled_system.engine.layout.shapes
     for body, shapes in read.model.coupled_system.engine.layout.shapes.items():
-        if isinstance(shapes, Shapes):  # those from a file are the same
+        others = richer.coupled_system.engine.layout.shapes[body]
+        if isinstance(shapes, Shapes) and isinstance(others, Shapes):  # those from a file are the same
             named = re.compile(rf"{re.escape(body)}\.(axial|transverse|shape)_\d+")
             own, into = ([k for k, name in enumerate(each) if named.fullmatch(name)] for each in (names, wanted))
-            found[:, into] = np.array(state)[:, own] @ _carried(shapes, others[body]).T
+            found[:, into] = np.array(state)[:, own] @ _carried(shapes, others).T
     t = float(read.times[0])
     turned = {} if read.model.in_space is None else read.model.in_space.turned(t)
     return SavedState("the run", t, *with_turns(wanted, found[0], found[1], turned))
