@@ -21,7 +21,7 @@ from kaneflex.multibody.model.building import moving, reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, prepare
