@@ -37,7 +37,7 @@ def _at_zero(scene, deep, angles):
     as the scene places them.
     """
     mechanism, found = spatial_mechanism_of(deep), {GROUND: 0.0}
-    for name, side in spanning_tree(mechanism):
+    for name, side in spanning_tree(mechanism, rubs=False):
         if side < 0:
             found[name] = angles[name]
             continue

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 from lifting import lifted
+from machines import changed
 from parity import planar, random_turn
 from runs import solved
+from test_friction import ARM, BLOCK, CRANK, HINGE, SLOPE, G
 
-from kaneflex import SceneError, load, scene_of, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 
 BALL = """
 schema = 1
@@ -155,3 +157,120 @@ def test_flanks_in_space_start_apart(angle):
     flat = scene_of(BACKLASH.replace("CONTACT", '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'))
     with pytest.raises(SceneError, match=f"at the start its angle is {angle} from the middle of the backlash"):
         load(with_settings(in_space(flat, "a"), [f"drives.coupling.angle={angle}"]))
+
+
+def rubs(flat, name, *, joints=None):
+    """Solutions in the plane and in space, of which both have the same changes of modes, and what they rub."""
+    raw = lifted(flat, random_turn(name)) | {"solve": flat.raw["solve"]}
+    raw["joints"] |= joints or {}
+    raw["sensors"] = {key: each for key, each in flat.raw["sensors"].items()
+                      if each.keys() & {"friction_force", "friction_torque"} or each.get("position") in flat.drives}
+    plane, space = solved(flat), solved(scene_of(raw))
+    one, other = plane.trajectory.frictions, space.trajectory.frictions
+    assert plane.outcome is space.outcome
+    assert (one.mode == other.mode).all()
+    instants = [[row[0] for row in rows] for rows in (
+        () if plane.trajectory.changes is None else plane.trajectory.changes.rows, space.trajectory.curve.changes)]
+    assert instants[1] == pytest.approx(instants[0], rel=1e-5)
+    assert space.trajectory.energy.drift < 1e-6
+    return plane, space
+
+
+RUBBING = {
+    "down": (BLOCK, ()), "turns": (BLOCK, ("drives.slide.initial_speed=-1",)),
+    "stops": (BLOCK, ("drives.slide.initial_speed=-1", "slide.friction.mu=0.8")),
+    "stribeck": (BLOCK, ("slide.friction={law='stribeck', mu=0.1, mu_static=0.6, stribeck_speed='0.2 m/s'}",
+                         "drives.slide.initial_speed=-1")),
+    "flywheel": (HINGE, ()), "viscous": (HINGE.replace('mu = 0.2, radius = "10 mm", preload = "0.005 N m"',
+                              'law = "viscous", viscous = "0.01 N m s/rad"'), ()),
+    "pendulum": (HINGE, ("wheel.centre=['0.1 m', 0]", "drives.hinge.angle=-20 deg", "solve.duration=6 s")),
+    "slot": (ARM, ("solve.duration=2 s", "solve.steps=200")),
+    "thrown": (ARM, ("slot.friction={mu=0.3, length='50 mm'}", "solve.duration=0.4 s", "solve.steps=100")),
+}  # fmt: skip
+"""Scenes with friction, and settings."""
+
+
+@pytest.mark.parametrize("name", RUBBING)
+def test_joints_rub_as_in_the_plane(name):
+    text, settings = RUBBING[name]
+    plane, space = rubs(with_settings(scene_of(text), [*settings, "solve.tolerance=1e-10"]), name)
+    for key in ("gap", "speed", "force", "pressed", "lost"):
+        one, other = (getattr(each.trajectory.frictions, key) for each in (plane, space))
+        assert other == pytest.approx(one, abs=1e-6 * abs(one).max() + 1e-9)
+    for sensor in space:
+        bound = max(estimated(plane, space, sensor), 1e-9 * abs(plane[sensor].values).max())
+        assert abs(space[sensor].values - plane[sensor].values).max() <= bound
+
+
+@pytest.mark.parametrize("turn", range(5))
+def test_a_block_on_a_belt_sticks_and_slips_whichever_way_it_is_turned(turn):
+    plane, space = rubs(read_scene("stick-slip"), f"belt {turn}")
+    assert len(space.trajectory.curve.changes) > 20
+    instants = [row[0] for row in space.trajectory.curve.changes]
+    assert instants == pytest.approx(plane.trajectory.changes.times, rel=1e-9)
+    assert space["drag"].values == pytest.approx(plane["drag"].values, abs=1e-9)
+
+
+LOOP = changed(
+    CRANK, (', friction = {mu = 0.1, radius = "8 mm"}', ""), (', friction = {mu = 0.1, radius = "6 mm"}', ""),
+    ("solve.duration = \"2 s\"", "solve.duration = \"1 s\""),
+)  # fmt: skip
+
+
+def test_a_crank_and_a_slider_of_a_loop_rub_as_in_the_plane():
+    """A ball and a universal joint leave no constraint redundant; the guide also bears the moment on its block."""
+    joints = {"pin": {"spherical": ["crank.end", "rod.start"]},
+              "wrist": {"universal": ["rod.end", "piston.start"], "axes": [[0, 0, 1], [0, 1, 0]]}}  # fmt: skip
+    plane, space = rubs(with_settings(scene_of(LOOP), ["solve.tolerance=1e-9"]), "loop", joints=joints)
+    one, other = (each.trajectory.frictions for each in (plane, space))
+    assert other.lost == pytest.approx(one.lost, abs=1e-5 * one.lost.max())
+    assert other.pressed == pytest.approx(one.pressed, abs=1e-4 * one.pressed.max())
+    limit = other.pressed * np.array([0.1, 0.15])
+    assert abs(other.force) == pytest.approx(limit, rel=1e-9)
+
+
+def test_friction_is_part_of_a_joint_s_force_in_space():
+    """On the level: what stops the block, and its weight."""
+    flat = scene_of(BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]"))
+    raw = lifted(flat, np.eye(3)) | {"solve": flat.raw["solve"]}
+    raw["drives"]["slide"] = {"free": True, "initial_speed": 2}
+    raw["sensors"] = {axis: {"joint_force": "slide", "component": axis} for axis in "xyz"}
+    found = solved(scene_of(raw))
+    moving = found.times < 2 / (0.3 * G)
+    assert found["x"].values[moving] == pytest.approx(-2 * 0.3 * G, rel=1e-9)
+    assert found["x"].values[~moving] == pytest.approx(0.0, abs=1e-9)
+    assert found["y"].values == pytest.approx(2 * G, rel=1e-9)
+
+
+def test_other_joints_don_t_have_the_friction_of_one():
+    """The belt's guide bears the friction on the belt, but the belt's drive balances it."""
+    flat = read_scene("stick-slip")
+    raw = lifted(flat, np.eye(3)) | {"solve": flat.raw["solve"]}
+    raw["sensors"] = {"force": {"joint_force": "way", "component": "y"}, "along": {"joint_force": "way"},
+                      "drag": {"friction_force": "rub"}}  # fmt: skip
+    found = solved(scene_of(raw))
+    assert found["force"].values == pytest.approx(2 * G, rel=1e-9)
+    assert found["along"].values == pytest.approx(found["drag"].values, abs=1e-9)
+
+
+@pytest.mark.parametrize(("text", "changes", "message"), [
+    (LOOP, {}, r"joints\.bore\.friction: redundant constraints leave .* statically indeterminate"),
+    (HINGE, {"joints.hinge.friction": {"law": "lugre", "preload": "1 N m", "bristle_stiffness": "9 N m/rad"}},
+     r"joints\.hinge\.friction\.law = 'lugre': only planar scenes"),
+    (HINGE, {"drives.hinge": {"speed": 3}}, r"joints\.hinge\.friction: .*Make the drive free"),
+    (HINGE, {"springs": {"coil": {"torsional_at": "hinge", "stiffness": "1 N m/rad"}}},
+     r"joints\.hinge\.friction: in space a joint with a torsional spring"),
+    (HINGE, {"loads": {"push": {"torque_at": "hinge", "law": "-hinge"}}}, r"loads\.push\.law.*joint with friction"),
+    (HINGE, {"solve.preset": "rigid"}, r"joints\.hinge\.friction: preset rigid does not support friction"),
+])  # fmt: skip
+def test_friction_that_space_does_not_have_is_refused(text, changes, message):
+    flat = scene_of(text)
+    raw = lifted(flat, random_turn("a")) | {"solve": dict(flat.raw["solve"]), "sensors": {}}
+    for key, value in changes.items():
+        *path, last = key.split(".")
+        table = raw
+        for part in path:
+            table = table[part]
+        table[last] = value
+    with pytest.raises(SceneError, match=message):
+        load(scene_of(raw))

@@ -79,11 +79,10 @@ def _made(scene: Scene) -> NumericMechanism:
         name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)
         for name, contact in found.contacts.items()
     }
-    frictions = {name: _friction(held) for name, held in scene.frictions.items()}
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or _way(scene) or 1.0
     tables = vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}
-    return NumericMechanism(**tables, size=size, frictions=frictions)
+    return NumericMechanism(**tables, size=size, frictions=frictions_of(scene))
 
 
 def _way(scene: Scene) -> float:
@@ -103,6 +102,11 @@ def _way(scene: Scene) -> float:
                 else:
                     found.append(math.hypot(*scene.point(side)))
     return max([*found, *(math.dist(place, places[0]) for place in places)], default=0.0)
+
+
+def frictions_of(scene: Scene) -> dict[str, Friction]:
+    """Frictions of joints and contacts by name."""
+    return {name: _friction(held) for name, held in scene.frictions.items()}
 
 
 def _friction(held: Any) -> Friction:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.mechanism import frictions_of
 from kaneflex.mechanism.parts import Contact, Friction
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
@@ -247,7 +248,7 @@ def _made(scene: Scene) -> SpatialMechanism:
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
-        bodies, joints, loads, springs, contacts, {}, tuple(scene.floating),
+        bodies, joints, loads, springs, contacts, frictions_of(scene), tuple(scene.floating),
         frozenset((known | {*scene.drives}) & set(joints)),
         frozenset(known & set(joints)), frozenset(prescribed), frozenset(read & set(joints)), gravity, float(size),
     )  # fmt: skip

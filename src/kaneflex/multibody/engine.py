@@ -38,7 +38,7 @@ class Engine(Views):
     real, pair : ndarray
         Workspace of factors.
     shared : Kind, optional
-        Kind of a mechanism in space without contacts and frictions.
+        Kind of mechanism whose library it uses, if not its own.
     integrates : bool
         True if it uses the library that integrates motions.
     light : bool
@@ -249,15 +249,13 @@ class Engine(Views):
     @property
     def kind(self) -> at.Kind:
         """Kind of mechanism that its library is compiled for."""
-        if len(self.holds):
-            return at.Kind.HOLD_SPACE if self.in_space else at.Kind.HOLDS
-        if self.count(at.RIGID):
-            return at.Kind.IMPACT_SPACE if self.in_space else at.Kind.IMPACTS
-        if self.shared is not None and len(self.contacts) == self._switches:
+        if self.shared is not None:
             return self.shared
-        if len(self.contacts):
-            return at.Kind.CONTACT_SPACE if self.in_space else at.Kind.CONTACTS
-        return at.Kind.PLAIN
+        if len(self.holds):
+            return at.Kind.HOLDS
+        if self.count(at.RIGID):
+            return at.Kind.IMPACTS
+        return at.Kind.CONTACTS if len(self.contacts) else at.Kind.PLAIN
 
     @cached_property
     def _entries(self) -> Mapping[str, Callable[..., Any]]:

@@ -15,6 +15,7 @@ _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
     "torsional_moment", "strain", "stress", "joint_force", "drive_torque", "drive_force", "spring_force",
     "spring_torque", "contact_force", "contact_gap", "contact_torque", "contact_angle",
+    "friction_force", "friction_torque",
 )  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one degree of freedom."""
@@ -107,7 +108,8 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             right = "Import its finite elements with --space, or export it from a scene in space"
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a planar link", right)
     for name, joint in scene.joints.items():
-        for field in ("branch", "near", "clearance", "friction", "relative_angle"):
+        yield from _friction(scene, name)
+        for field in ("branch", "near", "clearance", "relative_angle"):
             if field in joint.model_fields_set and not (field == "clearance" and joint.has_backlash):
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
@@ -130,9 +132,27 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
         yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
 
 
+def _friction(scene: Scene, name: str) -> Iterator[Problem]:
+    """Problems of friction in space: its joint closes a loop, so nothing else may need its coordinate."""
+    joint = scene.joints[name]
+    if joint.friction is None:
+        return
+    key, drive = f"joints.{name}.friction", scene.drives.get(name)
+    if joint.kind not in ("revolute", "prismatic"):
+        yield Problem(key, None, f"a {joint.kind} joint has none in space so far", "Leave it out")
+    elif joint.friction.law == "lugre":
+        yield Problem(f"{key}.law", "lugre", "only planar scenes have this law so far", "Use coulomb or stribeck")
+    elif drive is not None and drive.kind != "free":
+        yield Problem(key, None, "in space its drive prescribes the motion of the joint", "Make the drive free")
+    elif joint.has_backlash or any(spring.torsional_at == name for spring in scene.springs.values()):
+        reason = "in space a joint with a torsional spring or backlash has none so far"
+        yield Problem(key, None, reason, "Leave it out, or add a joint")
+
+
 def _laws(scene: Scene) -> Iterator[Problem]:
     """Problems of laws of loads in space: they must use joints with one coordinate."""
     several = [name for name, joint in scene.joints.items() if joint.kind in SEVERAL_FREEDOMS]
+    rubbing = [name for name, joint in scene.joints.items() if joint.friction is not None]
     for name, load in scene.loads.items():
         try:
             law = scene.argument(name)
@@ -143,6 +163,9 @@ def _laws(scene: Scene) -> Iterator[Problem]:
             known = next(joint for joint in several if law.uses_any([joint]))
             reason = f"{known} has several degrees of freedom, so no single coordinate"
             yield Problem(key, given, reason, "Use a joint with one coordinate, or t")
+        elif law is not None and law.uses_any(rubbing):
+            reason = "in space laws can't use the coordinate of a joint with friction so far"
+            yield Problem(key, given, reason, "Use another joint, or t")
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:

@@ -13,7 +13,7 @@ from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
-from kaneflex.multibody.model.determinacy import check_sensors, open_reactions
+from kaneflex.multibody.model.determinacy import check_bearings, check_sensors, open_reactions
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
@@ -99,6 +99,7 @@ def beside_in_space(
 def _bound(system: SpatialSystem, options: Options) -> SpatialKinematics:
     """Motion of a system before a run: as the drives prescribe it, else its start."""
     module, start = SpatialModule(system), start_of(system)
+    check_bearings(system, start)
     if options.dynamics == "coupled":
         start = given_state(system, start) if options.start == "given" else start
         return with_open_reactions(before_run(module, start), options)

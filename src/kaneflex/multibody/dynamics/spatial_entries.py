@@ -23,12 +23,13 @@ from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.tree import use
 from kaneflex.multibody.dynamics.unfolding import complete, exert, give_coordinates
-from kaneflex.multibody.model.codes import APART, DONE, GROWN, INFINITE, MASSLESS, UNCLOSED
+from kaneflex.multibody.model.codes import APART, DONE, GROWN, INFINITE, MASSLESS, UNCLOSED, UNDECIDED
 from kaneflex.multibody.model.layout import (
     ACCEL,
     COORDINATES,
     COURSE,
     COURSES,
+    JOINT_ROWS,
     MEASURE,
     NOW,
     PASSING,
@@ -39,6 +40,7 @@ from kaneflex.multibody.model.layout import (
 )
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time import collocation
+from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
 
 CLOSED = 1e-7
@@ -79,8 +81,8 @@ def _stand(m, t):
     m.pivots[PASSING] = 1  # positions as exact as near change points, as readers take derivatives by differences
     if not close_all(m, t) or (rebase(m) and not close_all(m, t)):
         return UNCLOSED
-    if m.plan[KEPT_ROWS] < m.plan[REACTIONS]:
-        for row in range(m.plan[REACTIONS]):
+    if m.plan[KEPT_ROWS] < m.plan[JOINT_ROWS]:
+        for row in range(m.plan[JOINT_ROWS]):
             if not abs(m.rows[row_length(m) * row]) <= CLOSED * m.row_measure[row]:
                 return APART
     return DONE
@@ -104,7 +106,7 @@ def _project(m, t):
         return UNCLOSED
     if m.now[2] != 0.0:  # else drives prescribe everything: inertia does not matter
         use(m, 0)
-        if not mend(m, t, m.real, 1):
+        if not mend(m, t, m.real, 1) or stick_slip.settle(m, t, m.real) == 1:
             return MASSLESS
     rebase(m)
     give_coordinates(m)
@@ -117,11 +119,15 @@ def _project(m, t):
 @of_changes(0)
 @njit(**OPTIONS)
 def _decide(m, t):
-    """Project again, after :func:`_project`, if discontinuous loads are on other sides of their jumps; the outcome."""
+    """Project again, after :func:`_project`, if discontinuous loads are on other sides of their jumps, and find the
+    modes of contacts and frictions; the outcome."""
     outcome = _project(m, t) if choose_sides(m, t) else DONE
-    if outcome == DONE and m.now[2] != 0.0 and not stand_closed(m, t, m.real):
+    if outcome != DONE or m.now[2] == 0.0:
+        return outcome
+    if not stand_closed(m, t, m.real):
         return MASSLESS
-    return outcome
+    undecided = stick_slip.decide(m, t, m.real)
+    return MASSLESS if undecided == 1 else UNDECIDED if undecided else DONE
 
 
 @njit(**ENTRY)

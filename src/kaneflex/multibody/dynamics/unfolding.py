@@ -9,7 +9,7 @@ from numba import njit
 from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral.active_set import stand_closed
-from kaneflex.multibody.unilateral.rows import at, contacts, record, rigid
+from kaneflex.multibody.unilateral.rows import at, contacts, friction_of, record, rigid, row_at
 from kaneflex.multibody.compile.values import after, by_size, copy, row_length
 from kaneflex.multibody.dynamics.algebra import axpy, force_at, minus, plus, scaled
 from kaneflex.multibody.dynamics.arrays import JOINTS, OWN
@@ -193,14 +193,16 @@ def _exerted(m, joint):
 def _exerted_in_space(m, joint):
     """Force and moment of a joint on its second body at its second point."""
     n, on, wrench = m.joints[joint, LAST_NODE], m.joints[joint, CARRIER], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    first_row, last_row = m.joints[joint, FIRST_ROW], m.joints[joint, LAST_ROW]
     if n >= 0:
         place = m.points[joint]
         if on >= 0:
             place = plus(m.r[on], to_global(m, on, place))
         wrench = force_at(scaled(float(m.joints[joint, SIDE]), m.wrenches[n]), minus(m.r[n], place))
-    for r in range(m.joints[joint, FIRST_ROW], m.joints[joint, LAST_ROW]):
+    for r in range(first_row, last_row):
         wrench = axpy(m.multipliers[r], row_wrench(m, r, 1), wrench)
-    return wrench
+    n = friction_of(m, first_row) if first_row < last_row else 0
+    return wrench if n == 0 else axpy(m.multipliers[row_at(m, n)], row_wrench(m, row_at(m, n), 1), wrench)
 
 
 _exerted = by_size(_exerted, _exerted_in_space)

@@ -7,13 +7,14 @@ DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARA
 step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
 contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
 branch."""
-UNCLOSED, APART, MASSLESS, INFINITE, GROWN = range(1, 6)
+UNCLOSED, APART, MASSLESS, INFINITE, UNDECIDED, GROWN = range(1, 7)
 """Outcomes of an instant in space beside DONE; all but GROWN are failures."""
 _REASONS = {
     UNCLOSED: "a loop does not close, or the position is singular",
     APART: "the loops close at the start only: redundant constraints are violated",
     MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
     INFINITE: "the accelerations are not finite",
+    UNDECIDED: "no combination of sticking and slipping is consistent with friction",
 }
 FIRST, NAMED, GIVEN, OF_SHAPE, PRESCRIBED = range(5)
 """Levels of coordinates: of joints to become dependent first, later, last; of shapes; of drives, never dependent."""

@@ -95,6 +95,28 @@ def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[
     return frozenset(found)
 
 
+def check_bearings(system: SpatialSystem, state: State) -> None:
+    """Check that friction depends on no statically indeterminate reaction. Raises SceneError."""
+    mechanism = system.mechanism
+    for multipliers in without_work(system, state) if mechanism.frictions else ():
+        wrenches = system.passed_on(multipliers)
+        unit = np.repeat([1.0, 1.0 / mechanism.size], 3)
+        least = _NOTHING * max(abs(unit * wrench).max() for wrench in wrenches.values())
+        for name, friction in mechanism.frictions.items():
+            joint, arm = mechanism.joints[name], friction.arm
+            on = system.layout.node_of.get(joint.sides[0].body)
+            along = joint.axes[0] if on is None else system.work.R[on] @ joint.axes[0]
+            force, moment = (part - along * (along @ part) for part in np.split(unit * wrenches[name], 2))
+            borne = force if not (joint.slides and arm) else np.append(force, moment)
+            if (friction.mu or friction.mu_static) and abs(borne).max() > least:
+                raise SceneError(
+                    f"joints.{name}.friction", None,
+                    "redundant constraints leave the reaction across the joint's axis statically indeterminate, "
+                    "and with it the friction",
+                    "Use joints with more freedoms in its loop, like spherical ones, or give a preload alone",
+                )  # fmt: skip
+
+
 def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
     """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
     system.place(state.q)

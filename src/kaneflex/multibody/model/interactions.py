@@ -10,7 +10,7 @@ from kaneflex.mechanism import contacts, friction
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Contact, Joint
 from kaneflex.mechanism.planar import GROUND, BodyPoint
-from kaneflex.mechanism.spatial import Side, SpatialMechanism
+from kaneflex.mechanism.spatial import Side, SpatialMechanism, across
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import ORIGIN, Interactions, TreeBuilder, whole
 from kaneflex.multibody.model.tree_layout import ANGLES, SPEED
@@ -179,16 +179,28 @@ def _load_acts(builder: TreeBuilder, mechanism: NumericMechanism) -> Iterator[Ro
 
 def list_spatial_acts(
     builder: TreeBuilder, mechanism: SpatialMechanism, cuts: tuple[Sequence[Row], Mapping[str, slice]],
-    in_laws: Sequence[str], switches: int,
+    in_laws: Sequence[str], switches: int, rubs: bool,
 ) -> Interactions:  # fmt: skip
     """Interactions in space.
 
-    ``cuts``: their rows, and those of every joint; ``in_laws``: joints whose coordinates may occur in laws.
+    ``cuts``: their rows, and those of every joint; ``in_laws``: joints whose coordinates may occur in laws; ``rubs``:
+    with friction.
     """
+    holds, row = list[Row](), max((rows.stop for rows in cuts[1].values()), default=0)
+    for name, held in mechanism.frictions.items() if rubs else ():
+        pair, own = mechanism.joints[name], cuts[1][name]
+        of, (one, other) = next(k for k, cut in enumerate(cuts[0]) if cut[at.ROW_AT] == own.start), pair.sides
+        x, y = across(pair.axes[0])
+        axis = min(builder.axis(one, each) for each in (pair.axes[0], x, y))
+        builder.axis(other, mechanism.relative(pair).T @ x)
+        place = builder.w.put(friction.numbers_of(held, (axis, own.stop), of))
+        sections = [builder.section(side) for side in pair.sides]
+        holds.append((at.SLIDE if pair.slides else at.TURN, *sections, -1, row + len(holds), place))
     joints, springs, bushings = list[Row](), list[Row](), list[Row]()
     for name in in_laws:
         kind = at.SLIDE if mechanism.joints[name].kind == "prismatic" else at.TURN
-        joints.append((kind, 0, 0, builder.speed(name) if mechanism.joints[name].freedoms == 1 else -1, -1, -1))
+        known = mechanism.joints[name].freedoms == 1 and name in builder.tree
+        joints.append((kind, 0, 0, builder.speed(name) if known else -1, -1, -1))
     for spring in mechanism.springs.values():
         joint = None if spring.joint is None else mechanism.joints[spring.joint]
         sections = [builder.section(side) for side in (spring if joint is None else joint).sides]
@@ -204,8 +216,8 @@ def list_spatial_acts(
             kind, speed, axis = at.TORSIONAL, builder.speed(joint.name), builder.axis(joint.sides[0], joint.moves[0][1])
         springs.append((kind, *sections, speed, axis, builder.w.put(spring.numbers)))
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
-    touching, row = list[Row](), max((rows.stop for rows in cuts[1].values()), default=0)
-    for k, contact in enumerate(mechanism.contacts.values(), start=row):
+    touching = list[Row]()
+    for k, contact in enumerate(mechanism.contacts.values(), start=row + len(holds)):
         normal, speed, law = np.asarray(contact.direction), -1, contacts.LAWS.index(contact.law)
         if contact.joint is not None:
             normal, speed = normal[0] * mechanism.joints[contact.joint].moves[0][1], builder.speed(contact.joint)
@@ -213,7 +225,7 @@ def list_spatial_acts(
         sections = [builder.section(side) for side in contact.sides]
         touching.append((contacts.kind_of(contact), *sections, law, k, builder.w.put(numbers)))
     touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
-    parts = cuts[0], list[Row](), joints, loads, [*springs, *bushings], touching
+    parts = cuts[0], holds, joints, loads, [*springs, *bushings], touching
     angles = [angle for kind, *_ in cuts[0] for angle in ANGLES[kind]]
     return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles)
 

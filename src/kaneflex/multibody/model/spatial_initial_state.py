@@ -9,7 +9,7 @@ from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.determinacy import self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
-from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.scene.spatial_check import START_SPEEDS
@@ -28,6 +28,8 @@ def start_of(system: SpatialSystem) -> State:
     SceneError
         If a loop can't close, drives contradict the loops, a freedom is not named, or has no inertia.
     """
+    if len(system.engine.holds):
+        return _in_loops(system)
     q = system.at_zero.copy()
     q[system.columns(system.driven, COORDINATE)] = system.courses(0.0)[:, 0]
     choice = choose(system, q, prefer=True)
@@ -52,6 +54,33 @@ def start_of(system: SpatialSystem) -> State:
     _check_inertia(system, choice)
     _check_speeds(system, state)
     return state
+
+
+def _in_loops(system: SpatialSystem) -> State:
+    """The same with joints with friction, which close loops, from the state where they are joints of the tree."""
+    from scipy.spatial.transform import Rotation
+
+    other = build_spatial_system(system.scene, system.module, coupled=system.coupled, rubs=False)
+    state, work, (own, known) = start_of(other), other.work, (system.layout, other.layout)
+    positions = dict(zip((name for name, _ in known.positions), state.q.tolist(), strict=True))
+    speeds = dict(zip(known.speeds, state.u.tolist(), strict=True))
+    for body, node in known.node_of.items():
+        turned = Rotation.from_matrix(system.mechanism.bodies[body].rotation.T @ work.R[node]).as_quat()
+        placed = zip("xyz", work.r[node].tolist(), strict=True)
+        turns = zip("xyzw", turned.tolist(), strict=True)
+        positions |= {f"{body}.{axis}": each for axis, each in placed}
+        positions |= {f"{body}.quaternion_{part}": each for part, each in turns}
+        v, omega = work.twist[node, :3], work.R[node].T @ work.twist[node, 3:]
+        speeds |= {f"{body}.{axis}": each for axis, each in zip("xyz", v.tolist(), strict=True)}
+        speeds |= {f"{body}.omega_{axis}": each for axis, each in zip("xyz", omega.tolist(), strict=True)}
+    q = np.array([positions.get(name, 0.0) for name, _ in own.positions])
+    u = np.array([speeds.get(name, 0.0) for name in own.speeds])
+    choice = choose(system, q, prefer=True)
+    try:
+        return system.project(state.t, q, u, choice)
+    except ArithmeticError as reason:
+        cure = "Start at another position, or check the laws of loads"
+        raise SceneError("drives", None, f"at the start {reason}", cure) from None
 
 
 def _key(system: SpatialSystem, owner: str) -> str:

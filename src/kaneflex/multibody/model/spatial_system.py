@@ -145,11 +145,21 @@ class SpatialSystem:
 
     @cached_property
     def engine(self) -> Engine:
-        stiff = self.coupled or (self.integrates and self.has_slopes)
-        kind = Kind.SWITCHED_SPACE if self.built.switches else Kind.SPACE if stiff else Kind.RIGID_SPACE
         inertias = [(body.mass, *body.inertia[:3]) for body in self.mechanism.bodies.values()]
         light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
-        return engine_of(self.built, self.module, self.parameters, shared=kind, integrates=self.integrates, light=light)
+        more = {"shared": self._kind, "integrates": self.integrates, "light": light}
+        return engine_of(self.built, self.module, self.parameters, **more)
+
+    @property
+    def _kind(self) -> Kind:
+        """Kind of the mechanism, also of the one whose joints with friction do not close loops."""
+        if self.mechanism.frictions:
+            return Kind.HOLD_SPACE
+        if self.mechanism.contacts:
+            return Kind.IMPACT_SPACE if self.built.rigid else Kind.CONTACT_SPACE
+        if self.built.switches:
+            return Kind.SWITCHED_SPACE
+        return Kind.SPACE if self.coupled or (self.integrates and self.has_slopes) else Kind.RIGID_SPACE
 
     @property
     def work(self) -> Work:
@@ -212,7 +222,7 @@ class SpatialSystem:
         nodes = self.tables.nodes
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
         for name, drive in self.scene.drives.items():
-            if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1:
+            if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1 and name in self.layout.tree:
                 q[self.columns([name], COORDINATE)[0]] = drive.start
         for body in self.mechanism.floating:
             first = self.speeds_of(body)[0]
@@ -227,11 +237,11 @@ class SpatialSystem:
 
 
 def build_spatial_system(
-    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False
+    scene: Scene, module: ModuleType, flexible: Flexible = RIGID, coupled: bool = False, rubs: bool = True
 ) -> SpatialSystem:
-    """Bind a scene to its module; ``flexible``: shapes of the deforming bodies."""
+    """Bind a scene to its module; ``flexible``: shapes of the deforming bodies; ``rubs``: with friction."""
     mechanism = spatial_mechanism_of(scene)
     in_laws, switches = (*scene.drives, *scene.observed), len(getattr(module, "SWITCHES", ()))
     driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
-    built = build_tables(mechanism, flexible, in_laws, driven, switches)
+    built = build_tables(mechanism, flexible, in_laws, driven, switches, rubs)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, built, coupled)

@@ -49,12 +49,13 @@ class SpatialBuilder(TreeBuilder):
 
 def build_tables(
     mechanism: SpatialMechanism, flexible: Flexible = RIGID, in_laws: Sequence[str] = (), driven: Sequence[str] = (),
-    switches: int = 0,
+    switches: int = 0, rubs: bool = True,
 ) -> Built:  # fmt: skip
     """Tables of a mechanism at rest with open loops.
 
     ``flexible``: shapes of its deforming bodies; ``in_laws``: joints whose coordinates may occur in laws; ``driven``:
-    joints with prescribed courses; ``switches``: number of switches of loads' laws.
+    joints with prescribed courses; ``switches``: number of switches of loads' laws; ``rubs``: with friction, whose
+    joints then close loops, as friction depends on their reactions.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def build_tables(
         If a body is not connected, its initial position is given twice, or too many coordinates of a loop are used.
     """
     builder, cuts, closing, row = SpatialBuilder(mechanism, flexible), list[tuple[int, ...]](), dict[str, slice](), 0
-    for name, child in spanning_tree(mechanism):
+    for name, child in spanning_tree(mechanism, rubs):
         if child < 0:
             _float(builder, name)
         else:
@@ -70,7 +71,7 @@ def build_tables(
     for name, joint in mechanism.joints.items():
         if name in builder.tree:
             continue
-        if name in mechanism.asked:
+        if name in mechanism.asked and not (rubs and name in mechanism.frictions):
             raise SceneError(
                 f"joints.{name}", None,
                 "drives, laws, springs or clearances use the coordinates of all joints of its loop",
@@ -79,7 +80,7 @@ def build_tables(
         found = _cut(builder, joint, row)
         cuts += found
         closing[name] = slice(row, row := row + sum(len(ANGLES[each[WHAT]]) for each in found))
-    acts = list_spatial_acts(builder, mechanism, (cuts, closing), in_laws, switches)
+    acts = list_spatial_acts(builder, mechanism, (cuts, closing), in_laws, switches, rubs)
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
@@ -90,25 +91,32 @@ def build_tables(
     )  # fmt: skip
 
 
-def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
+def spanning_tree(mechanism: SpatialMechanism, rubs: bool = True) -> list[tuple[str, int]]:
     """Spanning tree from the ground outwards: joints with the number of the outer side, and free bodies, with -1.
 
     Joints whose coordinate a drive, a law or a spring uses come first, then those of sensors, then those of few
-    freedoms, as cuts then have few rows.
+    freedoms, as cuts then have few rows. Those with friction come last, or never if it ``rubs``: where they alone hold
+    a group of bodies, its first body moves freely, too.
     """
-    group = {name: name for name in (GROUND, *mechanism.bodies)}
-    chosen = []
-    order = {name: (name not in mechanism.asked, name not in mechanism.read, joint.freedoms)
-             for name, joint in mechanism.joints.items()}  # fmt: skip
+    order = {name: (name in mechanism.frictions, name not in mechanism.asked, name not in mechanism.read,
+                    joint.freedoms) for name, joint in mechanism.joints.items()}  # fmt: skip
+    inner, chosen = {name: name for name in (GROUND, *mechanism.bodies)}, list[str]()
     for name in sorted(order, key=order.__getitem__):
-        first, second = (group[side.body] for side in mechanism.joints[name].sides)
+        if rubs and name in mechanism.frictions:
+            continue
+        first, second = (inner[side.body] for side in mechanism.joints[name].sides)
         if first != second:
             chosen.append(name)
-            group = {body: first if root == second else root for body, root in group.items()}
-    _check_hanging(mechanism, group)
+            inner = _merged(inner, first, second)
+    outer = inner
+    for joint in mechanism.joints.values():
+        outer = _merged(outer, *(outer[side.body] for side in joint.sides))
+    _check_hanging(mechanism, outer)
+    held = {inner[name] for name in (GROUND, *mechanism.floating)}
+    loose = {inner[name]: name for name in reversed(list(mechanism.bodies)) if inner[name] not in held}.values()
     found: list[tuple[str, int]] = []
     reached, waiting = {GROUND}, [name for name in mechanism.joints if name in chosen]
-    for start in (GROUND, *mechanism.floating):
+    for start in (GROUND, *mechanism.floating, *loose):
         if start != GROUND:
             found.append((start, -1))
             reached.add(start)
@@ -119,6 +127,11 @@ def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
                 reached.add(mechanism.joints[name].sides[child].body)
             waiting = [name for name in waiting if name not in ready]
     return found
+
+
+def _merged(group: Mapping[str, str], first: str, second: str) -> dict[str, str]:
+    """Groups of bodies with two of them joined."""
+    return {body: first if root == second else root for body, root in group.items()}
 
 
 def _check_hanging(mechanism: SpatialMechanism, group: Mapping[str, str]) -> None:

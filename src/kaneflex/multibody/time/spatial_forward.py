@@ -15,8 +15,9 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.pace import Pace
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.codes import DAMPED, TOO_SMALL
+from kaneflex.multibody.model.codes import CASCADE, DAMPED, PARADOX, TOO_SMALL
 from kaneflex.multibody.model.layout import STORED_AT as STORED
 from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
@@ -25,6 +26,7 @@ from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.spring_displacements import overturned
+from kaneflex.multibody.unilateral.results import RowRecord
 from kaneflex.support.errors import SceneError
 
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
@@ -92,6 +94,8 @@ class SpatialRun(run.Run, Curve):
         advice = f". {BENT_FAR}" if self.engine.shapes.any() else ""
         if far := overturned(self.system.mechanism, self.system.work.springs):  # in the last attempt
             return Outcome.STUCK, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
+        if ended in (CASCADE, PARADOX):
+            return None
         try:
             self.system.project(float(self.here[0]), *self.engine.state_of(self.here), self.engine.choice)
         except ArithmeticError as reason:
@@ -140,6 +144,14 @@ class SpatialRun(run.Run, Curve):
             except ArithmeticError as reason:
                 return out[: first + np.searchsorted(times[first:last], reason.args[1])], reason
         return out, None
+
+    def _rows(self, rows: np.ndarray, touching: np.ndarray) -> tuple[RowRecord, RowRecord]:
+        touching, mechanism = touching.copy(), self.system.mechanism
+        for k, name in enumerate(mechanism.frictions):
+            if len(rows) and not mechanism.joints[name].slides:  # whole turns of a pin from one instant to the next
+                touching[:, k, 0] = np.unwrap(touching[:, k, 0])
+                touching[:, k, 0] -= whole_turns(touching[0, k, 0])
+        return super()._rows(rows, touching)
 
     @cached_property
     def _curves(self) -> list[Steps]:

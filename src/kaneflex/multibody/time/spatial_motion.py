@@ -87,6 +87,9 @@ class SpatialModule(ComputedModule):
         for name, contact in mechanism.contacts.items():
             units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
             found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
+        for name in mechanism.frictions:
+            unit = "N" if mechanism.joints[name].slides else "N m"
+            found.append((f"{name}.friction", unit, "of the joint's friction on its second body"))
         return (*found, *self.more)
 
     @cached_property
@@ -171,11 +174,12 @@ class SpatialKinematics(RigidKinematics):
         springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
-        rows = found.touching[:, len(system.engine.holds) :][:, : len(mechanism.contacts)]
+        held = len(system.engine.holds)
+        rows = found.touching[:, held : held + len(mechanism.contacts)]
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1),
             found.exerted.reshape(count, -1), found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
-            rows[:, :, [0, FORCE_AT]].reshape(count, -1),
+            rows[:, :, [0, FORCE_AT]].reshape(count, -1), found.touching[:, : len(mechanism.frictions), FORCE_AT],
         ])  # fmt: skip
 
     @cached_property
@@ -278,6 +282,10 @@ class SpatialMotion(DeformingMotion):
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m or rad] and normal force [N or N m] of a contact."""
         return self[f"{name}.gap"], self[f"{name}.force"]
+
+    def friction(self, name: str) -> np.ndarray:
+        """Friction force or torque on the second body of a joint [N or N m]."""
+        return self[f"{name}.friction"]
 
     def taken(self, instants: np.ndarray) -> Self:
         record = None if self.record is None else self.record[instants]

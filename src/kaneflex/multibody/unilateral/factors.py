@@ -13,6 +13,9 @@ from numba import njit
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
+from kaneflex.multibody.compile.values import by_size
+from kaneflex.multibody.dynamics.algebra import dot
+from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE,
     REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS,
@@ -20,7 +23,7 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, normal_force, row_at, row_of,
+    ARM, OF_AT, VISCOUS_AT, act_of, at, borne, frictions, joint_wrench, law_at, normal_force, row_at, row_of,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -205,6 +208,15 @@ def presses(m, n, r):
     return int(m.w[law_at(m, n) + OF_AT]) == of
 
 
+@njit(**OPTIONS)
+def _presses_6(m, n, r):
+    row = m.plan[m.plan[ROW_OF] + r]
+    return r < m.plan[KEPT] and m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT] <= row < int(m.w[law_at(m, n) + 1])
+
+
+presses = by_size(presses, _presses_6)
+
+
 @of_holds(0.0)
 @njit(**OPTIONS)
 def force_by_reaction(m, n, r):
@@ -218,13 +230,32 @@ def force_by_reaction(m, n, r):
 def normal_force_by_reaction(m, n, r):
     """Derivative of a friction's normal force with respect to the reaction of a factors' row."""
     apart()
-    plan, w, j, what = m.plan, m.w, law_at(m, n), m.acts[act_of(m, n), WHAT]
+    plan, what = m.plan, m.acts[act_of(m, n), WHAT]
     if r >= plan[KEPT] or what == ALONG:
         return 1.0
-    first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
+    return _bearing_by_reaction(m, n, plan[plan[ROW_OF] + r])
+
+
+@njit(**OPTIONS)
+def _bearing_by_reaction(m, n, row):
+    """The same of a joint with respect to the reaction of one of its rows."""
+    w, j, what = m.w, law_at(m, n), m.acts[act_of(m, n), WHAT]
+    first, arm = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM]
     one, two, own = m.multipliers[first], m.multipliers[first + 1], m.multipliers[row]
     if what == TURN:
         return arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
     if (abs(one) >= arm * abs(two)) != (row == first):
         return 0.0
     return (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)
+
+
+@njit(**OPTIONS)
+def _bearing_by_reaction_6(m, n, row):
+    one, two = borne(m, n, joint_wrench(m, n))
+    one_by, two_by = borne(m, n, row_wrench(m, row, 1))
+    total = dot(one, one_by) / larger(math.sqrt(dot(one, one)), 1e-300)
+    total += dot(two, two_by) / larger(math.sqrt(dot(two, two)), 1e-300)
+    return m.w[law_at(m, n) + ARM] * total if m.acts[act_of(m, n), WHAT] == TURN else total
+
+
+_bearing_by_reaction = by_size(_bearing_by_reaction, _bearing_by_reaction_6)

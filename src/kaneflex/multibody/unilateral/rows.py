@@ -25,15 +25,17 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds, of_impacts
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, vectors
-from kaneflex.multibody.dynamics.algebra import absolute, axpy, dot, joined, scaled
-from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place
+from kaneflex.multibody.dynamics.algebra import (
+    absolute, axpy, cross, dot, first, joined, last, minus, plus, scaled, zero_like,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT, CUT_ROWS,
     DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY,
-    MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIP, SLIPPING, SLIP_RATE,
-    SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
+    MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIDE, SLIP, SLIPPING,
+    SLIP_RATE, SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -284,10 +286,9 @@ def rest_rows(m):
 
 
 @njit(**OPTIONS)
-def row_of(m, n):
-    """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
-    apart()
-    w, act, k, j, row, rows = m.w, act_of(m, n), at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.rows
+def _slip(m, n, row):
+    """Row of a friction: its position, speed and acceleration, and the Jacobian by the twists of both sections."""
+    w, act, j, rows = m.w, act_of(m, n), law_at(m, n), m.rows
     first, second, sections = m.acts[act, AT], m.acts[act, ON], m.sections
     if m.acts[act, WHAT] == ALONG:
         of = int(w[j + OF_AT])
@@ -297,6 +298,35 @@ def row_of(m, n):
         joints.turn(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
     else:
         joints.slide(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
+
+
+@njit(**OPTIONS)
+def _slip_6(m, n, row):
+    act, axis, out, axes = act_of(m, n), int(m.w[law_at(m, n)]), m.rows, m.axes
+    first, second = m.acts[act, AT], m.acts[act, ON]
+    if m.acts[act, WHAT] == SLIDE:
+        spatial.on_plane(m.sections, first, second, numbers_of(axes), axis, out, row)
+        return
+    along, one, both = axes[axis], twist_at_section(m, first), twists(m, shifted(out, row + 3))
+    both[1] = joined((0.0, 0.0, 0.0), along)
+    both[0] = scaled(-1.0, both[1])
+    faster = dot(along, minus(last(section_motion(m, second, 1)), last(section_motion(m, first, 1))))
+    slow = minus(last(twist_at_section(m, second)), last(one))
+    out[row + 1], out[row + 2] = dot(along, slow), faster + dot(cross(last(one), along), slow)
+    angle = math.atan2(dot(axes[axis + 2], axes[axis + 3]), dot(axes[axis + 1], axes[axis + 3]))
+    before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
+    out[row] = angle + math.tau * math.floor((before - angle) / math.tau + 0.5)
+
+
+_slip = by_size(_slip, _slip_6)
+
+
+@njit(**OPTIONS)
+def row_of(m, n):
+    """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
+    apart()
+    w, k, row, rows = m.w, at(m, n), row_length(m) * row_at(m, n), m.rows
+    _slip(m, n, row)
     w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = rows[row], rows[row + 1], rows[row + 2]
     w[k + SPEED_SIZE] = size_of(m, n, 0)
     return k
@@ -330,9 +360,58 @@ def normal_force(m, n):
     w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
     if what == ALONG:
         return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
-    row = m.acts[int(w[law_at(m, n) + OF_AT]), ROW_AT]
+    return _bearing(m, n, arm)
+
+
+@njit(**OPTIONS)
+def _bearing(m, n, arm):
+    """Normal force of a joint's friction by the reactions of the joint in NOW."""
+    row = m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT]
     one, two = m.multipliers[row], m.multipliers[row + 1]
-    return arm * math.sqrt(one * one + two * two) if what == TURN else larger(abs(one), arm * abs(two))
+    turns = m.acts[act_of(m, n), WHAT] == TURN
+    return arm * math.sqrt(one * one + two * two) if turns else larger(abs(one), arm * abs(two))
+
+
+@njit(**OPTIONS)
+def borne(m, n, wrench):
+    """Parts of a joint's wrench at both ends of a guide's block, across its direction; of a pin the force in two equal
+    parts."""
+    own, along = law_at(m, n), m.axes[int(m.w[law_at(m, n)])]
+    force = first(wrench)
+    half = scaled(0.5, axpy(-dot(along, force), along, force))
+    if m.acts[act_of(m, n), WHAT] == TURN:
+        return half, half
+    apart_ = scaled(0.5 * m.w[own + ARM], cross(last(wrench), along))
+    return plus(half, apart_), minus(half, apart_)
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def friction_of(m, row):
+    """Friction of the joint with this first row; 0 if it has none."""
+    for n in range(-frictions(m), 0):
+        if m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT] == row:
+            return n
+    return 0
+
+
+@njit(**OPTIONS)
+def joint_wrench(m, n):
+    """Wrench of the reactions in NOW that a joint with friction exerts on its second body."""
+    total = zero_like(m.wrenches[0])
+    for row in range(m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT], int(m.w[law_at(m, n) + 1])):
+        total = axpy(m.multipliers[row], row_wrench(m, row, 1), total)
+    return total
+
+
+@njit(**OPTIONS)
+def _bearing_6(m, n, arm):
+    one, two = borne(m, n, joint_wrench(m, n))
+    total = math.sqrt(dot(one, one)) + math.sqrt(dot(two, two))
+    return arm * total if m.acts[act_of(m, n), WHAT] == TURN else total
+
+
+_bearing = by_size(_bearing, _bearing_6)
 
 
 @of_holds(None)

@@ -100,7 +100,8 @@ def no_force(m, n):
     plan, w, total = m.plan, m.w, 0.0
     for b in range(plan[BODIES]):
         node = m.frames[b, 0]
-        total += m.block[m.nodes[node, BODY]] * (_weight(m) + linear_size(m.rate[node]))
+        if m.nodes[node, BODY] >= 0:
+            total += m.block[m.nodes[node, BODY]] * (_weight(m) + linear_size(m.rate[node]))
     return 1e-14 * total * (w[plan[TOUCH] + EXTENT] if m.acts[act_of(m, n), WHAT] == TURN else 1.0) + 1e-300
 
 
@@ -174,7 +175,7 @@ def decide(m, t, A):
     if free and _share(m, t, A) == 1:
         return 1
     for _ in range(4 * free + 4):
-        settled = _settle(m, t, A)
+        settled = settle(m, t, A)
         if settled == 1:
             return 1
         n = _least_consistent(m)
@@ -196,7 +197,7 @@ def decide(m, t, A):
                 if left % 3 != 0:
                     slip(m, n, 1.5 - left % 3)
                 left //= 3
-        settled = _settle(m, t, A)
+        settled = settle(m, t, A)
         if settled == 1:
             return 1
         if settled == 0 and _least_consistent(m) == 0:
@@ -243,14 +244,14 @@ def _share(m, t, A):
     """Distribute loads again among sticking frictions, and let those slip that are due, with equally loaded ones.
 
     Among several frictions of one body, as its feet, one at its limit needn't slip if others can bear more. Returns as
-    :func:`_settle`.
+    :func:`settle`.
     """
     apart()
     w, level = m.w, 0.0
     for n in range(-frictions(m), 0):
         if w[at(m, n) + MODE] == STICKING:
             m.multipliers[row_at(m, n)] = 0.0
-    settled = _settle(m, t, A)
+    settled = settle(m, t, A)
     for turn in range(2):
         for n in range(-frictions(m), 0):
             k = at(m, n)
@@ -273,8 +274,9 @@ def _slip_direction(m, n):
     return -w[k + FORCE] if abs(w[k + FORCE]) > no_force(m, n) else -w[k + NODES + 5]
 
 
+@of_holds(0)
 @njit(**OPTIONS)
-def _settle(m, t, A):
+def settle(m, t, A):
     """Iterate accelerations and reactions of a choice with friction by reactions; 0, or 1 at a singular state, 2
     without convergence."""
     apart()
