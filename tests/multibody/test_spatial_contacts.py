@@ -39,6 +39,19 @@ sensors.on = {contact_torque = "coupling_1"}
 sensors.room = {contact_angle = "coupling_2"}
 solve = {preset = "coupled", duration = "50 ms", steps = 250, tolerance = 1e-10}
 """
+PRESS = """
+schema = 1
+description = "An arm that its drive presses on a stop"
+gravity = [0, -9.81]
+ground.foot = [0.2, 0]
+bodies.arm = {mass = 2, inertia = 0.02, length = 0.2}
+joints.pin = {revolute = ["ground", "arm.start"]}
+drives.pin = {law = "0.05*cos(20*t)"}
+contacts.floor = {point_on_line = ["arm.end", "ground.foot"], normal = [0, 1], contact = CONTACT}
+sensors.push = {contact_force = "floor"}
+sensors.torque = {drive_torque = "pin"}
+solve = {preset = "coupled", duration = "0.4 s", steps = 100, errors = "none"}
+""".replace("CONTACT", HERTZ)
 
 
 def in_space(flat, name):
@@ -76,6 +89,15 @@ def test_flanks_meet_as_in_the_plane(contact):
     assert space.trajectory.energy.drift < 1e-8
     lost = space.trajectory.contacts.lost[-1]
     assert lost == pytest.approx(plane.trajectory.contacts.lost[-1], rel=1e-6, abs=1e-9)
+
+
+def test_a_prescribed_arm_presses_on_its_stop_as_in_the_plane():
+    """Its drive prescribes everything: the contact only adds to the torque."""
+    plane, space = both(scene_of(PRESS), "press")
+    push = plane["push"].values
+    assert push.max() == pytest.approx(2e6 * 0.2 * math.sin(0.05), rel=1e-3) and push.min() == 0.0
+    for sensor in ("push", "torque"):
+        assert abs(space[sensor].values - plane[sensor].values).max() < 1e-9 * abs(plane[sensor].values).max()
 
 
 @pytest.mark.parametrize("turn", ["a", "b", "c"])
