@@ -49,6 +49,21 @@ def test_groups_are_those_that_the_scene_has():
     assert [group.name for group in groups(neutral(heavy))][5:7] == ["rotary", "gravity"]
 
 
+def test_a_scene_without_groups_is_refused():
+    ball = """
+    schema = 1
+    description = "A ball that falls"
+    gravity = [0, 0, -9.81]
+    bodies.ball = {mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0]}}
+    contacts.floor = {point_on_plane = ["ball", "ground"], normal = [0, 0, 1], contact = CONTACT}
+    sensors.push = {contact_force = "floor"}
+    solve = {preset = "coupled", duration = "0.1 s", steps = 10}
+    """
+    ball = ball.replace("CONTACT", '{law = "hertz", stiffness = 1e6}')
+    with pytest.raises(SceneError, match=r"^scene = .*: no group of terms can be left out: it has no elastic link, "):
+        terms(scene_of(ball))
+
+
 @pytest.mark.parametrize(("name", "sensor", "change", "needed"), [
     ("load gas", "main_bearing_force_x", 1.607, True),
     ("geometric", "mid_global_y", 0.02267, True),
