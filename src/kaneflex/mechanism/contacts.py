@@ -142,6 +142,7 @@ def returned(chi: float) -> float:
 
 
 def _root(of: Callable[[float], float], least: float, most: float) -> float:
-    from scipy.optimize import brentq
-
-    return brentq(of, least, most, xtol=1e-16, rtol=1e-15)
+    """Root of a function that rises, to the last digit, by bisection: importing SciPy's takes 0.3 s."""
+    while least < (middle := 0.5 * (least + most)) < most:
+        least, most = (least, middle) if of(middle) > 0.0 else (middle, most)
+    return least
