@@ -114,7 +114,7 @@ def _weigh(
     def write(found: Weighed, folder: Path) -> None:
         own, rows = whole(found)
         write_json(folder / f"{ending}.json", own)
-        write_csv(folder / f"{ending}.csv", list(rows[0]), rows)
+        write_csv(folder / f"{ending}.csv", list(rows[0]) if rows else [], rows)  # all may be left out
 
     def ask(stage: Callable[[str], None]) -> Weighed:
         return question(scene, share, seconds, limits["sensors"] or None, stage)

@@ -159,8 +159,8 @@ def terms(
     Raises
     ------
     SceneError
-        As :func:`kaneflex.study.trade.candidates.check_request`, if ``stiffened`` can't be run, or if no group can be
-        left out.
+        As :func:`kaneflex.study.trade.candidates.check_request`, if ``stiffened`` can't be run, or if the scene
+        has no groups.
     """
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors, several=False)
@@ -171,7 +171,8 @@ def terms(
         own = (_without(basis, part, "against none", *settings) for part, settings in removed.items())
         chosen = (*own, *groups(basis))
     if not chosen:
-        raise _nothing(scene, left_out)
+        reason = "no group of terms can be left out: it has no elastic link, load, clearance or friction"
+        raise SceneError("scene", scene.name, reason, "Use trade, which compares whole models")
     runs.run(whole)
     doubts: Mapping[str, float] = {}
     with suppress(SceneError):  # the uncertainty is then unknown
@@ -188,16 +189,8 @@ def terms(
                 effects.append(Effect(group, (), True, None, str(error)))
             else:
                 left_out[group.name] = str(error)
-    if not effects:
-        raise _nothing(scene, left_out)
     effects.sort(key=lambda effect: -(effect.worst.error if effect.worst else math.inf if effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
-
-
-def _nothing(scene: Scene, left_out: Mapping[str, str]) -> SceneError:
-    why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
-    reason = f"no group of terms can be left out: {why or 'it has no elastic link, load, clearance or friction'}"
-    return SceneError("scene", scene.name, reason, "Use trade, which compares whole models")
 
 
 def _effect(
