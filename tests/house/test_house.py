@@ -222,6 +222,12 @@ def tracked() -> list[Path]:
     return [path for path in paths if path.is_file() and path.suffix not in {".png", ".gif", ".nc"}]
 
 
+def test_the_root_has_the_folders_of_the_project_and_no_results_of_runs():
+    assert {path.relative_to(ROOT).parts[0] for path in tracked() if path.parent != ROOT} == {
+        ".ci", "derive", "docs", "generated", "src", "tests",
+    }  # fmt: skip
+
+
 def test_no_machine_paths_and_no_residue_in_the_tree():
     # in brackets, or this file would find itself
     wrong = re.compile(r"[/](?:work|tmp|root|home)/|TOD[O]|FIXM[E]")
