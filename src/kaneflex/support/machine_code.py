@@ -114,10 +114,12 @@ class Kernel:
             with _LOCK:
                 try:
                     data = self._place(kinds).read_bytes()
-                    code, *symbols = marshal.loads(data[32:]) if data.startswith(_state(*self._sources())) else (b"",)
-                    link = _placed if isinstance(kinds, str) else _linked
-                    self._entries[kinds] = link(code, *symbols) if code else None
-                except (OSError, ValueError, RuntimeError, EOFError, TypeError):  # nothing kept, or damaged
+                    if not data.startswith(_state(*self._sources())):
+                        raise ValueError("of another state")
+                    code, *symbols = marshal.loads(data[32:])
+                    found = _placed(code, symbols[0]) if isinstance(kinds, str) else _linked(code, *symbols)
+                    self._entries[kinds] = found
+                except (OSError, ValueError, RuntimeError, EOFError, TypeError):  # nothing kept, damaged or stale
                     self._entries[kinds] = None
         return self._entries[kinds]
 
@@ -289,19 +291,22 @@ def _linker() -> Any:
     return binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
 
 
-def _placed(code: bytes, symbol: str, environment: str) -> int:
+def _placed(code: bytes, symbol: str) -> int:
     """Address of a function in machine code."""
     from llvmlite.binding import ObjectFileRef
 
     engine = _linker()
     engine.add_object_file(ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return int(engine.get_function_address(symbol))
+    address = int(engine.get_function_address(symbol))
+    if not address:
+        raise ValueError(f"no function {symbol}")
+    return address
 
 
 def _linked(code: bytes, wrapper: str, environment: str) -> Any:
     """Machine code as a function that Python calls."""
-    address, engine, entries = _placed(code, wrapper, environment), _linker(), _extension("numba._dynfunc")
+    address, engine, entries = _placed(code, wrapper), _linker(), _extension("numba._dynfunc")
     own = entries.Environment({})
     ctypes.c_void_p.from_address(engine.get_global_value_address(environment)).value = id(own)
     return entries.make_function(sys, wrapper, "", address, own, (engine, own))
