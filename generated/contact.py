@@ -27,10 +27,9 @@ LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'point_line': (158, 48), 'circles': (201, 36), 'angle': (7, 7), 'point_line_place': (14, 12),
-    'circles_place': (24, 14), 'angle_place': (0, 0), 'point_line_along': (284, 70), 'circles_along': (510, 74),
-    'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5), 'damped_slopes': (5, 5),
-    'hysteretic_slopes': (21, 11), 'stored': (8, 8),
+    'point_line': (158, 48), 'circles': (201, 36), 'angle': (7, 7), 'point_line_along': (284, 70),
+    'circles_along': (510, 74), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5),
+    'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
 }
 
 
@@ -105,44 +104,6 @@ def angle(w, a, b, p, c, out, k):
     out[k + 3] = out[k + 4] = out[k + 6] = out[k + 7] = 0.0
     out[k + 5] = -direction_x
     out[k + 8] = direction_x
-
-
-@njit(**OPTIONS)
-def point_line_place(w, a, b, p, c, out, k):
-    """Stores at out[k]: x, y [m] of the touched place of ``point_line``, which is the second side's."""
-    theta_1 = w[a + 2]
-    x_2, y_2 = unpacked(w, 2, b)
-    direction_x, direction_y, _, _, _, _, _, radius = unpacked(p, 8, c)
-    w0 = math.cos(theta_1)
-    w1 = math.sin(theta_1)
-    n_x = direction_x*w0 - direction_y*w1
-    n_y = direction_x*w1 + direction_y*w0
-    out[k] = -n_x*radius + x_2
-    out[k + 1] = -n_y*radius + y_2
-
-
-@njit(**OPTIONS)
-def circles_place(w, a, b, p, c, out, k):
-    """Stores at out[k]: x, y [m] of the touched place of ``circles``, which is the second side's."""
-    x_1, y_1 = unpacked(w, 2, a)
-    x_2, y_2 = unpacked(w, 2, b)
-    direction_x, _, _, _, _, _, _, radius = unpacked(p, 8, c)
-    d_y = -y_1 + y_2
-    d_x = -x_1 + x_2
-    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = direction_x/length
-    n_x = d_x*w0
-    n_y = d_y*w0
-    out[k] = -n_x*radius + x_2
-    out[k + 1] = -n_y*radius + y_2
-
-
-@njit(**OPTIONS)
-def angle_place(w, a, b, p, c, out, k):
-    """Stores at out[k]: x, y [m] of the touched place of ``angle``, which is the second side's."""
-    x_2, y_2 = unpacked(w, 2, b)
-    out[k] = x_2
-    out[k + 1] = y_2
 
 
 @njit(**OPTIONS)
@@ -285,17 +246,6 @@ def gap(kind, w, a, b, p, c, out, k):
         circles(w, a, b, p, c, out, k)
     else:
         angle(w, a, b, p, c, out, k)
-
-
-@njit(**OPTIONS)
-def place(kind, w, a, b, p, c, out, k):
-    """Touched place of a contact of this kind."""
-    if kind == 0:
-        point_line_place(w, a, b, p, c, out, k)
-    elif kind == 1:
-        circles_place(w, a, b, p, c, out, k)
-    else:
-        angle_place(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)

@@ -94,6 +94,8 @@ def _turned(scene, turn, angles):
         given = raw["joints"].get(name, {})
         entry |= {key: given[key] for key in ("clearance", "friction") if key in given}
         joints[name] = entry
+    for name, loose in scene.loose.items():  # balls in place of pins
+        joints[name] = {"spherical": [str(side) for side in loose.sides], "clearance": raw["joints"][name]["clearance"]}
     loads = {}
     for name, load in scene.loads.items():
         loads[name] = dict(raw["loads"][name])

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import sympy as sm
 
 from kaneflex.derive.ir.program import Assignment
-from kaneflex.derive.laws.joints import change, of_side, sections_at
+from kaneflex.derive.laws.joints import TINY, change, of_side, sections_at
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.mechanism import contacts
@@ -23,8 +23,6 @@ _LENGTH, _DEPTH, _RATE = sm.Symbol("length"), sm.Symbol("depth", positive=True),
 _g, _g_rate, _v_0, _size = sm.symbols("g rate v_0 size")
 _number = {name: sm.Symbol(name) for name in NUMBERS}
 _OMEGAS = sm.symbols("omega_1 omega_2")
-_TINY = sm.Float("1e-300")
-"""Square of a length [m^2]: avoids division by zero for concentric circles, is lost in rounding for others."""
 
 _ABOUT = """
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global. A
@@ -44,7 +42,6 @@ _GAPS = {
     "circles": "Two circles. About one centre no normal is known, and (0, 0): no g' either.",
     "angle": "Two flanks, of bodies that turn: g in rad.",
 }
-_PLACE = "Stores at out[k]: x, y [m] of the touched place of ``{}``, which is the second side's."
 _FORCE = "Force [N] on the second side along the normal, of {}.{}"
 _FORCES = {
     "hertz": "an elastic contact, K d^n",
@@ -70,8 +67,6 @@ hysteretic ones that are torn apart faster than their surfaces come back, too.
 _CHOICES = (
     ("gap(kind, w, a, b, p, c, out, k)", "Gap of a contact of this kind, by its number in KINDS: see its kernels.",
      ("point_line(w, a, b, p, c, out, k)", "circles(w, a, b, p, c, out, k)", "angle(w, a, b, p, c, out, k)")),
-    ("place(kind, w, a, b, p, c, out, k)", "Touched place of a contact of this kind.",
-     [f"{kind}_place(w, a, b, p, c, out, k)" for kind in ("point_line", "circles", "angle")]),
     ("along(kind, w, a, b, p, c, out, k)",
      "Sliding row of a contact of this kind, by its number in KINDS: see its kernels.",
      ("point_line_along(w, a, b, p, c, out, k)", "circles_along(w, a, b, p, c, out, k)")),
@@ -87,7 +82,6 @@ def contact_text() -> str:
     """Text of the module."""
     kernels = [
         *(_gap_kernel(kind) for kind in contacts.KINDS),
-        *(_place_kernel(kind) for kind in contacts.KINDS),
         *(_sliding_kernel(kind) for kind in contacts.KINDS[:2]), *(_force_kernel(law) for law in _FORCES),
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
@@ -118,7 +112,7 @@ def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Exp
     rates: dict[sm.Expr, sm.Expr] = dict(zip((*_D, *_D_RATE, *_OMEGAS), (*_D_RATE, *a, *epsilons), strict=True))
     direction = _number["direction_x"], _number["direction_y"]
     if kind == "circles":
-        steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + _TINY)))
+        steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + TINY)))
         rates[_LENGTH] = dot(_NORMAL, _D_RATE) / direction[0]  # finite about one centre
         gap, normal = contacts.apart(kind, _D, _LENGTH, direction, _number["reach"])
         for n, d in zip(_NORMAL, _D_RATE, strict=True):
@@ -165,13 +159,6 @@ def _gap_kernel(kind: str) -> emit.Printed:
         steps, rates, gap = _moving(kind)
         values = _row(gap, change(gap, rates), rates)
     return _stored(kind, steps, values, _GAP.format(_GAPS[kind]))
-
-
-def _place_kernel(kind: str) -> emit.Printed:
-    """Kernel of the touched place."""
-    steps, arm = ((), (0, 0)) if kind == "angle" else (_moving(kind)[0], contacts.touched(_NORMAL, _number["radius"]))
-    values, of = (of_side("x", 2) + arm[0], of_side("y", 2) + arm[1]), kind.replace("-", "_")
-    return _stored(f"{of}_place", steps, values, _PLACE.format(of))
 
 
 def _stored(name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str) -> emit.Printed:

@@ -54,6 +54,27 @@ solve = {preset = "coupled", duration = "0.4 s", steps = 100, errors = "none"}
 """.replace("CONTACT", HERTZ)
 
 
+LOOSE = f"""
+schema = 1
+description = "A slider-crank at 3000 rpm with clearance at its wrist, from the outer dead centre"
+bodies.crank = {{length = 0.05, mass = 0.3, inertia = 1e-4}}
+bodies.rod = {{length = 0.12, mass = 0.07, inertia = 9e-5}}
+bodies.piston = {{mass = 0.14, inertia = 1e-5}}
+joints.main = {{revolute = ["ground", "crank"]}}
+joints.pin = {{revolute = ["crank.end", "rod"]}}
+joints.bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
+joints.wrist.revolute = ["rod.end", "piston"]
+joints.wrist.clearance = {{radial = "0.2 mm", contact = {{stiffness = "1e9 N/m^1.5", restitution = 0.9}}}}
+drives.main = {{speed = "3000 rpm"}}
+drives.pin = {{free = true, initial_speed = {-100 * math.pi * (1 + 5 / 12)}}}
+drives.bore = {{free = true, position = 0.17}}
+sensors.slide = {{position = "bore", component = "x"}}
+sensors.torque = {{drive_torque = "main"}}
+sensors.push = {{contact_force = "wrist"}}
+solve = {{preset = "coupled", duration = "4 ms", steps = 400, tolerance = 1e-10}}
+"""
+
+
 def in_space(flat, name):
     """The scene in space, turned by a rotation that belongs to the name."""
     return scene_of(lifted(flat, random_turn(name)) | {"solve": flat.raw["solve"]})
@@ -98,6 +119,72 @@ def test_a_prescribed_arm_presses_on_its_stop_as_in_the_plane():
     assert push.max() == pytest.approx(2e6 * 0.2 * math.sin(0.05), rel=1e-3) and push.min() == 0.0
     for sensor in ("push", "torque"):
         assert abs(space[sensor].values - plane[sensor].values).max() < 1e-9 * abs(plane[sensor].values).max()
+
+
+@pytest.mark.parametrize("turn", ["a", "b", "c"])
+def test_a_ball_in_its_socket_hits_as_a_pin_in_its_bearing(turn):
+    """A slider-crank whose other joints keep it in its plane."""
+    plane, space = both(scene_of(LOOSE), turn)
+    assert len(space.impacts) == len(plane.impacts) == 4
+    for sensor in ("slide", "torque", "push"):
+        assert abs(space[sensor].values - plane[sensor].values).max() <= estimated(plane, space, sensor)
+    for one, other in zip(space.impacts, plane.impacts, strict=True):
+        assert one.begin == pytest.approx(other.begin, abs=estimated(plane, space, "slide") / other.approach)
+        assert (one.peak, one.lost) == (pytest.approx(other.peak, rel=1e-6), pytest.approx(other.lost, rel=1e-6))
+        place = random_turn(turn) @ [other.x, other.y, 0.0]
+        assert [one.x, one.y, one.z] == pytest.approx(place, abs=1e-9)
+    flat = np.vstack([plane.motion.clearance("wrist")[:2], np.zeros(len(plane.times))])
+    assert space.motion.clearance("wrist") == pytest.approx(random_turn(turn) @ flat, abs=1e-9)
+    assert space.trajectory.energy.drift < 1e-9
+
+
+BALL_CRANK = """
+schema = 1
+description = "A crank that turns about z and a slider along x in another plane, with a loose ball at the slider"
+gravity = [0, 0, -9.81]
+ground.rail = [0, 0, 0.05]
+bodies.crank = {mass = 0.3, inertia = [1e-5, 1e-4, 1e-4], length = 0.05}
+bodies.rod = {mass = 0.07, inertia = [2e-6, 9e-5, 9e-5], length = 0.13, rotation.x = [12, 0, 5]}
+bodies.slider = {mass = 0.14, inertia = [1e-5, 1e-5, 1e-5]}
+joints.main = {revolute = ["ground", "crank"], axis = [0, 0, 1]}
+joints.pin = {universal = ["crank.end", "rod"], axes = [[0, 0, 1], [0, 1, 0]]}
+joints.bore = {prismatic = ["ground.rail", "slider"], direction = [1, 0, 0]}
+joints.ball = {spherical = ["slider", "rod.end"], clearance = {radial = "0.1 mm", radius = "6 mm", contact = CONTACT}}
+drives.main = {speed = "600 rpm"}
+drives.pin = {free = true, initial_speeds = ["-850 rpm", 0]}
+drives.bore = {free = true, position = 0.17}
+sensors.slide = {position = "bore", component = "x"}
+sensors.room = {contact_gap = "ball"}
+sensors.push = {contact_force = "ball"}
+sensors.height = {position = "ball", component = "z"}
+solve = {preset = "coupled", duration = "20 ms", steps = 400, tolerance = 1e-9}
+"""
+
+
+def test_a_spatial_slider_crank_with_a_loose_ball():
+    """It stays in its socket, pushes as the slider's inertia needs, and loses energy in the contact alone."""
+    law = '{materials = ["steel", "steel"], restitution = 0.6, law = "lankarani-nikravesh"}'
+    solution = solved(scene_of(BALL_CRANK.replace("CONTACT", law)))
+    assert solution.outcome.name == "COMPLETED" and len(solution.impacts) > 3
+    away = np.linalg.norm(solution.motion.clearance("ball"), axis=0)
+    assert solution["room"].values == pytest.approx(1e-4 - away, abs=1e-12)
+    assert solution["height"].values == pytest.approx(solution.motion.clearance("ball")[2], abs=1e-12)
+    assert solution.trajectory.energy.drift < 1e-7
+    assert solution.trajectory.contacts.lost[-1] == pytest.approx(sum(each.lost for each in solution.impacts), rel=1e-6)
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    (("joints.ball.clearance.width=9 mm",), r"joints\.ball\.clearance\.width = '9 mm': a ball has no width"),
+    (("joints.ball.clearance.contact={law='newton', restitution=0.5, stiffness='none', exponent='none'}",),
+     r"joints\.ball\.clearance\.contact\.law = 'newton'.*so far"),
+    (("joints.ball.clearance.friction={mu=0.1}",), r"joints\.ball\.clearance\.friction: only planar .* so far"),
+    (("joints.ball.clearance.radial=0",), r"joints\.ball\.clearance\.radial = 0: "),
+    (("drives.bore.position=0.16",), r"joints\.ball\.clearance: at the start .* penetrate each other by 9\.9 mm"),
+    (("sensors.height.component=angle",), r"sensors\.height\.component = 'angle'"),
+])  # fmt: skip
+def test_what_a_loose_ball_can_t_be_is_refused(settings, message):
+    with pytest.raises(SceneError, match=message):
+        load(with_settings(scene_of(BALL_CRANK.replace("CONTACT", HERTZ)), settings))
 
 
 @pytest.mark.parametrize("turn", ["a", "b", "c"])

@@ -102,7 +102,7 @@ class SpatialJoint:
 
 @dataclass(frozen=True)
 class SpatialContact(Contact):
-    """Contact in space: of a point or a sphere with a plane, or of two flanks."""
+    """Contact in space: of a point or a sphere with a plane, of two spheres, or of two flanks."""
 
     first: Side  # type: ignore[assignment]
     second: Side  # type: ignore[assignment]
@@ -242,7 +242,7 @@ def _made(scene: Scene) -> SpatialMechanism:
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
     contacts = {name: _contact(scene, name) for name in scene.contacts}
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
-    known |= {contact.joint for contact in contacts.values() if contact.joint is not None}
+    known |= {contact.joint for contact in contacts.values() if contact.joint in joints}
     prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)
     known |= prescribed
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
@@ -255,7 +255,7 @@ def _made(scene: Scene) -> SpatialMechanism:
 
 
 def _contact(scene: Scene, name: str) -> SpatialContact:
-    """Contact of a point and a plane, or of two flanks."""
+    """Contact of a scene."""
     found = scene.contacts[name]
     first, second = (Side(side.body, scene.point(side)) for side in found.sides)
     keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"

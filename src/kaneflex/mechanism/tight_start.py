@@ -26,7 +26,7 @@ def tight_start(scene: Scene) -> Scene:
     """
     given = {"angle", "position", "initial_speed"}
     open_ = [name for name in scene.free_joints if not given & scene.drives[name].model_fields_set]
-    if not scene.loose or not open_:
+    if scene.is_spatial or not scene.loose or not open_:
         return scene
     import numpy as np
 

@@ -121,10 +121,15 @@ def wrenches_on(
                     yield on.wrench(name, side, sign * force, motion[f"{name}.{turns}"])
         return
     for name, contact in parts.contacts.items():
-        if contact.joint is not None:
+        if contact.kind == "angle":
             yield from on.torque(name, contact.joint, contact.direction[0] * motion[f"{name}.force"])
             continue
-        push = motion[f"{name}.force"] * on.carried(contact.first)[0].to_global(np.array(contact.direction))
+        if contact.kind == "circle-in-circle":
+            back = on.place(contact.first) - on.place(contact.second)
+            direction = back / np.maximum(np.linalg.norm(back, axis=0), np.finfo(float).tiny)
+        else:
+            direction = on.carried(contact.first)[0].to_global(np.array(contact.direction))
+        push = motion[f"{name}.force"] * direction
         for side, sign in zip(contact.sides, _SIGNS, strict=True):
             if side.body == body:
                 yield on.wrench(name, side, sign * push, at=contact.second)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.transforms import ScaledTranslation
 
+from kaneflex.plots.outlines import seen, view_of
 from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.solve.touching import eccentricity, record_of
@@ -47,12 +48,15 @@ def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
     factor, unit = readable("m", np.array([loose.room]))
     title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} in radius{shown.note}"
     figure, path, over = _page(title, 2)
-    place, touching = shown.motion.clearance(name)[:2], _touching(shown, loose.contacts)
+    view, touching = view_of(shown.solution.model.scene), _touching(shown, loose.contacts)
+    place = seen(shown.motion.clearance(name)[: view.shape[1]].T, view).T
     path.add_patch(Circle((0, 0), factor * loose.room, fill=False, label="clearance circle"))
-    _path(path, shown, loose.contacts, factor * place, "of the pin's middle")
+    _path(path, shown, loose.contacts, factor * place, f"of the {'pin' if view.shape[1] == 2 else 'ball'}'s middle")
     reach = factor * max(1.06 * loose.room, 1.06 * float(np.abs(place).max()))
-    path.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
-    path.set_title("Path in the bearing, global axes")
+    right, up = ("x", "y") if view.shape[1] == 2 else ("to the right", "upwards")
+    path.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    path.set(xlabel=f"{right} [{unit}]", ylabel=f"{up} [{unit}]")
+    path.set_title(f"Path in the bearing, {'global axes' if view.shape[1] == 2 else 'seen as the mechanism'}")
     ratio = eccentricity(shown.solution, name)[shown.instants]
     over[0].plot(shown.x, ratio, color=PALETTE[0], linewidth=0.9, label="eccentricity")
     over[0].axhline(1.0, color="black", linestyle="--", linewidth=0.8, label="the sides touch")

@@ -314,7 +314,8 @@ def contact_line(contact: Contact) -> str:
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         law = "rigid" if contact.law == "newton" else law
         return f"{where}, {math.degrees(room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
-    if contact.joint is not None:
+    if isinstance(contact, ClearanceContact):
+        where = where.replace("circle", "sphere") if contact.of_kind == "spherical" else where
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"
     if contact.law == "newton":

@@ -96,7 +96,7 @@ class Motion(ABC):
         """Position of a pin or block in a joint with clearance, (3, n_times).
 
         Relative to the other side: x and y in m, and the angle [rad]. For a pin in global axes; for a block along its
-        guide, across it to the left, and its tilt.
+        guide, across it to the left, and its tilt. For a ball in space x, y and z, global.
         """
         return cast("FloatingMotion", self.scalars).clearance(name)
 

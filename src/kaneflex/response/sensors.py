@@ -231,13 +231,14 @@ class Reader:
         return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
 
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
-        """Position of a pin in its bearing or of a block in its guide."""
-        x, y, angle = self.motion.clearance(name)
-        loose = self.scene.loose[name]
-        if sensor.axes == "body" and loose.direction is None:
+        """Position of a pin in its bearing, of a ball in its socket, or of a block in its guide."""
+        loose, (x, y, last) = self.scene.loose[name], self.motion.clearance(name)
+        if sensor.axes == "body" and self.scene.is_spatial:
+            x, y, last = self.motion.seen_from(loose.sides[0].body, np.array([x, y, last]))
+        elif sensor.axes == "body" and loose.direction is None:
             turned = self._angle(loose.sides[0])
             x, y = rotate_back(np.cos(turned), np.sin(turned), (x, y))
-        return {"x": x, "y": y, "angle": angle}[sensor.component]
+        return {"x": x, "y": y}.get(sensor.component, last)
 
     def _angle(self, address: Address) -> np.ndarray:
         return self.motion.angle(address.body, self.scene.point(address))

@@ -41,9 +41,9 @@ class Clearance(SceneTable):
     """Clearance of a joint, which then has no reaction: its sides touch by `contact`.
 
     A revolute joint has a `radial` clearance (radius of the bearing minus radius of the pin); `width` is that of both,
-    `radius` that of the pin. A guide's block has a `gap` to either face in its middle position; it has a `length` and
-    a `height`, and its four corners can touch. The bearing and the faces are on the joint's first body. `friction`
-    acts where they touch.
+    `radius` that of the pin; of a spherical joint the same of its ball and socket. A guide's block has a `gap` to
+    either face in its middle position; it has a `length` and a `height`, and its four corners can touch. The bearing
+    and the faces are on the joint's first body. `friction` acts where they touch.
 
     With an `angle` a revolute joint remains ideal and has backlash: `angle` is the play from the `middle` (relative
     angle of the second body) to the flank on either side.
@@ -221,9 +221,7 @@ class Contact(SceneTable):
 
     def entry(self, name: str) -> str:
         """Entry of the scene with the two points of the contact of this name."""
-        if self.joint is None:
-            return f"contacts.{name}.{self.key}"
-        return f"joints.{self.joint}.{'prismatic' if self.kind == 'point-line' else 'revolute'}"
+        return f"contacts.{name}.{self.key}"
 
     def number(self, name: str) -> float:
         """Value of the contact's parameter of this name in the equations."""
@@ -237,6 +235,7 @@ class ClearanceContact(Contact):
     """Contact that replaces a joint with a clearance; made when the scene is read, never written."""
 
     of: str
+    of_kind: str
     clearance: Clearance
     along: int = 0
     flank: int = 0
@@ -252,6 +251,9 @@ class ClearanceContact(Contact):
     @property
     def joint(self) -> str:
         return self.of
+
+    def entry(self, name: str) -> str:
+        return f"joints.{self.of}.{self.of_kind}"
 
     @property
     def corner(self) -> int:
@@ -291,8 +293,8 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
     """
     first, second = joint.addresses
     clearance = joint.clearance
-    shared = {"contact": clearance.contact, "friction": clearance.friction, "of": name, "clearance": clearance,
-              "width": clearance.width}  # fmt: skip
+    shared = {"contact": clearance.contact, "friction": clearance.friction, "of": name, "of_kind": joint.kind,
+              "clearance": clearance, "width": clearance.width}  # fmt: skip
     if clearance.radial is not None:
         return {name: ClearanceContact.model_construct(circle_in_circle=(second, first), **shared)}
     if clearance.angle is not None:

@@ -148,13 +148,15 @@ class Joint(SceneTable):
             friction.check_at(kind)
 
     def _check_clearance(self, kind: str, clearance: Clearance) -> None:
-        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
+        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",), "spherical": ("radial",)}.get(kind, ())
         if all(getattr(clearance, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
         if clearance.angle is None:
             self.refuse(("branch", "near", "rotation"), "a joint with a clearance does not couple rotations")
         with within("clearance"):
+            if kind == "spherical" and clearance.width is not None:
+                raise Fault("a ball has no width", "Leave it out", below="width")
             for contact in contacts_of("", self).values():
                 _ = contact.pushing
 

@@ -110,14 +110,15 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     for name, joint in scene.joints.items():
         yield from _friction(scene, name)
         for field in ("branch", "near", "clearance", "relative_angle"):
-            if field in joint.model_fields_set and not (field == "clearance" and joint.has_backlash):
+            known = field == "clearance" and (joint.has_backlash or joint.kind == "spherical")
+            if field in joint.model_fields_set and not known:
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
-    for name, contact in scene.contacts.items():
+    for name, contact in scene.with_clearances().contacts.items():
         if contact.joint is None and contact.kind != "point-plane":
             yield Problem(contact.entry(name), None, reason, "Use point_on_plane in a scene in space")
         elif contact.friction is not None:
-            yield Problem(f"contacts.{name}.friction", None, reason, cure)
+            yield Problem(f"{contact.stands(name)}.friction", None, reason, cure)
         elif contact.law == "newton":
             right = "Give a contact stiffness with a law such as exact"
             yield Problem(f"{contact.stands(name)}.contact.law", contact.law, reason, right)
@@ -256,6 +257,7 @@ def _drives(scene: Scene) -> Iterator[Problem]:
 
 
 def _sensors(scene: Scene) -> Iterator[Problem]:
+    scene = scene.with_clearances()
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
         if sensor.kind not in _SENSORS:

@@ -193,6 +193,8 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
         "clearance_y": ("m", "position of a pin in its bearing along y, global; of a block across its guide"),
         "clearance_angle": ("rad", "angle of a pin's body relative to its bearing's; tilt of a block in its guide"),
     }
+    if solution.model.scene.is_spatial:
+        about = {f"clearance_{axis}": ("m", f"position of a ball in its socket along {axis}, global") for axis in "xyz"}
     found: dict[str, Entry] = {
         key: (both, places[:, k].T, {"units": unit, "long_name": meaning})
         for k, (key, (unit, meaning)) in enumerate(about.items())

@@ -218,10 +218,14 @@ def list_spatial_acts(
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
     touching = list[Row]()
     for k, contact in enumerate(mechanism.contacts.values(), start=row + len(holds)):
-        normal, speed, law = np.asarray(contact.direction), -1, contacts.LAWS.index(contact.law)
-        if contact.joint is not None:
-            normal, speed = normal[0] * mechanism.joints[contact.joint].moves[0][1], builder.speed(contact.joint)
-        numbers = *contacts.numbers_of(contact), builder.axis(contact.first, normal), speed
+        axis, speed, law = -1, -1, contacts.LAWS.index(contact.law)
+        if contact.kind == "angle":
+            assert contact.joint is not None  # whose flanks these are
+            normal, speed = mechanism.joints[contact.joint].moves[0][1], builder.speed(contact.joint)
+            axis = builder.axis(contact.first, contact.direction[0] * normal)
+        elif contact.kind == "point-plane":
+            axis = builder.axis(contact.first, np.asarray(contact.direction))
+        numbers = *contacts.numbers_of(contact), axis, speed
         sections = [builder.section(side) for side in contact.sides]
         touching.append((contacts.kind_of(contact), *sections, law, k, builder.w.put(numbers)))
     touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]

@@ -37,10 +37,10 @@ FORCE_ALONG, FOLLOWER, STRAIGHT, BUSHING, ALONG_AXIS, TORQUE, TORSIONAL, ABOUT_A
 """Kinds of loads: along a global direction, along one that turns with a section, TORQUE between two sections; in space
 directions have the axes of bodies, and are all FORCE_ALONG. Kinds of springs: STRAIGHT and TORSIONAL, and six rows of a
 bushing in space, along and about its axes, the first one BUSHING. From TORQUE on they are moments."""
-FLANK, SWITCH = 2, -1
-"""Kinds of contacts: flanks, by their number in :data:`kaneflex.generated.contact.KINDS`; switches, which touch
-nothing but are treated alike: arguments of loads' laws, which change at their zeros. The sections of a switch are
-the ground's, its number among the switches is in ROW_AT."""
+CIRCLES, FLANK, SWITCH = 1, 2, -1
+"""Kinds of contacts: circles, in space spheres, and flanks, by their number in
+:data:`kaneflex.generated.contact.KINDS`; switches, which touch nothing but are treated alike: arguments of loads' laws,
+which change at their zeros. The sections of a switch are the ground's, its number among the switches is in ROW_AT."""
 OPEN, CLOSED, STICKING, SLIPPING, RELEASED, FLOWING, BENDING = range(7)
 """MODE of a unilateral or frictional row: without force; closed contact; friction that sticks, or slips; closed contact
 that would pull; friction by a function of the state; friction of bristles. MEMORY belongs to it: the approach speed of

@@ -283,6 +283,12 @@ class SpatialMotion(DeformingMotion):
         """Gap [m or rad] and normal force [N or N m] of a contact."""
         return self[f"{name}.gap"], self[f"{name}.force"]
 
+    def clearance(self, name: str) -> np.ndarray:
+        """Position of a ball relative to its socket, global [m], (3, n_times)."""
+        sides = self.system.mechanism.contacts[name].sides
+        (first, one), (second, other) = (self.section_frame(side) for side in sides)
+        return second.place(other.at) - first.place(one.at)
+
     def friction(self, name: str) -> np.ndarray:
         """Friction force or torque on the second body of a joint [N or N m]."""
         return self[f"{name}.friction"]

@@ -211,7 +211,7 @@ def begin(m, n, t, approach, lost):
     w, k = m.w, at(m, n)
     w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, approach, lost
     w[k + IMPULSE] = w[k + PEAK] = 0.0
-    place_of(m, n, k + BEGAN_X)
+    w[k + BEGAN_X], w[k + BEGAN_Y], w[k + BEGAN_Z] = place_of(m, n)
 
 
 @njit(**OPTIONS)

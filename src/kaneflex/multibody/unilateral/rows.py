@@ -24,7 +24,7 @@ from kaneflex.generated import joints, spatial
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_holds, of_impacts
-from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, vectors
+from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import (
     absolute, axpy, cross, dot, first, joined, last, minus, plus, scaled, zero_like,
 )  # fmt: skip
@@ -32,10 +32,10 @@ from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, s
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT, CUT_ROWS,
-    DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS, LOSING, MEMORY,
-    MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIDE, SLIP, SLIPPING,
-    SLIP_RATE, SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
+    ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CIRCLES, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT,
+    CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS,
+    LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIDE, SLIP,
+    SLIPPING, SLIP_RATE, SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
@@ -199,35 +199,29 @@ def _gap(m, n, row):
 @njit(**OPTIONS)
 def _gap_6(m, n, row):
     act, own, out = act_of(m, n), law_at(m, n), m.rows
-    axis = int(m.w[own + AXIS_AT])
+    axis, reach, first, second = int(m.w[own + AXIS_AT]), m.w[own + REACH_AT], m.acts[act, AT], m.acts[act, ON]
     if m.acts[act, WHAT] == FLANK:
         k, turn, both = int(m.w[own + COORDINATE_AT]), m.w[own], twists(m, shifted(out, row + 3))
-        out[row], out[row + 1], out[row + 2] = turn * m.y[k], turn * m.u[k], turn * m.du[k]
+        out[row], out[row + 1], out[row + 2] = turn * m.y[k] - reach, turn * m.u[k], turn * m.du[k]
         both[1] = joined((0.0, 0.0, 0.0), m.axes[axis])
         both[0] = scaled(-1.0, both[1])
+    elif m.acts[act, WHAT] == CIRCLES:
+        spatial.spheres(m.sections, first, second, m.w[own], reach, out, row)
     else:
-        spatial.on_plane(m.sections, m.acts[act, AT], m.acts[act, ON], numbers_of(m.axes), axis, out, row)
-    out[row] -= m.w[own + REACH_AT]
+        spatial.on_plane(m.sections, first, second, numbers_of(m.axes), axis, out, row)
+        out[row] -= reach
 
 
 _gap = by_size(_gap, _gap_6)
 
 
 @njit(**OPTIONS)
-def place_of(m, n, out):
-    """Store the touched place of a contact [m], global; of flanks that of the second section."""
-    act = act_of(m, n)
-    first, second = section_at(m, m.acts[act, AT]), section_at(m, m.acts[act, ON])
-    touching.place(m.acts[act, WHAT], m.sections, first, second, m.w, law_at(m, n), m.w, out)
-
-
-@njit(**OPTIONS)
-def _place_of_6(m, n, out):
-    own, normal = law_at(m, n), m.axes[int(m.w[law_at(m, n) + AXIS_AT])]
-    vectors(shifted(m.w, out))[0] = axpy(-m.w[own + RADIUS_AT], normal, section_place(m, m.acts[act_of(m, n), ON]))
-
-
-place_of = by_size(place_of, _place_of_6)
+def place_of(m, n):
+    """Touched place of a contact after :func:`meet` [m], global; of flanks that of the second section."""
+    place, push = section_place(m, m.acts[act_of(m, n), ON]), row_wrench(m, row_at(m, n), 1)
+    radius = m.w[law_at(m, n) + RADIUS_AT]
+    z = place[2] - radius * push[2] if width(m) == 6 else 0.0
+    return place[0] - radius * push[0], place[1] - radius * push[1], z
 
 
 @njit(**OPTIONS)
