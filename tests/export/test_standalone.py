@@ -18,13 +18,13 @@ from kaneflex.export.standalone import MOST_LINES, standalone
 from kaneflex.solve.simulation import solve
 
 SCENES = {
-    "engine": (),  # by harmonics, a table of gas pressure, all kinds of sensors
+    "engine": ("solve.steps=360",),  # by harmonics, a table of gas pressure, all kinds of sensors
     # by harmonics, more coordinates than modes, two links in a row
-    "engine-elastic-crank": ("solve.steps=360", "sensors={slope={displacement='rod.mid', relative_to='chord', "
+    "engine-elastic-crank": ("solve.steps=180", "sensors={slope={displacement='rod.mid', relative_to='chord', "
                              "component='angle'}}"),
-    "engine-transient": ("solve.duration=5 ms", "solve.steps=360"),  # by steps, from rest
+    "engine-transient": ("solve.duration=2 ms", "solve.steps=144"),  # by steps, from rest
     "rotating-cantilever": (),  # by harmonics, a load on a link
-    "quick-return": ("solve.steps=360",),  # by harmonics, a guide on a body that turns, gravity, a load by a law
+    "quick-return": ("solve.steps=180",),  # by harmonics, a guide on a body that turns, gravity, a load by a law
     "spin-up": ("solve.duration=2 s", "solve.steps=200"),  # by steps, a drive by a law
 }
 """Scene -> settings that make it shorter."""
