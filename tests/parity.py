@@ -25,10 +25,17 @@ SHORT = {
     "engine-3": ("solve.steps=144",),
     "engine-rig": ("solve.duration=0.05 s", "solve.steps=100"),
     "engine-torque": ("solve.duration=0.05 s", "solve.steps=500"),
+    "engine-torque-elastic": ("solve.duration=0.05 s", "solve.steps=500"),
+    "engine-transient": ("solve.duration=5 ms", "solve.steps=360"),
+    "four-bar": ("solve.steps=180",),
     "four-bar-motor": ("solve.duration=0.1 s", "solve.steps=50"),
+    "pulsating-strut": ("solve.steps=180",),
+    "quick-return": ("solve.steps=360",),
+    "slider-crank-150": ("solve.duration=10 ms", "solve.steps=750"),
+    "slider-crank-150-coupled": ("solve.duration=10 ms", "solve.steps=750"),
     "spin-up": ("solve.duration=2 s", "solve.steps=200"),
     "spin-up-torque": ("solve.duration=2 s", "solve.steps=200"),
-    "two-link-arm": ("solve.steps=360",),
+    "two-link-arm": ("solve.steps=180",),
 }
 """Settings of scenes that run for long, by which both runs are shorter."""
 ROUNDING = 1e-7

@@ -184,7 +184,7 @@ def test_a_planar_cycle_lifted_and_turned_is_the_same(count):
 def test_harmonics_begin_on_the_cycle(monkeypatch, count):
     """A four-bar, where joints and shapes that are independent at one position are dependent at another: its cycle is
     that of the plane, but for terms of the third order."""
-    flat, deep = _lifted("four-bar", "drives.main.speed=200 rpm", "solve.modes=1")
+    flat, deep = _lifted("four-bar", "drives.main.speed=200 rpm", "solve.modes=1", "solve.steps=60")
     plane, found = solved(flat), solved(deep)
     (cycles, first), *more = count
     by_harmonics = abs(cycles.missed(first) / cycles.sizes(first)).max()

@@ -26,20 +26,24 @@ def gmres(
     size = float(np.linalg.norm(load))
     if size == 0.0:
         return np.zeros_like(load), 0.0
-    basis, moves, H = [load / size], list[np.ndarray](), np.zeros((most + 1, most))
-    wanted, left = size * np.eye(1, most + 1)[0], 1.0
-    y: np.ndarray
+    basis, H = np.empty((most + 1, len(load))), np.zeros((most + 1, most))
+    basis[0], moves = load / size, list[np.ndarray]()
+    # orthogonal to the columns of H; the least residual is the reciprocal of its length (Ayachour 2003)
+    across = np.ones(most + 1)
     for k in range(most):
         moves.append(near(basis[k]))
-        rest = apply(moves[k])
-        for i, v in enumerate(basis):
-            H[i, k] = rest @ v
-            rest = rest - H[i, k] * v
+        rest, known = apply(moves[k]), basis[: k + 1]
+        for _ in range(2):  # once more, for what rounding left of them
+            shares = known @ rest
+            H[: k + 1, k] += shares
+            rest = rest - shares @ known
         H[k + 1, k] = np.linalg.norm(rest)
-        columns = H[: k + 2, : k + 1]
-        y = np.linalg.lstsq(columns, wanted[: k + 2], rcond=None)[0]
-        left = float(np.linalg.norm(wanted[: k + 2] - columns @ y)) / size
-        if not left > tolerance:
+        if H[k + 1, k] == 0.0:
             break
-        basis.append(rest / H[k + 1, k])
-    return np.array(moves).T @ y, left
+        across[k + 1] = -(H[: k + 1, k] @ across[: k + 1]) / H[k + 1, k]
+        if not 1.0 > tolerance * np.linalg.norm(across[: k + 2]):
+            break
+        basis[k + 1] = rest / H[k + 1, k]
+    columns, wanted = H[: k + 2, : k + 1], size * np.eye(1, k + 2)[0]
+    y = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    return np.array(moves).T @ y, float(np.linalg.norm(wanted - columns @ y)) / size
