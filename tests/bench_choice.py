@@ -101,7 +101,7 @@ def _beside_brute_force(
     laid = len(neutral_settings(scene))
     chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
-    for candidate in dict.fromkeys((*chosen.values(), *candidates_of(basis))):
+    for candidate in dict.fromkeys((*chosen.values(), *candidates_of(basis, reference.stored))):
         if time.perf_counter() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
             continue

@@ -23,6 +23,7 @@ from kaneflex.multibody.model.module_loading import generate_text, import_file, 
 from kaneflex.report.summary import Summary
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.study.trade import choice as choice_cache
+from kaneflex.study.trade import reference
 from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
 
 DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
@@ -230,13 +231,17 @@ def test_a_hundredth_of_a_per_cent_is_answered_by_as_many_modes_as_it_takes(name
 
 
 def test_sensors_that_no_model_stores_densely_enough_are_not_said_to_be_within(monkeypatch):
-    """The engine by 24 steps a cycle: its forces are not straight lines between them."""
+    """The engine by 24 steps a cycle: its forces are not straight lines between them; if named they get more."""
     monkeypatch.setattr(choice_cache.Trials, "cheapest_models", lambda self: [])
     scene = with_settings(read_scene("engine"), ["solve.steps=24"])
     found = choose(scene, 0.05, purpose="run")
     assert "rod_force_piston" in found.open and not found.errors.keys() & found.open.keys()
     assert max(found.errors.values()) <= 0.05 < min(found.open.values())
     assert "\n  Not within 5 %: " in chosen_lines(found)
+    named = choose(scene, 0.05, ["rod_force_piston"], purpose="run")
+    assert named.model.endswith("1.3e-09, 192 steps") and named.open == {}
+    assert error(scene, named, ["solve.preset=coupled", "solve.steps=1440"]) < 0.05
+    monkeypatch.setattr(reference, "_DENSEST", 1)
     with pytest.raises(SceneError, match="between its stored instants the finest model changes rod_force_piston by"):
         choose(scene, 0.05, ["rod_force_piston"], purpose="run")
 

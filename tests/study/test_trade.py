@@ -13,7 +13,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
 from kaneflex.study.runs import Runs, Timing, cost
 from kaneflex.study.trade.candidates import COUPLED, candidates_of, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.reference import _finer, find_reference
+from kaneflex.study.trade.reference import _finer, _stored, find_reference
 
 TRIED = ("rigid", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element")
 UNSTIFFENED = Variant("quasistatic without geometric", ("solve.preset=quasistatic", "solve.terms.geometric=false"))
@@ -149,6 +149,16 @@ def test_errors_are_taken_at_the_instants_of_both():
     assert own.peak_difference == 1.0
     nothing = Curves(flat.times, {name: np.array([0.0, 0.0]) for name in names}, {})
     assert differences(scene, names, "ours", curves, nothing) == ()
+
+
+def test_a_coupled_model_stores_as_few_instants_as_a_parabola_needs():
+    """Lines through y = t^2 at distances h deviate by h^2/4; contacts are not compared between instants."""
+    scene, times = read_scene("engine"), np.linspace(0.0, 1.0, 65)
+    parabola = Curves(times, {"tip_axial": times**2}, {})
+    for steps, needed in ((8, 4), (16, 4), (4, 4), (2, 4), (1, 4)):
+        assert _stored(scene, parabola, steps, {"tip_axial": 1.01 * (1 / 4) ** 2 / 4}) == needed
+    assert _stored(scene, parabola, 4, {"tip_axial": 1e-5}) == 4  # none is enough
+    assert _stored(read_scene("bouncing-bar"), parabola, 4, {"tip_axial": 1.0}) == 4
 
 
 def test_costs_are_medians_and_the_first_run_is_apart():

@@ -101,12 +101,14 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
     return tuple(name for name in own if name != "damping" or scene.damping is not None)
 
 
-def families(scene: Scene) -> tuple[Family, ...]:
-    """Models of a neutral scene by preset, the cheapest preset first."""
+def families(scene: Scene, stored: int = 0) -> tuple[Family, ...]:
+    """Models of a neutral scene by preset, the cheapest preset first; ``stored``: stored steps of coupled models, by
+    default the scene's."""
+    coupled = _coupled(scene, stored)
     if scene.solve.preset == "coupled":
-        return (_coupled(scene),)
+        return (coupled,)
     rigid = () if scene.is_frame else (Family(Variant("rigid", ("solve.preset=rigid",))),)
-    return (*rigid, *(_one_way(scene, preset) for preset in ("quasistatic", "linear", "stiffened")), _coupled(scene))
+    return (*rigid, *(_one_way(scene, preset) for preset in ("quasistatic", "linear", "stiffened")), coupled)
 
 
 def _one_way(scene: Scene, preset: str) -> Family:
@@ -129,23 +131,35 @@ def _one_way(scene: Scene, preset: str) -> Family:
     return Family.of(whole, work.pop(whole), work)
 
 
-def _coupled(scene: Scene) -> Family:
-    """Fewer modes of each link, each with looser tolerances of a step, and the next level of its refinement."""
-    modes, tolerance = modes_of(scene), tolerance_of(scene)
-    work = {}
+def _coupled(scene: Scene, stored: int) -> Family:
+    """Fewer modes of each link, each with looser tolerances of a step, by a number of stored steps."""
+    modes, tolerance, steps, work = modes_of(scene), tolerance_of(scene), resolve_options(scene).steps, {}
+    stored = stored or steps
     for count in (modes, *(fewer for fewer in _COUPLED_MODES if fewer < modes)):
         for limit in (tolerance, *(loose for loose in _LOOSE if loose > tolerance)):
             name = "coupled" if count == modes else f"coupled, {_count(count, 'mode')} a link"
             settings = () if count == modes else (f"solve.modes={count}",)
             if limit != tolerance:
                 name, settings = f"{name}, tolerance {limit:.0e}", (*settings, f"solve.tolerance={limit!r}")
-            work[Variant(name, (*COUPLED.settings, *settings))] = -math.log10(limit) * (3 + count)
-    return Family.of(COUPLED, work.pop(COUPLED), work)
+            model = with_stored(Variant(name, (*COUPLED.settings, *settings)), steps, stored)
+            work[model] = -math.log10(limit) * (3 + count)
+    ascending = tuple(each for each in sorted(work, key=work.__getitem__) if each != COUPLED)
+    return Family(COUPLED, finer=ascending) if stored > steps else Family(COUPLED, ascending)
 
 
-def candidates_of(scene: Scene) -> tuple[Variant, ...]:
-    """Candidates of a neutral scene: plain presets, then other fineness."""
-    found = families(scene)
+def with_stored(model: Variant, steps: int, stored: int) -> Variant:
+    """A coupled model of so many steps with another number of stored ones, which hardly change what it computes."""
+    own = tuple(setting for setting in model.settings if not setting.startswith("solve.steps="))
+    name = f"{model.name}, {_count(stored, 'step')}"
+    return model if stored == steps else Variant(name, (*own, f"solve.steps={stored}"))
+
+
+def candidates_of(scene: Scene, stored: int = 0) -> tuple[Variant, ...]:
+    """Candidates of a neutral scene: plain presets, then other fineness; ``stored`` as of :func:`families`.
+
+    With free joints those of ``coupled`` come first: others move as if nothing deformed, and hardly faster.
+    """
+    found = families(scene, stored)[:: -1 if scene.free_joints else 1]
     others = (each for family in found for each in (*family.cheaper, *family.finer))
     return (*(family.plain for family in found), *others)
 

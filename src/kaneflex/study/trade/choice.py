@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
 from kaneflex.scene.settings import resolved
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.curves import Curves
@@ -27,8 +29,8 @@ from kaneflex.support.module_cache import cache_folder, keep
 
 Purpose = Literal["run", "model", "code"]
 """Use of a choice: one run, the cheapest model for many runs, or code without the terms that are not needed."""
-_LONGEST = 1.0
-"""Most processor seconds of trying cheaper models for one run."""
+_LONGEST, _SHARE = 1.0, 0.5
+"""Most processor seconds of trying cheaper models for one run, and as a share of a command that runs the richest."""
 
 
 def choose(
@@ -64,8 +66,8 @@ def chosen(
 
     The model is within the tolerance in all ``others``, too, the scene with other numbers; errors are the largest.
     """
-    started, scenes = time.perf_counter(), (scene, *others)
-    trials = [Trials.begun(each, tolerance, sensors, progress, 1.0 if purpose == "run" else KNOWN) for each in scenes]
+    started, scenes, share = time.perf_counter(), (scene, *others), math.inf if purpose == "run" else KNOWN
+    trials = [Trials.begun(each, tolerance, sensors, progress, share) for each in scenes]
     own, model = trials[0], trials[0].richest()
     if purpose != "run":
         found = dict.fromkeys(model for each in trials for model in (*each.cheapest_models(), each.richest()))
@@ -144,15 +146,19 @@ def cheaper(
     """Choice of a cheaper model than the richest one, which an earlier command chose and compared with none, and its
     solution; the same choice if no model is cheaper and within.
 
-    Trying takes at most about twice the time of the richest model's run. ``curves`` are those of its reference.
+    Trying takes at most about half the time of a command that runs the richest model. ``curves`` are those of its
+    reference.
     """
     started = time.perf_counter()
     runs = Runs(neutral(scene), progress)
     reference = recalled(runs.scene, known, curves)
-    until = time.process_time() + min(_LONGEST, 2.0 * known.richest_s)
-    trials = Trials(runs, known.tolerance, reference, until, known.richest_s)
+    begun = time.process_time()
+    until = begun + min(_LONGEST, _SHARE * (begun + known.richest_s))
+    denser = max(1.0, reference.stored / resolve_options(runs.scene).steps)
+    trials = Trials(runs, known.tolerance, reference, until, denser * known.richest_s)
     plain = reference.levels[0]
-    trials.tried[plain] = Trial(plain, within=known.model == plain.name)
+    coarse = any(name in known.doubt for name in known.open)
+    trials.tried[plain] = Trial(plain, within=known.model == plain.name and not coarse, coarse=coarse)
     found = [model for model in trials.cheapest_models() if model is not plain]
     model = min(found, key=trials.seconds, default=plain)
     attempts = [*known.attempts, *(_attempt(trial) for each, trial in trials.tried.items() if each is not plain)]

@@ -112,9 +112,9 @@ def trade(
     begun, runs, reference, own = time.perf_counter(), trials.runs, trials.reference, None
     basis = runs.scene
     if candidates is None:
-        candidates, own = candidates_of(basis), own_model(scene)
+        candidates, own = candidates_of(basis, reference.stored), own_model(scene)
         own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
-        candidates = tuple(dict.fromkeys((own, *candidates)))
+        candidates = tuple(dict.fromkeys((own, *filter(runs.kept.get, reference.levels), *candidates)))
     left_out = {sensor: f"its error estimate is {100 * doubt:.2g} %" for sensor, doubt in reference.open.items()}
     for candidate in candidates:
         if time.perf_counter() > begun + _FIRST_RUNS * budget:

@@ -17,7 +17,7 @@ from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences
 from kaneflex.study.runs import Run, Runs
-from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set, with_stored
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
@@ -32,6 +32,10 @@ _CONVERGES = 0.5
 _GAIN, _MOST_GAIN = 8.0, 64.0
 """Factor by which it can reduce an error: forces converge at least with the square of the elements' length; and where
 modes converge fast, which is tried before a tolerance is refused."""
+_DENSEST = 8
+"""Largest factor on the stored steps of a coupled model."""
+_BETWEEN = 0.5
+"""Largest deviation of straight lines between stored instants, as a share of the tolerance."""
 _MOST = 2**23
 """Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
@@ -49,7 +53,9 @@ class Reference:
     model : Variant
         Variant of the neutral scene.
     curves : Curves
-        At twice as many instants as its run has.
+        At its stored instants and between them, where straight lines are not close.
+    stored : int
+        Number of steps between whose instants straight lines are close.
     doubts : mapping of str to float
         By sensor: error estimate, as a share of the peak.
     open : mapping of str to float
@@ -57,12 +63,13 @@ class Reference:
     note : str
         Why ``coupled`` can't be run, and warnings of the model's run; empty if none.
     levels : tuple of Variant
-        The plain model and finer ones, the finest last.
+        The plain model and finer ones, the finest last; the last coupled one has enough stored steps.
     """
 
     scene: Scene
     model: Variant
     curves: Curves
+    stored: int
     doubts: Mapping[str, float]
     open: Mapping[str, float]
     note: str
@@ -99,6 +106,7 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     sensors : sequence of str
         Sensors to compare.
     tolerance, share : float
+        ``share`` infinite: sensors that are not named cause no further run.
     named : bool
         Whether each sensor must be within the tolerance; else others are left open.
 
@@ -134,16 +142,23 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     beyond = {sensor: doubt for sensor, doubt in doubts.items() if doubt > tolerance}
     known = {sensor: doubt for sensor, doubt in doubts.items() if sensor not in beyond}
     notes = "; ".join(filter(None, (note, *run.solution.warnings)))
-    return Reference(runs.scene, model, _denser(run), known, beyond, notes, _up_to(levels, model))
+    limits = _limits(run.curves, known, tolerance)
+    curves = _denser(run, limits)
+    stored = _stored(runs.scene, curves, run.timing.steps, limits)
+    denser = stored if named or math.isfinite(share) else run.timing.steps
+    levels = _up_to(levels, model, run.timing.steps, denser)
+    return Reference(runs.scene, model, curves, stored, known, beyond, notes, levels)
 
 
 def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
     """Reference of an earlier choice for the same neutral scene."""
     plain = COUPLED if COUPLED.settings[0] in known.reference_settings else STIFFENED
-    levels = _levels(scene, plain)
+    levels, steps = _levels(scene, plain), resolve_options(scene).steps
     model = next(each for each in levels if each.name == known.reference)
     beyond = {sensor: error for sensor, error in known.open.items() if sensor not in known.doubt}
-    return Reference(scene, model, curves, known.doubt, beyond, known.reference_note, _up_to(levels, model))
+    levels, limits = _up_to(levels, model, steps, steps), _limits(curves, known.doubt, known.tolerance)
+    stored = _stored(scene, curves, steps, limits)
+    return Reference(scene, model, curves, stored, known.doubt, beyond, known.reference_note, levels)
 
 
 def kept_curves(curves: Curves, scene: Scene) -> bytes | None:
@@ -167,9 +182,12 @@ def _levels(scene: Scene, plain: Variant) -> tuple[Variant, ...]:
     return (plain, *(_finer(scene, plain, _FINER**k) for k in range(1, _LEVELS + 1)))
 
 
-def _up_to(levels: tuple[Variant, ...], model: Variant) -> tuple[Variant, ...]:
-    """Levels up to a model, at least two."""
-    return levels[: max(2, levels.index(model) + 1)]
+def _up_to(levels: tuple[Variant, ...], model: Variant, steps: int, stored: int) -> tuple[Variant, ...]:
+    """Levels up to a model, and of the coupled one of so many steps that with enough stored ones; else at least two."""
+    if levels[0] is STIFFENED:
+        return levels[: max(2, levels.index(model) + 1)]
+    denser = with_stored(model, steps, max(steps, stored))
+    return tuple(dict.fromkeys((*levels[: levels.index(model) + 1], denser)))
 
 
 def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
@@ -206,18 +224,44 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
     return {each.sensor: sizes.get(each.sensor, each.reference_peak) / each.reference_peak for each in found}
 
 
-def _denser(run: Run) -> Curves:
-    """Curves of a run at twice as many instants, which show what straight lines between the stored ones miss.
+def _denser(run: Run, limits: Mapping[str, float]) -> Curves:
+    """Curves of a run also between its instants, until straight lines deviate by no more than each sensor's limit.
 
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
-    solution, curves = run.solution, run.curves
-    if solution.model.scene.contacts:
-        return curves
-    times = curves.times
-    between = solution.at(middles := times[:-1] + 0.5 * np.diff(times)).series
-    values = {name: np.insert(own, range(1, len(own)), between[name].values) for name, own in curves.values.items()}
-    return replace(curves, times=np.insert(times, range(1, len(times)), middles), values=values)
+    curves, factor = run.curves, 1
+    ends = np.arange(1, 1 if run.solution.model.scene.contacts else len(curves.times))
+    while len(ends) and factor <= _DENSEST:
+        before, middles = curves.times, 0.5 * (curves.times[ends - 1] + curves.times[ends])
+        between = run.solution.at(middles).series
+        values = {name: np.insert(own, ends, between[name].values) for name, own in curves.values.items()}
+        curves = replace(curves, times=np.insert(before, ends, middles), values=values)
+        bent = np.flatnonzero(_bent(curves, before, limits))
+        ends, factor = np.union1d(bent, bent + 1), 2 * factor
+    return curves
+
+
+def _stored(scene: Scene, curves: Curves, steps: int, limits: Mapping[str, float]) -> int:
+    """Fewest steps between whose instants straight lines are within the limits: a quarter of a run's to eight times;
+    those of the run if none of these are enough."""
+    counts = (_DENSEST * steps >> k for k in (5, 4, 3, 2, 1, 0))
+    grids = ((n, np.linspace(curves.times[0], curves.times[-1], n + 1)) for n in counts if n > 0)
+    return steps if scene.contacts else next((n for n, grid in grids if not _bent(curves, grid, limits).any()), steps)
+
+
+def _limits(curves: Curves, doubts: Mapping[str, float], tolerance: float) -> dict[str, float]:
+    """Deviation of straight lines between stored instants that each sensor permits, in its unit."""
+    peaks = {sensor: float(abs(curves.values[sensor]).max()) for sensor in doubts}
+    return {name: min(_BETWEEN * tolerance, tolerance - doubt) * peaks[name] for name, doubt in doubts.items()}
+
+
+def _bent(curves: Curves, instants: np.ndarray, limits: Mapping[str, float]) -> np.ndarray:
+    """Mask (n_times,) of instants at which straight lines between other ones deviate by more than a sensor's limit."""
+    found = np.zeros(len(curves.times), bool)
+    for name, limit in limits.items():
+        own = curves.values[name]
+        found |= abs(np.interp(curves.times, instants, np.interp(instants, curves.times, own)) - own) > limit
+    return found
 
 
 def _check(

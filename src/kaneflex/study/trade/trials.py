@@ -76,7 +76,8 @@ class Trials:
     """Comparisons of models with a reference, each made once.
 
     ``until``: moment of ``time.process_time`` after which no model is tried; ``coupled``: time of the run
-    of the plain coupled model [s], if known before; ``tried``: results in the order of trials.
+    of the plain coupled model [s] with as many instants as the others, if known before; ``tried``: results in the
+    order of trials.
     """
 
     runs: Runs
@@ -140,8 +141,9 @@ class Trials:
 
         If ``stiffened`` is not within, and not for too few steps, no other one-way preset is.
         """
-        *one_way, coupled = families(self.runs.scene)
-        if self.runs.scene.is_spatial and math.isfinite(self.until):
+        scene = self.runs.scene
+        *one_way, coupled = families(scene, self.reference.stored)
+        if (scene.is_spatial or scene.free_joints) and math.isfinite(self.until):
             one_way = []  # their runs take about as long as those of coupled, or longer
         found = []
         for family in (*reversed(one_way), coupled):
