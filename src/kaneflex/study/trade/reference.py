@@ -23,7 +23,7 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.solve.summary_tables import Choice
 
-_FINER, _LEVELS = 2, 2
+_FINER, _LEVELS = 2, 3
 """Factor on elements and steps from one level to the next, and the number of finer levels."""
 _ORDER, _LEAST = 3, 1e-13
 """Power of that factor by which the tolerance of a step of preset coupled falls, and the least tolerance."""
@@ -96,8 +96,8 @@ class Reference:
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
     """Preset ``coupled``, or ``stiffened`` if that can't be run, refined once if that can bring the error estimate of
-    a sensor within a share of the tolerance, and twice if else the tolerance would be refused; motions with impacts
-    hardly converge.
+    a sensor within a share of the tolerance, and up to three times if else the tolerance would be refused; motions with
+    impacts hardly converge.
 
     Parameters
     ----------
