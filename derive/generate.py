@@ -9,7 +9,7 @@ from typing import Any
 from kaneflex.derive.elements.beam import Element, beam_element
 from kaneflex.derive.elements.plane import TermRow, element_kernel, in_letters, monomial
 from kaneflex.derive.equations.mechanism import SymbolicMechanism, read_structure
-from kaneflex.derive.equations.motion import Inverse, Motion, derive_inverse, derive_motion
+from kaneflex.derive.equations.motion import Motion, derive_motion
 from kaneflex.derive.ir.program import share
 from kaneflex.derive.printers import functions_text, module_text, rows
 from kaneflex.derive.printers import numba_printer as emit
@@ -40,8 +40,6 @@ class Equations:
         Options of ``beam_element`` that the elastic links require; those of ``beam`` may include more.
     terms : tuple of rows of ``contract.ELEMENT_TERMS``
         What the motion can excite.
-    inverse : Inverse or None
-        The program of the free joints' inverse dynamics with its states, None where no joint is free.
     """
 
     mechanism: SymbolicMechanism
@@ -49,7 +47,6 @@ class Equations:
     beam: str
     theory: Mapping[str, bool]
     terms: tuple[TermRow, ...]
-    inverse: Inverse | None
 
     def element(self, theory: Mapping[str, bool]) -> Element:
         """An element in symbols with the terms of this motion."""
@@ -65,7 +62,7 @@ def derive_equations(structure: dict[str, Any]) -> Equations:
     motion = derive_motion(mechanism)
     theory = theory_of(structure)
     beam = beam_module(**theory) if motion.links else ""
-    return Equations(mechanism, motion, beam, theory, required_terms(mechanism, motion), derive_inverse(mechanism))
+    return Equations(mechanism, motion, beam, theory, required_terms(mechanism, motion))
 
 
 def theory_of(structure: Mapping[str, Any]) -> dict[str, bool]:
@@ -139,20 +136,12 @@ def lower(equations: Equations) -> list[emit.Printed]:
     """Kernels with shared subexpressions, each beside its raw program (for the count of what sharing saved)."""
     parameters = tuple(symbol for symbol, _ in equations.mechanism.parameters.values())
     numbers, raw = emit.places(parameters, "p"), equations.motion.program(parameters)
-    kernels = [(emit.Kernel(share(raw), ("t", "p", "s"), numbers, _MOTION), raw)]
-    if equations.inverse is not None:
-        raw, states = equations.inverse
-        reads = (*emit.places((symbol for _, symbol in states), "y"), *numbers)
-        kernels.append((emit.Kernel(share(raw), ("t", "y", "p", "out"), reads, _INVERSE), raw))
-    return kernels
+    return [(emit.Kernel(share(raw), ("t", "p", "s"), numbers, _MOTION), raw)]
 
 
 _MOTION = """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
 p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-_INVERSE = """Torque that each free joint would need at time t [s] for a state and its accelerations.
-
-p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."""
 
 
 def print_module(
@@ -215,7 +204,7 @@ def _tables(equations: Equations) -> list[str]:
         *element_tables(equations.beam, equations.terms),
         module_text.literal("TABLES", tables, "what has a table in p, which begins where <path>.table says"),
         module_text.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
-        module_text.literal("FREE", told(free), "joints left to the forces, in the order of y in the kernel inverse"),
+        module_text.literal("FREE", told(free), "joints left to the forces"),
         *([module_text.literal("LOOPS", loops, closed)] * bool(loops)),
     ]  # fmt: skip
 

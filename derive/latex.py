@@ -41,29 +41,25 @@ def latex(scene: Any, progress: Progress = lambda stage: None) -> str:
     progress("Kane's equations")
     equations = derive_equations(structure_of(scene))
     progress("programs")
-    programs = [kernel.program for kernel, _ in lower(equations)]
+    ((kernel, _),) = lower(equations)
     progress("LaTeX")
-    return latex_document(equations, programs, scene.name, structure_hash(scene))
+    return latex_document(equations, kernel.program, scene.name, structure_hash(scene))
 
 
-def latex_document(equations: Equations, programs: Sequence[Program], scene: str, structure: str) -> str:
+def latex_document(equations: Equations, program: Program, scene: str, structure: str) -> str:
     r"""A LaTeX document of a structure's equations.
 
     Parameters
     ----------
     equations : Equations
-    programs : sequence of Program
-        As the module's kernels hold them, subexpressions shared; printed are ``motion`` and, where joints are free,
-        ``inverse``. The element's kernels are sums of its terms, which are printed as matrices.
+    program : Program
+        The rigid motion as the module's kernel holds it, subexpressions shared. The element's kernels are sums of its
+        terms, which are printed as matrices.
     scene, structure : str
         The scene's name, and the hash of its structure.
     """
-    chosen = [program for program in programs if program.name in ("motion", "inverse")]
-    names = SymbolNames(equations.mechanism, chosen)
-    parts = [_parameters(equations, names)]
-    for program in chosen:
-        parts.append(_SECTION[program.name])
-        parts.append(align(program, names, _targets(equations, program)))
+    names = SymbolNames(equations.mechanism, [program])
+    parts = [_parameters(equations, names), _SECTION["motion"], align(program, names, _targets(equations))]
     parts.append(_scalars(equations))
     if equations.beam:
         parts.append(_element(equations.element(equations.theory)))
@@ -78,13 +74,10 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
     return _aligned([f"{left} &= {broken(printer.doprint(expression))}" for left, expression in rows])
 
 
-def _targets(equations: Equations, program: Program) -> list[str]:
-    """Left-hand sides of a program's outputs: names of the motion's scalars, or the free joints' torques."""
+def _targets(equations: Equations) -> list[str]:
+    """Left-hand sides of the outputs: names of the motion's scalars."""
     names = equations.mechanism.names
-    if program.name == "motion":
-        return [rf"\mathtt{{{escaped(names.text(scalar.name))}}}" for scalar in equations.motion.stored]
-    free = [name for name, drive in equations.mechanism.drives.items() if drive.kind == "free"]
-    return [rf"T_{{\mathrm{{{escaped(names.text(name))}}}}}" for name in free]
+    return [rf"\mathtt{{{escaped(names.text(scalar.name))}}}" for scalar in equations.motion.stored]
 
 
 def _parameters(equations: Equations, names: SymbolNames) -> str:
@@ -186,11 +179,8 @@ def _unit(unit: str) -> str:
 _SECTION = {
     "motion": r"""\section*{Rigid motion}
 Positions in closed form, then velocities, accelerations and joint reactions, from Kane's equations with the
-constraints' multipliers; $w_0, w_1, \dots$ are shared subexpressions. The last rows are the scalars that the elastic
-stage reads.""",
-    "inverse": r"""\section*{Free joints}
-The torque that each free joint would need for its coordinate, speed and acceleration, which are inputs here; it is
-linear in the accelerations, and the motion is the one for which every such torque vanishes.""",
+constraints' multipliers; $w_0, w_1, \dots$ are shared subexpressions. The course of a free joint is the one for which
+its torque vanishes. The last rows are the scalars that the elastic stage reads.""",
     "element": r"""\section*{Elastic element}
 One element of an elastic link in the link's axes, $q = (u_1, v_1, \theta_1, u_2, v_2, \theta_2)$:
 \[ \mathbf{M}\,\ddot q + (\mathbf{C} + \mathbf{C}_s)\,\dot q + \mathbf{K}\,q = \mathbf{F} \]

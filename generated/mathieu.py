@@ -68,7 +68,7 @@ TERMS = rows.less(
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'bar': 0}  # elastic link -> where its LINK_SCALARS begin in s
-FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
+FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'motion': (39, 11)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g')}

@@ -69,7 +69,7 @@ TERMS = rows.less(
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'strut': 0}  # elastic link -> where its LINK_SCALARS begin in s
-FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
+FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'motion': (58, 20)} | {name: beam.OPERATIONS[name] for name in ('M', 'K_s', 'K_g', 'F')}

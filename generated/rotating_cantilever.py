@@ -50,7 +50,7 @@ TERMS = rows.less(beam.TERMS, 'euler', 'euler_load', 'load_x', 'load_y', 'tensio
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'blade': 0}  # elastic link -> where its LINK_SCALARS begin in s
-FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
+FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'motion': (52, 15)} | beam.OPERATIONS

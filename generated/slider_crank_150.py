@@ -59,7 +59,7 @@ TERMS = rows.less(beam.TERMS, 'viscous')
 
 TABLES = ()  # what has a table in p, which begins where <path>.table says
 LINKS = {'rod': 0}  # elastic link -> where its LINK_SCALARS begin in s
-FREE = ()  # joints left to the forces, in the order of y in the kernel inverse
+FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {'motion': (3114, 79)} | beam.OPERATIONS

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.pace import jacobian
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time.integration import finished
 from kaneflex.multibody.time.run import Run
@@ -16,6 +15,8 @@ from kaneflex.solve.solution import Solution
 
 PIECE = 100
 """Stored instants between choices of independent coordinates."""
+NUDGE = float(np.sqrt(np.finfo(float).eps))
+"""Relative step of difference quotients."""
 
 
 def scipy_motion(model) -> Solution:
@@ -67,3 +68,20 @@ def follow(run, times):
             run.filled += 1
             run.table[run.filled] = run.here = now
     run.counts[0] += len(curve.ts) - 1
+
+
+def jacobian(rates, t, y):
+    """Jacobian of ``rates`` by y, (n, n), from differences.
+
+    scipy's own differences grow tenfold each time if the rates don't depend on a variable, like an angle, until the
+    rates are not finite.
+    """
+    here, found = rates(t, y), np.zeros((len(y), len(y)))
+    for k in range(len(y)):
+        for side in (1.0, -1.0):  # of a variable at the border of what is possible there is one
+            moved = y.copy()
+            moved[k] += side * NUDGE * max(1.0, abs(y[k]))
+            found[:, k] = (rates(t, moved) - here) / (moved[k] - y[k])
+            if np.isfinite(found[:, k]).all():
+                break
+    return found

@@ -20,7 +20,7 @@ from kaneflex.derive.equations.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.equations.links import frame_scalars, jump_scalars, link_scalars
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.equations.newton import Loop
-from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, multiplier, rigid_equations
+from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, rigid_equations
 from kaneflex.derive.equations.springs import spring_scalars
 from kaneflex.derive.ir.functions import T, table, table_curvature, table_rate
 from kaneflex.derive.ir.names import Names
@@ -62,7 +62,7 @@ def derive_motion(mechanism: SymbolicMechanism) -> Motion:
         return _still(mechanism)
     equations = rigid_equations(mechanism)
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    solved = _solve(mechanism, equations, _drives(mechanism, steps), steps)
+    solved = _solve(mechanism, equations, drive_courses(mechanism, list(mechanism.drives), steps), steps)
     scalars = []
     for name, drive in solved.drives.items():
         unit = "m" if mechanism.joints[name].slides else "rad"
@@ -82,35 +82,6 @@ def derive_motion(mechanism: SymbolicMechanism) -> Motion:
     for name in links:
         scalars += jump_scalars(mechanism, name, solved, steps)
     return Motion(tuple(steps.assignments), links, tuple(scalars), solved.loops)
-
-
-Inverse = tuple[Program, tuple[tuple[str, sm.Symbol], ...]]
-"""Inverse dynamics of the free joints: its program, and its states as (joint, symbol)."""
-
-
-def derive_inverse(mechanism: SymbolicMechanism) -> Inverse | None:
-    """Inverse dynamics of the free joints: the torque that each would need for a given state and acceleration.
-
-    It is linear in the accelerations, so that the forward equations follow from a few evaluations: they are the
-    accelerations at which every torque is zero. Returns the program and its states (joint, symbol); None where no joint
-    is free.
-    """
-    free = [name for name, drive in mechanism.drives.items() if drive.kind == "free"]
-    if not free:
-        return None
-    equations = rigid_equations(mechanism)
-    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    solved = _solve(mechanism, equations, _drives(mechanism, steps, states=free), steps)
-    outputs = tuple((f"out[{k}]", solved.reactions[multiplier(f"{name}.drive")]) for k, name in enumerate(free))
-    parameters = tuple(symbol for symbol, _ in mechanism.parameters.values())
-    states = tuple((name, symbol) for name in free for symbol in _state_symbols(name))
-    inputs = (T, *(symbol for _, symbol in states), *parameters)
-    return Program("inverse", inputs, tuple(steps.assignments), outputs), states
-
-
-def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
-    """Coordinate, speed and acceleration of a free joint as inputs."""
-    return sm.Symbol(f"{name}_angle_"), sm.Symbol(f"{name}_speed_"), sm.Symbol(f"{name}_acceleration_")
 
 
 def _solve(mechanism: SymbolicMechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
@@ -158,12 +129,6 @@ def _still(mechanism: SymbolicMechanism) -> Motion:
 def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scalar]:
     unit = {name: load.unit for name, load in mechanism.loads.items()}
     return [Scalar(name, unit[name], "magnitude of the load", value) for name, value in loads.items()]
-
-
-def _drives(mechanism: SymbolicMechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, Drive]:
-    """The drives' courses; those of the joints in ``states`` are inputs."""
-    courses = drive_courses(mechanism, [name for name in mechanism.drives if name not in states], steps)
-    return {name: courses[name] if name in courses else Drive(*_state_symbols(name)) for name in mechanism.drives}
 
 
 def drive_courses(mechanism: SymbolicMechanism, names: Sequence[str], steps: Steps) -> dict[str, Drive]:

@@ -31,11 +31,11 @@ def generate_c(module: Any, name: str) -> dict[str, str]:
         Prefix of all names, an identifier.
     """
     printer, heads = Printer(own=name), []
-    for kernel in ("motion", "inverse", *ELEMENT_KERNELS):
+    for kernel in ("motion", *ELEMENT_KERNELS):
         function = getattr(module, kernel, None)
         if function is not None:
             written = {"s": CPointer(float64)} if kernel == "motion" else {}
-            written["out"] = CPointer(float64) if kernel in ("inverse", "F") else Square()
+            written["out"] = CPointer(float64) if kernel == "F" else Square()
             known = {"t": float64, **written}
             kinds = {each: known.get(each, ReadOnly(float64)) for each in signature(function.py_func).parameters}
             called, _ = printer.function(function, list(kinds.values()), "", f"{name}_{kernel}")

@@ -30,14 +30,13 @@ SCENES = ("engine", "four-bar", "double-pendulum")
 def derived(name: str):
     scene = read_scene(name)
     equations = derive_equations(structure_of(scene))
-    programs = [kernel.program for kernel, _ in lower(equations)]
-    return equations, programs, latex_document(equations, programs, scene.name, structure_hash(scene))
+    ((kernel, _),) = lower(equations)
+    return equations, kernel.program, latex_document(equations, kernel.program, scene.name, structure_hash(scene))
 
 
-def printed_programs(name: str):
-    equations, programs, _ = derived(name)
-    chosen = [program for program in programs if program.name in ("motion", "inverse")]
-    return chosen, SymbolNames(equations.mechanism, chosen)
+def printed_program(name: str):
+    equations, program, _ = derived(name)
+    return program, SymbolNames(equations.mechanism, [program])
 
 
 def rows(text: str) -> list[tuple[str, str]]:
@@ -76,16 +75,11 @@ def test_the_document_is_well_formed(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_assignment_and_output_stands_there_in_the_modules_order(name):
-    programs, names = printed_programs(name)
+    program, names = printed_program(name)
     equations, _, text = derived(name)
     lefts = [left for left, _ in rows(text)]
-    expected = []
-    for program in programs:
-        expected += [names(symbol) for symbol, _ in program.assignments]
-        if program.name == "motion":
-            expected += [rf"\mathtt{{{escaped(scalar)}}}" for scalar, *_ in model(name).module.SCALARS]
-        else:
-            expected += [rf"T_{{\mathrm{{{drive}}}}}" for drive in model(name).module.FREE]
+    expected = [names(symbol) for symbol, _ in program.assignments]
+    expected += [rf"\mathtt{{{escaped(scalar)}}}" for scalar, *_ in model(name).module.SCALARS]
     if equations.beam:
         expected += [rf"\mathbf{{{letter}}}" for letter in "MCKF"]
     assert lefts == expected
@@ -96,16 +90,16 @@ def test_every_assignment_and_output_stands_there_in_the_modules_order(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_no_two_symbols_look_alike(name):
-    programs, names = printed_programs(name)
-    symbols = set().union(*({*program.inputs, *(s for s, _ in program.assignments)} for program in programs))
+    program, names = printed_program(name)
+    symbols = {*program.inputs, *(symbol for symbol, _ in program.assignments)}
     assert len({names(symbol) for symbol in symbols}) == len(symbols)
 
 
 def test_names_that_would_look_alike_are_printed_as_in_the_module():
-    equations, programs, _ = derived("engine")
+    equations, motion, _ = derived("engine")
     rod = equations.mechanism.names.number["body", "rod"]
     clash = [sm.Symbol(f"mass_{rod}"), sm.Symbol(f"{rod}_mass"), sm.Symbol(f"x_{rod}")]
-    program = type(programs[0])("motion", tuple(clash), (), ())
+    program = type(motion)("motion", tuple(clash), (), ())
     names = SymbolNames(equations.mechanism, [program])
     assert [names(symbol) for symbol in clash] == [r"\mathtt{mass\_rod}", r"\mathtt{rod\_mass}", r"x_{\mathrm{rod}}"]
 
@@ -206,9 +200,8 @@ def functions_of(parameters: np.ndarray) -> dict:
 
 @pytest.mark.parametrize("name", ["engine", "four-bar"])
 def test_printed_motion_has_the_values_of_the_compiled_one(name):
-    programs, names = printed_programs(name)
+    program, names = printed_program(name)
     motion = model(name).motion
-    (program,) = programs
     equations = derived(name)[0]
     at = 0.37 * read_scene(name).horizon
     values = {names(symbol): float(motion.parameters[k]) for k, (symbol, _) in

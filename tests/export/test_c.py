@@ -97,12 +97,6 @@ def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
         assert distance(found, expected, abs(expected).max(axis=0)) <= 4.0
     held = np.ctypeslib.as_array((ctypes.c_double * len(p)).in_dll(library, f"{prefix}_p"))
     assert (held == p).all()
-    if module.FREE:
-        state = np.random.default_rng(1).normal(size=3 * len(module.FREE))
-        torque, in_c = np.zeros(len(module.FREE)), np.zeros(len(module.FREE))
-        types.FunctionType(module.inverse.py_func.__code__, interpreted(module))(0.1, state, p, torque)
-        called(library, f"{prefix}_inverse", 0.1, state, p, in_c)
-        assert (in_c == torque).all()
     if not module.LINKS:
         return
     element = np.random.default_rng(2).uniform(0.5, 2.0, len(module.ELEMENT_PARAMETERS))

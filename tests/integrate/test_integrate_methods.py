@@ -7,12 +7,12 @@ import pytest
 from integrate_cases import affine, constant, solved_by_scipy
 from machines import pendulum
 from runs import alike, model, run, solved
+from scipy_motion import jacobian
 
 from kaneflex import UserError, scene_of
 from kaneflex.integrate import stepping
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.pace import jacobian
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.solve.simulation import solve
 

@@ -65,6 +65,6 @@ def test_a_link_without_mass_is_named():
     with pytest.raises(SceneError) as error:
         model("double-pendulum", "lower.mass=none")
     assert str(error.value) == (
-        "drives.elbow = 'free': singular mass matrix at pivot = 0 deg, elbow = 0 deg: the joint moves no inertia. "
-        "Give the bodies that move with it a mass or an inertia, or prescribe it."
+        "bodies.lower.mass = 0: lower moves at elbow: the mass matrix is singular, as neither it nor the bodies that "
+        "it carries have a mass along that freedom. Give it one, however small, or a length and a mass."
     )

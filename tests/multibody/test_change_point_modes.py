@@ -165,10 +165,10 @@ def test_a_run_that_starts_at_a_change_point_is_named():
 
 
 def test_a_free_joint_that_stops_at_a_singular_position_is_told_so():
-    """It was said that its motion is too fast, and to raise the tolerance."""
+    """The run passes the position, where the kernels keep the branch."""
     raw = ladder(1, 1e-8)
     raw["solve"] = {"preset": "rigid", "duration": "3 s", "steps": 300, "errors": "none"}
-    with pytest.raises(SceneError, match=r"joints\.C0: .* singular position at t = 0\.708.*Use preset coupled"):
+    with pytest.raises(SceneError, match=r"joints.* singular position before t = 0\.71.*Use preset coupled"):
         simulate(load(scene_of(raw)))
 
 

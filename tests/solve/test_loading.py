@@ -2,17 +2,15 @@
 
 import numpy as np
 import pytest
-import scipy.integrate
 from command_line import cli
 from runs import model
 
 import kaneflex
 from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.time.spatial_forward import SpatialRun
+from kaneflex.multibody.time.run import Run
 from kaneflex.solve.simulation import solve
 
-INTEGRATORS = [(SpatialRun, "go"), (scipy.integrate.DOP853, "__init__"), (scipy.integrate.Radau, "__init__")]
 BLADE = ("swept-blade", "solve.preset=coupled", "solve.start=zero", "solve.duration=2 ms", "solve.steps=8")
 SWINGS = ("elastic-pendulum", "solve.preset=stiffened", "solve.duration=0.1 s", "solve.steps=400")
 FREE = ["double-pendulum", "engine-torque", "four-bar-motor", "bricard", "spatial-slider-crank", "spinning-top"]
@@ -21,15 +19,9 @@ TOP = ("spinning-top", "solve.duration=0.02 s")
 
 @pytest.fixture
 def started(monkeypatch):
-    """Names of the integrations that were started."""
-    found = []
-
-    def count(owner, method):
-        plain = getattr(owner, method)
-        monkeypatch.setattr(owner, method, lambda *given, **named: found.append(owner) or plain(*given, **named))
-
-    for owner, method in INTEGRATORS:
-        count(owner, method)
+    """Runs that were started."""
+    found, go = [], Run.go
+    monkeypatch.setattr(Run, "go", lambda run, *given: found.append(run) or go(run, *given))
     return found
 
 
@@ -44,7 +36,7 @@ def test_a_run_integrates_once(scene, started):
     given = load(with_settings(read_scene(scene[0]), scene[1:]))
     assert started == [] and given.energy is None
     first = solve(given)
-    assert started and len(set(started)) == len(started) and first.energy is not None
+    assert len(started) == 1 and first.energy is not None
     second = solve(given)
     for name, series in first.series.items():
         assert np.array_equal(series.values, second.series[name].values)

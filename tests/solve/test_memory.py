@@ -16,7 +16,6 @@ from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.fem.spatial_map import map_of
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.solve import memory
-from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.simulation import solve
 
 
@@ -75,19 +74,6 @@ def test_what_is_proposed_is_taken(monkeypatch):
     most = int(error.value.cure.split("at most ")[1].split()[0].replace(",", ""))
     found = load(with_settings(read_scene("engine"), ["solve.preset=rigid", f"solve.steps={most}"]))
     assert 8 * most * len(found.motion.column) == pytest.approx(5e6, rel=1e-3)
-
-
-def test_tables_of_free_joints_are_bounded(monkeypatch):
-    """However many steps an integrator takes; the motion stays what it was."""
-    settings = ("solve.duration=2 s", "solve.steps=20", "solve.forward.tolerance=1e-12")
-    whole = integrated(model("double-pendulum", *settings))
-    monkeypatch.setattr("kaneflex.solve.forward._MOST_NUMBERS", 1e4)
-    few = integrated(model.__wrapped__("double-pendulum", *settings))
-    assert len(few.motion.parameters) < 1.5e4 < 0.5 * len(whole.motion.parameters)
-    times = np.linspace(0.0, 2.0, 101)
-    for name in ("pivot.angle", "elbow.angle"):
-        np.testing.assert_allclose(few.motion.at(times)[name], whole.motion.at(times)[name], rtol=0, atol=1e-6)
-    assert few.energy.drift < 1e-7
 
 
 @pytest.mark.parametrize("steps", [1, 100])

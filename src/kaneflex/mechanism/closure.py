@@ -68,29 +68,6 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
         )  # fmt: skip
 
 
-def check_start(mechanism: Mechanism, rigid: RigidMotion, acceleration: np.ndarray, inertia: np.ndarray) -> None:
-    """Check the first instant of forward dynamics: closed loops, inertia at every free joint, and finite forces.
-
-    ``rigid`` is the motion there, ``acceleration`` (n,) and ``inertia`` (n, n) those of the free joints' equations.
-    """
-    check_loops(mechanism, rigid)
-    if np.isfinite(acceleration).all():
-        return
-    free = rigid.motion.module.FREE
-    if np.isfinite(inertia).all():
-        still = np.flatnonzero(np.diag(inertia) == 0.0)
-        joint = free[still[0] if len(still) else int(np.argmax(abs(np.linalg.svd(inertia)[2][-1])))]
-        raise SceneError(
-            f"drives.{joint}", "free",
-            f"singular mass matrix at {drive_positions(mechanism, rigid)}: the joint moves no inertia",
-            "Give the bodies that move with it a mass or an inertia, or prescribe it",
-        )  # fmt: skip
-    raise SceneError(
-        f"drives.{free[0]}", "free", f"the forces are not finite at the start, {drive_positions(mechanism, rigid)}",
-        "Change loads or start",
-    )  # fmt: skip
-
-
 def check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray) -> None:
     """Raise SceneError if free joints move the linkage into a limit position (dead centre).
 
@@ -128,11 +105,13 @@ def changed_speed(entry: str, given: float, found: float) -> SceneError:
     )  # fmt: skip
 
 
-def locking(rigid: RigidMotion) -> str | None:
-    """Joint that closes the loop near its limit at a motion's only instant, if any."""
-    margins = {name: float(rigid[name][0]) for name in _margins(rigid)}
-    name = min(margins, key=lambda name: margins[name] if margins[name] > 0.0 else 0.0, default=None)
-    return None if name is None or margins[name] > _LOCKED else name.removesuffix(".closure")
+def locked(mechanism: Mechanism, rigid: RigidMotion) -> SceneError | None:
+    """Error for the loop that comes closest to its limit position, if one is locked at an instant of a motion."""
+    margins = {name: np.where(rigid[name] > 0.0, rigid[name], 0.0) for name in _margins(rigid)}
+    name = min(margins, key=lambda name: margins[name].min(), default=None)
+    if name is None or margins[name].min() > _LOCKED:
+        return None
+    return swung(mechanism, name.removesuffix(".closure"), rigid, int(margins[name].argmin()))
 
 
 def apart(joint: Joint) -> str:

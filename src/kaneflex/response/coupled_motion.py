@@ -7,6 +7,7 @@ motion: displacements, so that sensors have the same meaning under every preset.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -52,7 +53,7 @@ class CoupledMotion(Motion):
         reference = self.model.module
         rows = reference.system.states(reference.rows(self.times, reference.first))
         trajectory = by_themselves(reference.system, rows)
-        return FloatingMotion.of(replace(self.model, coupled=reference.system), self.rigid, trajectory)
+        return FloatingMotion.of(self.model.scene, reference.system, self.rigid, trajectory)
 
     @property
     def scalars(self) -> RigidMotion:
@@ -94,7 +95,7 @@ class CoupledMotion(Motion):
 
     def angle(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
         """Angle of a body at a point in this motion, with the full turns that sensors leave out."""
-        left_out = self._floating.turns_left_out.get(body, 0.0)
+        left_out = self._turns_left_out.get(body, 0.0)
         return self._floating.moving_place(body, cast(tuple[float, float], at))[0][2] - left_out
 
     def slide(self, joint: str) -> np.ndarray:
@@ -123,9 +124,16 @@ class CoupledMotion(Motion):
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of the rigid motion with the turns counted by the run, including earlier ones."""
-        frame, moving = self.rigid.frame(body), self._floating
+        frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
-        return angle + whole_turns(moving[f"{body}.phi"] - moving.turns_left_out[body] - angle)
+        return angle + whole_turns(self._floating[f"{body}.phi"] - self._turns_left_out[body] - angle)
+
+    @cached_property
+    def _turns_left_out(self) -> Mapping[str, float]:
+        """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
+        angles = {name: float(pose[2]) for name, pose in self.model.module.start.poses.items()}
+        return {name: float(whole_turns(each - math.atan2(math.sin(each), math.cos(each))))
+                for name, each in angles.items()}  # fmt: skip
 
     def _held(self, body: str, at: tuple[float, ...]) -> list[int]:
         """Components among x, y and the angle that joints keep as in the rigid mechanism, up to rounding."""
@@ -148,6 +156,7 @@ class CoupledMotion(Motion):
 def coupled_motion(model: Model, moved: RigidMotion, trajectory: Any, whole: Motion | None = None) -> CoupledMotion:
     """Motion of a run; ``moved``: the model's motion at its instants, in space of the bodies that deform."""
     if model.coupled is not None:
-        return CoupledMotion(model, moved, FloatingMotion.of(model, moved, trajectory), whole=whole)
-    moving = cast(DeformingMotion, moved)
-    return CoupledMotion(model, moving.motion.rigid.later(moving.times), moving, whole=whole)
+        moving = FloatingMotion.of(model.scene, model.coupled, moved, trajectory)
+        return CoupledMotion(model, moved, moving, whole=whole)
+    deforming = cast(DeformingMotion, moved)
+    return CoupledMotion(model, deforming.motion.rigid.later(deforming.times), deforming, whole=whole)

@@ -5,8 +5,7 @@ Functions that read a rigid motion by its scalars, such as joint and spring forc
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Self, cast
@@ -18,9 +17,8 @@ from kaneflex.mechanism.body_frame import Rates, rotate
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, whole_turns, wrapped
+from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
@@ -44,7 +42,8 @@ class FloatingMotion(DeformingMotion):
 
     Attributes
     ----------
-    model : Model
+    scene : Scene
+    system : CoupledSystem
     rigid : RigidMotion
         Rigid mechanism at these instants, which knows drives and loads.
     trajectory : CoupledTrajectory
@@ -52,24 +51,16 @@ class FloatingMotion(DeformingMotion):
         Increments of loads, by name (n_times,).
     """
 
-    model: Model
+    scene: Scene
+    system: CoupledSystem
     rigid: RigidMotion
     trajectory: CoupledTrajectory
     shift: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, model: Model, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
+    def of(cls, scene: Scene, system: CoupledSystem, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
         """Motion of a trajectory."""
-        return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), model, rigid, trajectory)
-
-    @property
-    def scene(self) -> Scene:  # type: ignore[override]
-        return self.model.scene
-
-    @property
-    def system(self) -> CoupledSystem:  # type: ignore[override]
-        assert self.model.coupled is not None
-        return self.model.coupled
+        return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), scene, system, rigid, trajectory)
 
     @property
     def recorded(self) -> np.ndarray:
@@ -195,6 +186,11 @@ class FloatingMotion(DeformingMotion):
         (base, one), (rider, other) = (self.section_frame(side) for side in of.sides)
         return cast(Rates, tuple(np.array(of.direction) @ part for part in base.apart(one.at, rider, other.at)))
 
+    def courses(self, joints: Iterable[str]) -> np.ndarray:
+        """Coordinates of joints, and their rates, (3, n_times, joints), see :meth:`coordinate`."""
+        found = [np.array(self.coordinate(name)) for name in joints]
+        return np.stack(found, axis=-1) if found else np.zeros((3, len(self.times), 0))
+
     def clearance(self, name: str) -> np.ndarray:
         """Position of a pin or block in its joint, see :meth:`kaneflex.response.motion.Motion.clearance`."""
         loose = self.scene.loose[name]
@@ -218,13 +214,6 @@ class FloatingMotion(DeformingMotion):
         """Friction force or torque [N or N m]; unknown of single states."""
         record = self.trajectory.frictions
         return np.full(len(self.times), np.nan) if record is None else record.force[:, record.names.index(name)]
-
-    @property
-    def turns_left_out(self) -> Mapping[str, float]:
-        """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
-        angles = {name: float(pose[2]) for name, pose in self.model.module.start.poses.items()}
-        return {name: float(whole_turns(each - math.atan2(math.sin(each), math.cos(each))))
-                for name, each in angles.items()}  # fmt: skip
 
     # ---- without axial vibration ------------------------------------------------------------------------------
 

@@ -1,5 +1,4 @@
-"""Solution of a coupled model: initial state, integration, and the motion that sensors read; in space also of a motion
-of free joints that no elastic equations act on."""
+"""Solution of a coupled model: initial state, integration, and the motion that sensors read."""
 
 from __future__ import annotations
 
@@ -12,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import moving, reference_instant
+from kaneflex.multibody.model.building import reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
@@ -27,7 +25,7 @@ from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
-from kaneflex.multibody.time.run import CURE, Method
+from kaneflex.multibody.time.run import Method
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
@@ -110,25 +108,7 @@ def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
     return Equations(system, choice), system.project(0.0, start.q, start.u, choice)
 
 
-def integrated_in_space(model: Model, share: Share) -> Model:
-    """Variant of :func:`kaneflex.solve.free_motion.integrated` for mechanisms in space."""
-    from kaneflex.solve.spatial_loading import check_stage
-
-    if model.options.dynamics == "coupled":
-        return simulate_coupled(model, share).model
-    assert model.in_space is not None
-    system, start = model.in_space.module.system, model.in_space.curve.start
-    found = integrate(system, start, model.step * np.arange(model.options.steps + 1), method_of(model), share)
-    run = found.curve
-    if found.outcome is not Outcome.COMPLETED:
-        raise run.stopped(found.message, CURE)
-    motion = _along(model, run)
-    moved = moving(model, motion, found.energy)
-    check_stage(moved)
-    return moved
-
-
-def _along(model: Model, run: SpatialRun) -> SpatialKinematics:
+def along(model: Model, run: SpatialRun) -> SpatialKinematics:
     """Motion of a mechanism in space along its run, with the checks that need it."""
     from kaneflex.solve.spatial_loading import with_open_reactions
 
@@ -142,11 +122,11 @@ def _along(model: Model, run: SpatialRun) -> SpatialKinematics:
 
 
 def method_of(model: Model) -> Method:
-    """Integration method of a model's options; in space without coupling that of the motion before anything deforms."""
+    """Integration method of a model's options; without coupling that of the motion before anything deforms."""
     options, scene = model.options, model.scene
     size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(model)
     if options.dynamics != "coupled":
-        return Method("radau", options.forward_tolerance, size)
+        return Method("radau", options.forward_tolerance, size, entry="solve.forward.tolerance")
     return Method(options.integrator, options.tolerance, size, options.bounded)
 
 
@@ -211,15 +191,14 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
         return _in_space(model, trajectory, trajectory.curve, seconds)
     system, rigid = model.coupled, model.motion
     assert system is not None and isinstance(rigid, ReferenceKinematics)
-    bare = FloatingMotion.of(model, rigid.at(trajectory.times), trajectory)
-    moved = [bare.coordinate(name) for name in rigid.module.FREE]
-    free = Courses(trajectory.times, *np.array(moved).reshape(-1, 3, len(trajectory.times)).transpose(1, 2, 0))
+    bare = FloatingMotion.of(model.scene, system, rigid.at(trajectory.times), trajectory)
+    free = Courses(trajectory.times, *bare.courses(rigid.module.FREE))
     run = None if system.engine.shapes.any() else trajectory
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 
 
 def _in_space(model: Model, trajectory: CoupledTrajectory, run: SpatialRun, seconds: float) -> RunResult:
-    motion = _along(model, run)
+    motion = along(model, run)
     reference = model.reference_time
     if run.turned is not None:
         reference = run.start.t

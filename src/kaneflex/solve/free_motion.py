@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kaneflex.mechanism.closure import check_closure
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import moving
-from kaneflex.solve.law_checks import check_laws
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import silent
 
@@ -29,24 +25,15 @@ def integrated(model: Model, share: Share = silent) -> Model:
     """
     if not model.awaits_run:
         return model
-    if not model.scene.is_spatial:
-        return _INTEGRATED.of(model, lambda: _in_plane(model, share))
-    from kaneflex.solve.coupled import integrated_in_space
+    if model.options.dynamics == "coupled":
+        from kaneflex.solve.coupled import simulate_coupled
 
-    return _INTEGRATED.of(model, lambda: integrated_in_space(model, share))
+        return _INTEGRATED.of(model, lambda: simulate_coupled(model, share).model)
+    from kaneflex.solve.forward import integrate_free_joints
+
+    return _INTEGRATED.of(model, lambda: integrate_free_joints(model, share))
 
 
 def uncoupled(model: Model, share: Share = silent) -> Model:
     """As :func:`integrated` for models without coupling, whose equations need the motion; others unchanged."""
     return model if model.options.dynamics == "coupled" else integrated(model, share)
-
-
-def _in_plane(model: Model, share: Share) -> Model:
-    from kaneflex.solve.forward import StartKinematics, integrate_free_joints
-
-    mechanism, options, start = mechanism_of(model.scene), model.options, model.motion
-    assert isinstance(start, StartKinematics)
-    motion, energy = integrate_free_joints(mechanism, start, options, share)
-    check_closure(mechanism, motion, options.duration)
-    check_laws(model.scene, motion, options)
-    return moving(model, motion, energy)

@@ -20,7 +20,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
-from kaneflex.multibody.model.module_loading import bind_parameters, find_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
@@ -117,9 +117,13 @@ def _bind_one_way(
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
+        from kaneflex.multibody.model.system import rigid_system
         from kaneflex.solve.forward import at_start
 
-        motion = at_start(scene, module, motion.parameters)
+        laws, more = find_laws_module(scene, progress)
+        system = rigid_system(scene, laws)
+        derived, compiled = derived + more, compiled + compiled_by(progress, system.engine.compile)
+        motion = at_start(scene, system, motion)
     else:
         check_closure(mechanism_of(scene), motion, options.duration)
         check_laws(scene, motion, options)

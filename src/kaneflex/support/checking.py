@@ -85,11 +85,10 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     if not hasattr(module, "FREE"):  # a module of elements, or of laws with the element of its links
         return found
     numbers = {"p": (len(module.PARAMETERS),)}
-    scalars, free = len(module.SCALARS), len(module.FREE)
+    scalars = len(module.SCALARS)
     return found | {
         "motion": numbers | {"s": (scalars,)},
         "tabulate": numbers | {"times": (-1,), "out": (-1, scalars)},
-        "inverse": numbers | {"y": (3 * free,), "out": (free,)},
     }
 
 

@@ -211,7 +211,7 @@ def _missing(body: str, joint: str | None, massless: bool) -> SceneError:
     where = f"at {joint}" if joint is not None else "freely"
     return SceneError(
         f"bodies.{body}.{what}", 0,
-        f"{body} {moves} {where}: the mass matrix of preset coupled is singular, as neither it nor the bodies that it "
-        f"carries have a {'mass' if massless else 'moment of inertia'} along that freedom",
+        f"{body} {moves} {where}: the mass matrix is singular, as neither it nor the bodies that it carries "
+        f"have a {'mass' if massless else 'moment of inertia'} along that freedom",
         "Give it one, however small, or a length and a mass" if massless else "Give it one, however small",
     )  # fmt: skip

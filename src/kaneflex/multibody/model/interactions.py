@@ -36,7 +36,7 @@ def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, order: S
     them, (speeds,).
 
     A body without inertia on frictional joints, or also on a pin at its centre, has no place in a tree; nor has one
-    without mass at the end of a branch that a cut guide or weld turns. A row of the factors removes the virtual inertia
+    without mass at the end of a branch that a cut joint turns. A row of the factors removes the virtual inertia
     again. Raises SceneError for a body without mass with frictional joints.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
@@ -64,11 +64,11 @@ def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, order: S
 
 
 def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboard: Joint, body: str) -> bool:
-    """True if a body is the end of a branch and a cut guide or weld determines its rotation."""
+    """True if a body is the end of a branch and a cut joint determines its rotation."""
     drive, taken = mechanism.drives.get(inboard.name), [joint for _, joint, _ in order]
     others = [joint for joint in mechanism.joints.values() if body in joint.bodies and joint is not inboard]
     ends = (drive is None or drive.free) and not any(joint in taken for joint in others)
-    return ends and any(joint.kind != "revolute" for joint in others)
+    return ends and bool(others)
 
 
 def _hold_acts(builder: TreeBuilder, mechanism: NumericMechanism, cuts: Sequence[str], row: int) -> list[Row]:

@@ -69,6 +69,12 @@ class SpatialSystem:
     def layout(self) -> Layout:
         return self.built.layout
 
+    @property
+    def freedom(self) -> str:
+        """Entry of the scene that lets the mechanism move by forces."""
+        free, floating = self.scene.free_joints, self.mechanism.floating
+        return f"drives.{free[0]}" if free else f"bodies.{floating[0]}.free" if floating else "solve.preset"
+
     def place(self, q: np.ndarray) -> None:
         """Positions, axes and directions in ``work``."""
         self.engine.call("place", np.ascontiguousarray(q))

@@ -66,6 +66,11 @@ class CoupledSystem:
     undetermined: tuple[str, ...] = ()
 
     @property
+    def freedom(self) -> str:
+        """Entry of the scene that lets the mechanism move by forces."""
+        return f"drives.{self.mechanism.free_joints[0]}"
+
+    @property
     def size(self) -> int:
         """Coordinates of all bodies."""
         return len(self.coordinates)
@@ -228,6 +233,13 @@ def bound_system(
               for name, body in scene.bodies.items()}  # fmt: skip
     engine = build_engine(mechanism, module, Blocks(scene, counts, shapes), bind_parameters(scene, module))
     return CoupledSystem(module, engine, mechanism, links, shapes, counts)
+
+
+def rigid_system(scene: Scene, module: ModuleType) -> CoupledSystem:
+    """System of a scene with its module whose bodies are all rigid."""
+    mechanism, counts = mechanism_of(scene), dict.fromkeys(scene.bodies, (0, 0))
+    engine = build_engine(mechanism, module, Blocks(scene, counts, {}), bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, {}, {}, counts)
 
 
 def check_modes(scene: Scene, name: str) -> None:

@@ -34,12 +34,15 @@ class Method:
     bounded : tuple of str
         What else the tolerance bounds, as a share of its largest value so far: "speeds"; "reactions", through the
         accelerations from which they follow.
+    entry : str
+        Entry of the scene that gives the tolerance.
     """
 
     integrator: str
     tolerance: float
     length: float
     bounded: tuple[str, ...] = ()
+    entry: str = "solve.tolerance"
 
 
 class ErrorBounds:

@@ -32,9 +32,14 @@ def integrate(
     progress: Callable[[float], None] | None = None,
     stop: Stop | None = None,
     ends: np.ndarray | None = None,
+    whole: bool = False,
 ) -> CoupledTrajectory:
-    """Integrate as :func:`begun` describes; returns the motion at ``times`` [s] up to its end."""
+    """Integrate as :func:`begun` describes; returns the motion at ``times`` [s] up to its end.
+
+    ``whole``: also keep the run, with the rows at the ends of all steps, as in space.
+    """
     run = begun(system, start, times, method, ends)
+    run.whole |= whole
     started = time.perf_counter()
     ended = run.go(progress, stop)
     return finished(run, ended, 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1]))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.pace import Pace
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
@@ -20,6 +21,7 @@ from kaneflex.multibody.time.dense_output import balance
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral import results
+from kaneflex.support.errors import SceneError
 
 _PATIENCE = 5_000_000
 """Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
@@ -59,11 +61,11 @@ class Run:
     """Rows of one integration in the plane or in space, filled piece by piece, up to the state ``here``.
 
     ``pieces``: for each call of compiled code rows at its first instant and at the ends of its steps, and its choice of
-    speeds; in the plane only the instants [s] of these rows.
+    speeds; only the instants [s] of these rows if the run is not ``whole``.
     """
 
     whole = False
-    """True if ``pieces`` have whole rows."""
+    """True if ``pieces`` have whole rows. The work of the run is limited then."""
 
     def __init__(
         self, system: Any, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
@@ -73,7 +75,7 @@ class Run:
         self.pieces: list[tuple[np.ndarray, Choice]] = []
         self.engine.compile()
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
-        self.longest = float(times[1] - times[0])
+        self.longest, self.pace = float(times[1] - times[0]), Pace(float(times[-1] - times[0]))
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
         self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), np.zeros(len(self.engine.rows))
@@ -114,7 +116,8 @@ class Run:
     def go(
         self, progress: Callable[[float], None] | None = None, stop: Stop | None = None
     ) -> tuple[Outcome, str]:
-        """Integrate to the end, or to the last possible state."""
+        """Integrate to the end, or to the last possible state. Raises SceneError if a whole run takes too many steps.
+        """
         if not self.projected:
             rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
@@ -148,9 +151,26 @@ class Run:
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
+            if self.whole:
+                self._keep_pace()
             if stop and self.filled > before and stop(self.trajectory(self.table[before : self.filled + 1])):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the accelerations."""
+        return 3 * int(self.counts[2])
+
+    def _keep_pace(self) -> None:
+        """Raise SceneError if the work so far shows that the run takes too long."""
+        t, self.pace.evaluations = float(self.here[0]), self.evaluations
+        if self.pace.too_slow(t - float(self.times[0])):
+            raise self.stopped(self.pace.message(t), f"Shorten the duration, or raise {self.method.entry}")
+
+    def stopped(self, reason: str, cure: str) -> SceneError:
+        """Error for a motion that can't continue."""
+        return SceneError(self.system.freedom, None, reason, cure)
 
     def _held(self) -> tuple[Outcome, str] | None:
         """Outcome if a law would have to hold its switch at zero; None otherwise."""

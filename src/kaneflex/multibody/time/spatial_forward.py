@@ -14,7 +14,6 @@ from typing import Any, Self
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.pace import Pace
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.codes import CASCADE, DAMPED, PARADOX, TOO_SMALL
@@ -41,7 +40,7 @@ class SpatialRun(run.Run, Curve):
     def __init__(
         self, system: SpatialSystem, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
     ) -> None:
-        self.start, self.pace = start, Pace(float(times[-1] - times[0]))
+        self.start = start
         super().__init__(system, start, times, method, given)
         self.sloped = DAMPED if system.has_slopes and method.integrator == "radau" else 0.0
 
@@ -65,20 +64,8 @@ class SpatialRun(run.Run, Curve):
     def go(
         self, progress: Callable[[float], None] | None = None, stop: run.Stop | None = None
     ) -> tuple[Outcome, str]:
-        """Integrate to the end of the run, or to the last possible state. Raises SceneError if it takes too many steps.
-        """
-
-        def share(done: float) -> None:
-            self.pace.evaluations = self.evaluations
-            if progress is not None:
-                progress(done)
-            if self.pace.too_slow(float(self.here[0]) - self.start.t):
-                entry = "tolerance" if self.system.coupled else "forward.tolerance"
-                cure = f"Shorten the duration, or raise solve.{entry}"
-                raise self.stopped(self.pace.message(float(self.here[0])), cure)
-
         try:
-            ended = super().go(share, stop)
+            ended = super().go(progress, stop)
         finally:  # for readers there are no change points
             self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN] = -math.inf
         if not self.pieces:
@@ -112,11 +99,6 @@ class SpatialRun(run.Run, Curve):
         self.engine.choose_speeds(before)
         self.engine.stand(self.here)
         return False
-
-    @property
-    def evaluations(self) -> int:
-        """Evaluations of the accelerations."""
-        return 3 * int(self.counts[2])
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         out, failed = self._read(times)
@@ -166,10 +148,3 @@ class SpatialRun(run.Run, Curve):
         for t in times[times > end].tolist() if end < self.times[-1] else ():
             raise SceneError("t", t, f"the run stopped at {end:.6g} s", "Choose an instant of the run")
         return np.minimum(np.searchsorted([rows[-1, 0] for rows, _ in self.pieces], times), len(self.pieces) - 1)
-
-    def stopped(self, reason: str, cure: str) -> SceneError:
-        """Error for a motion that can't continue."""
-        scene, floating = self.system.scene, self.system.mechanism.floating
-        free = next((name for name, drive in scene.drives.items() if drive.kind == "free"), None)
-        key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
-        return SceneError(key, None, reason, cure)

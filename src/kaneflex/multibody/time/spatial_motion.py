@@ -17,6 +17,7 @@ from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
@@ -124,6 +125,11 @@ class SpatialKinematics(RigidKinematics):
     @property
     def is_start(self) -> bool:  # type: ignore[override]
         return isinstance(self.curve, Standing)
+
+    @property
+    def initial(self) -> tuple[SpatialSystem, State]:
+        """Equations of the motion, and its initial state."""
+        return self.module.system, self.curve.start
 
     @property
     def begin(self) -> float:  # type: ignore[override]
