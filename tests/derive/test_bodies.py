@@ -64,7 +64,7 @@ def test_every_kernel_is_compared(dimension):
     assert names - {"centre"} == set(re.findall(r"def (\w+)", text))
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive(share=4)
 @pytest.mark.parametrize(("dimension", "right", "wrong"), [
     ("plane", "2.0 * H_z_uv * omega_z", "H_z_uv * omega_z"),
     ("plane", "xi += v_j * x_vv", "xi -= v_j * x_vv"),

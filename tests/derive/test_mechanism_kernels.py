@@ -247,6 +247,7 @@ def operations(scene: Scene) -> int:
     return tables(ast.parse(generate(scene)))["OPERATIONS"]["motion"][1]
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("closed", "counts"), [(False, (2, 3, 4)), (True, (4, 5, 6))])
 def test_each_link_adds_the_same_number_of_operations(closed, counts, tmp_path):
     """A pose is its predecessor's and one turn more, a reaction what its neighbours leave: shared, each link costs

@@ -210,18 +210,17 @@ def test_helical_spring():
     section = properties_of(shape.numbers_of(shape.dimensions, 0.25), E, G, 7800.0)
     angle = np.linspace(0.0, 2 * np.pi * turns, turns * each + 1)
     points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)])
-    size, placed = 6 * len(angle), []
+    size = 6 * len(angle)
+    K = np.zeros((size, size))
     for k, (a, b) in enumerate(pairwise(points)):
         along = (b - a) / np.linalg.norm(b - a)
         across = np.cross([0.0, 0.0, 1.0], along)
         across /= np.linalg.norm(across)
         axes = np.array([along, across, np.cross(along, across)])
-        L = np.zeros((12, size))
-        L[:, 6 * k : 6 * k + 12] = np.kron(np.eye(4), axes)
         nodes = np.array([0.0, np.linalg.norm(b - a)])
         of = built(f"beam_{k}", nodes, lambda x: section, module("euler_bernoulli"))
-        placed.append((of.part, L))
-    K = sum(L.T @ as_array(part.matrices["K_s"].value({})) @ L for part, L in placed)
+        own, turn = slice(6 * k, 6 * k + 12), np.kron(np.eye(4), axes)
+        K[own, own] += turn.T @ as_array(of.part.matrices["K_s"].value({})) @ turn
     # a unit force along the spring's axis, carried to the wire's end by a rigid arm; the other end is clamped
     arm = np.array([0.0, 0.0, points[-1, 2]]) - points[-1]
     load = np.concatenate([[0.0, 0.0, 1.0], np.cross(arm, [0.0, 0.0, 1.0])])

@@ -112,7 +112,7 @@ def rate(y: np.ndarray, h: float) -> np.ndarray:
     return sum(w * d for w, d in zip((45, -9, 1), differences, strict=True)) / (60 * h)
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive
 def test_joints_stay_closed(mechanism):
     scene, rigid = mechanism
     for name, joint in scene.joints.items():
@@ -128,7 +128,7 @@ def test_joints_stay_closed(mechanism):
         assert rigid[f"{slider}.s"] == pytest.approx(s, abs=1e-14)
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive
 def test_rates_are_derivatives(mechanism):
     scene, rigid = mechanism
     h = rigid.times[1] - rigid.times[0]
@@ -146,13 +146,13 @@ def test_rates_are_derivatives(mechanism):
         assert agree(rigid[f"{body}.epsilon"], rate(omega, h)), body
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive
 def test_every_body_balances(mechanism):
     scene, rigid = mechanism
     assert imbalance(scene, rigid) < 1e-10
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive
 def test_loads_have_the_size_that_the_scene_gives(mechanism):
     scene, rigid = mechanism
     for name, each in scene.loads.items():
@@ -160,7 +160,7 @@ def test_loads_have_the_size_that_the_scene_gives(mechanism):
         assert rigid[name] == pytest.approx(expected * np.ones(len(rigid.times)), rel=1e-12), name
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive
 def test_branch_chooses_the_side(mechanism):
     """Four-bar: the knee is left of the line between its pivots for +. Slider crank: the rod points along the guide.
 
@@ -362,7 +362,7 @@ def agree(one: RigidMotion, other: RigidMotion, names: dict[str, str]) -> None:
         assert worst <= 1e-10 * largest, name
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive(share=4)
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_names_change_no_bit_and_the_order_of_bodies_and_joints_no_number(kind):
     """The equations are derived in the file's order: another one rounds otherwise, other names do not."""

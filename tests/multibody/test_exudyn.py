@@ -123,7 +123,7 @@ def test_the_command_says_what_is_not_compared(peer, tmp_path):
     peer("exudyn")
     folder = tmp_path / "out"
     result = cli(
-        "compare", "engine", "--with", "exudyn", "--peer-elements", 2, "--peer-steps", 1440, "--steps", 720,
+        "compare", "engine", "--with", "exudyn", "--peer-elements", 2, "--peer-steps", 360, "--steps", 180,
         "-o", folder,
     )  # fmt: skip
     assert result.exit_code == 0
@@ -245,6 +245,7 @@ def test_drives_loads_and_springs(peer):
     assert all(share < 3e-3 for share in found.values())
 
 
+@pytest.mark.exhaustive(group="guides", share=2)
 def test_slides(peer):
     peer("exudyn")
     scene = scene_of(SLIDING)
@@ -287,7 +288,7 @@ solve = {preset = "rigid", duration = "1 s"}
 """
 
 
-@pytest.mark.exhaustive
+@pytest.mark.exhaustive(group="guides", share=2)
 def test_a_drive_along_a_guide_that_moves(peer, exhaustive):
     """What the drive exerts acts on the carrier where the bead is; the error falls with the step."""
     peer("exudyn")

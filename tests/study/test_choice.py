@@ -158,7 +158,7 @@ def test_without_the_reference_or_time_the_richest_model_stays_the_answer(engine
     path.unlink()
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_all_sensors_of_the_engine_need_its_dynamics():
     """The main bearing's force misses 1.1 % quasi-statically."""
     found = choose(read_scene("engine"), purpose="code")
@@ -167,7 +167,7 @@ def test_all_sensors_of_the_engine_need_its_dynamics():
     assert failed.worst_sensor == "main_bearing_force_x" and failed.error == pytest.approx(0.0115, abs=0.0005)
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_at_six_times_the_speed_the_rod_acts_back_on_the_engine():
     """One-way deformation is 8 % off, so that no simpler one is tried."""
     scene = with_settings(read_scene("engine"), ["main.speed=36000 rpm"])
@@ -178,7 +178,7 @@ def test_at_six_times_the_speed_the_rod_acts_back_on_the_engine():
     assert one_way.error > 0.05 and not one_way.within
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_the_spin_up_needs_the_geometric_stiffness():
     """Without K_g it goes unstable."""
     scene = read_scene("spin-up")
@@ -189,7 +189,7 @@ def test_the_spin_up_needs_the_geometric_stiffness():
     assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_where_coupled_cannot_be_run_the_reference_is_stiffened_and_says_so():
     """Shaken at its resonance the cross is 98 % off quasi-statically; coupled can't place bars on pins by poses."""
     scene = with_settings(read_scene("pin-ended-cross"), ["solve.duration=0.5 s", "solve.steps=1000"])
@@ -246,7 +246,7 @@ def test_sensors_that_no_model_stores_densely_enough_are_not_said_to_be_within(m
         choose(scene, 0.05, ["rod_force_piston"], purpose="run")
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_a_model_that_steps_over_the_force_of_a_press_is_not_chosen(tmp_path):
     """50 kN for 1.9 degrees between two steps of 180: where the rod is at 103 degrees it carries F / cos(phi_2)."""
     scene = with_settings(read_scene("engine"), press(tmp_path))
@@ -264,7 +264,7 @@ def test_a_force_that_the_finest_model_steps_over_leaves_nothing_to_choose_by(tm
         choose(scene, 0.1, ["rod_force_piston"])
 
 
-@pytest.mark.exhaustive(group="choice", share=2)
+@pytest.mark.exhaustive(group="choice", share=3)
 def test_a_run_from_rest_stays_one_from_rest():
     """The piston's acceleration from rest is about twice that of the periodic state."""
     scene = with_settings(read_scene("engine"), ["solve.start=zero", "solve.duration=0.01 s", "solve.steps=720"])
