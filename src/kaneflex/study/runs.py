@@ -6,7 +6,8 @@ import gc
 import math
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -141,18 +142,27 @@ class Runs:
         """
         scenes = {variant: variant.of(self.scene) for variant in variants}
         found: dict[Variant, list[Timing]] = {variant: [] for variant in variants}
-        for number in range(ROUNDS):
-            self.progress(f"timing, round {number + 1}")
-            for variant in variants[:: -1 if number % 2 else 1]:
-                if number and time.perf_counter() > deadline:
-                    return found
-                gc.collect()
-                gc.disable()
-                try:
+        with _uncollected():
+            for number in range(ROUNDS):
+                self.progress(f"timing, round {number + 1}")
+                for variant in variants[:: -1 if number % 2 else 1]:
+                    if number and time.perf_counter() > deadline:
+                        return found
+                    gc.collect()
                     found[variant].append(run(scenes[variant]).timing)
-                finally:
-                    gc.enable()
         return found
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """No garbage collection but on request, which then searches new objects only: all take longer than most runs."""
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
 
 
 @dataclass(frozen=True)

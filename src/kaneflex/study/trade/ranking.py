@@ -14,11 +14,13 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.runs import cost
 from kaneflex.study.trade.candidates import candidates_of, neutral_settings, own_model
 from kaneflex.study.trade.reference import KNOWN, Reference
-from kaneflex.study.trade.trials import Ranked, Trials
+from kaneflex.study.trade.trials import Ranked, Trial, Trials
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed
 from kaneflex.support.terminal import silent
 
+_CLEARLY = 1.5
+"""Ratio of times of single runs above which the slower model is not run again."""
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is run: the rest is for repeats."""
 
@@ -125,8 +127,17 @@ def trade(
     if not found:
         problem = Problem("--budget", budget, "no candidate was run", "Give more time")
         raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
-    repeats = runs.repeats([trial.candidate for trial in found], begun + budget)
-    costs = (cost(runs.run(model).timing, repeated) for model, repeated in repeats.items())
+    once = runs.repeats([trial.candidate for trial in found], begun)
+    seconds = [first.total for (first,) in once.values()]
+    close = [each.candidate for each in found if each.candidate == own or not _outdone(each, found, seconds)]
+    repeats = runs.repeats(close, begun + budget) if time.perf_counter() < begun + budget else {}
+    costs = (cost(runs.run(model).timing, repeats.get(model, first)) for model, first in once.items())
     ranked = [Ranked(**vars(trial), cost=each) for trial, each in zip(found, costs, strict=True)]
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, tolerance, reference, tuple(ranked), left_out, own)
+
+
+def _outdone(trial: Trial, others: Sequence[Trial], seconds: Sequence[float]) -> bool:
+    """True if a more accurate model is clearly faster, by the seconds of one run of each."""
+    own = seconds[others.index(trial)]
+    return any(each.error < trial.error and _CLEARLY * its < own for each, its in zip(others, seconds, strict=True))
