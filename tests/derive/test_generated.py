@@ -471,6 +471,7 @@ def test_kernels_in_a_loop_of_the_users_own():
 PLANAR = [name for name in shipped_scenes() if not read_scene(name).is_spatial]
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", PLANAR)  # in space what joints share is no number
 def test_motion_is_finite_at_every_angle(name):
     """0.1 degree steps over four turns, dead centres included; over the whole run where the speed is not constant."""

@@ -160,6 +160,7 @@ def test_more_harmonics_than_instants_are_read_right():
         np.testing.assert_allclose(one, other[:, ::20], rtol=0, atol=1e-12 * abs(other).max())
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("name", "settings"), [
     ("quick-return", []), ("rotating-cantilever", []), ("engine", ["solve.modes=3"]), ("two-link-arm", []),
 ])  # fmt: skip

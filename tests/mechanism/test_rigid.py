@@ -141,6 +141,7 @@ def test_a_tilted_engine_is_the_same_engine_turned(upright):
         assert close(tilted[f"{joint}.force_y"], 0.8 * x + 0.6 * y, 1e-11)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("settings", "negated", "same"), [
     (["joints.pin={revolute=['rod.start', 'crank.end']}", "joints.wrist={revolute=['piston', 'rod.end']}",
       "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}"],

@@ -203,6 +203,7 @@ def in_space(flat: dict | str, sensors: dict, **settings: float | str) -> dict:
     return deep | {"solve": asked | settings}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("count", "tolerance", "integrator"),
     [(1, 1e-10, "radau"), (3, 1e-9, "gauss"), (3, 1e-12, "radau"), (8, 1e-6, "radau"), (8, 1e-10, "radau")],

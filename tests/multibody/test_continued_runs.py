@@ -71,6 +71,7 @@ def same(found, whole, steps, share):
         np.testing.assert_allclose(found.series[name].values, expected, rtol=0, atol=limit, err_msg=name)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("given", "seconds", "steps", "share"), [
     (PENDULUM, 0.25, 100, 2e-6), (CRANK, 0.02, 20, 2e-6), (ROD, 0.2, 40, 2e-6), (TOP, 0.2, 20, 1e-9),
 ])  # fmt: skip

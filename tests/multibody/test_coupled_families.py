@@ -48,6 +48,7 @@ def test_high_clamped_free_functions_keep_their_ends():
         assert abs(values[1]) == pytest.approx(2.0, rel=1e-9)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("name", "link", "shapes", "sensor", "tolerance"), [
     ("spin-up", "beam", "clamped-free", "tip_transverse", 1e-3),
     ("spin-up", "beam", "polynomial", "tip_transverse", 3e-3),

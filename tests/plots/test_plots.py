@@ -70,11 +70,13 @@ def titles(figure) -> list[str]:
     return [axes.get_title(loc="left") or axes.get_title() for axes in figure.axes]
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ALL)
 def test_a_scene_gets_the_pictures_that_apply_to_it(name):
     assert set(drawn(name)) == EXPECTED[name]
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ALL)
 def test_every_panel_has_a_title_and_units_on_its_axes(name):
     for picture, figure in drawn(name).items():
@@ -89,6 +91,7 @@ def test_every_panel_has_a_title_and_units_on_its_axes(name):
         assert any(re.search(r"\[.+\]$", axes.get_xlabel()) for axes in figure.axes), picture
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ALL)
 def test_panels_with_several_curves_have_a_legend_that_names_each(name):
     for picture, axes in panels(name):

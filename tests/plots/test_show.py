@@ -63,6 +63,7 @@ solve = {preset = "linear", duration = "1 s"}
 # ---- places -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", SCENES)
 def test_places_are_those_of_the_generated_motion(name):
     """At four configurations of the run, and on the right branch."""

@@ -163,6 +163,7 @@ def test_a_law_without_a_value_in_the_run_is_refused_when_the_scene_is_read(scen
     assert caught.value.reason == reason
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("law", "pole"), [
     ("tan(4*t)", 0.392699), ("tan(2*pi*t)", 0.25), ("1/(t - 0.123456)", 0.123456),
     ("1/(t - 0.123456)**2", 0.123456),

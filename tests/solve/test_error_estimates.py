@@ -57,6 +57,7 @@ def check_effectivities(found, fine, kind, least):
     assert len(ratios) > 4 and 0.8 < np.median([*ratios.values()]) < 1.35
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("kind", "settings"), [
     ("terms", ["solve.preset=rigid"]),
     ("terms", ["solve.preset=quasistatic"]),
@@ -84,6 +85,7 @@ def beginning():
     return scene, solved(scene, *FINE, START, "rod.elements=16", "solve.steps=2880")
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("kind", "settings"), [
     ("terms", ["solve.preset=rigid"]),
     ("terms", ["solve.preset=linear"]),
@@ -203,6 +205,7 @@ def cycle():
     return scene, solved(scene, *MANY_MODES, "rod.elements=16", "solve.steps=1440")
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(("kind", "settings"), [
     ("modes", ["solve.modes=1"]),
     ("elements", ["rod.elements=2", "solve.modes=4"]),

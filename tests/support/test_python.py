@@ -70,6 +70,7 @@ def test_tables_without_end_and_other_things_are_refused():
         kaneflex.scene_of(1)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["engine", "double-pendulum", "elastic-pendulum", "spatial-slider-crank"])
 def test_models_and_solutions_travel(name):
     model = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(name), ["solve.steps=60"]))
