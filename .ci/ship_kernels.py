@@ -1,8 +1,8 @@
 """Add kernels compiled for this platform to a wheel: python .ci/ship_kernels.py WHEEL [SCENE ...]
 
 The wheel is installed into an environment of its own, which runs the scenes with a cache of its own; where none is
-named all that it brings, and the engine under every preset. What numba compiles of the package meanwhile goes into the
-wheel: see kaneflex.support.shipped_kernels.
+named all that it brings, and the engine under every preset. What numba and the C compiler compile of the package
+meanwhile goes into the wheel: see kaneflex.support.shipped_kernels and kaneflex.multibody.compile.c_library.
 """
 
 import os
@@ -52,7 +52,8 @@ def main(wheel: Path, scenes: list[str]) -> None:
             for each in old.infolist():
                 if not each.filename.endswith("/RECORD"):
                     new.writestr(each, old.read(each))
-            new.write(archive, f"kaneflex/support/{archive.name}")
+            for each in (archive, *(here / "cache").glob("engine-*.so")):
+                new.write(each, f"kaneflex/support/{each.name}")
         os.replace(with_kernels, wheel)
 
 

@@ -19,7 +19,7 @@ OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _MATHEMATICS = {getattr(math, name): name for name in (
     "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs floor fmod hypot "
-    "log log10 log1p log2 pow sin sinh sqrt tan tanh trunc"
+    "ldexp log log10 log1p log2 pow sin sinh sqrt tan tanh trunc"
 ).split() if hasattr(math, name)}  # fmt: skip
 _WHOLE = (math.ceil, math.floor, math.trunc)
 """Functions that return an int in Python."""
@@ -112,6 +112,8 @@ class Expressions:
             self.refuse(node)
 
     def _of_Subscript(self, node: ast.Subscript) -> Expression:
+        if isinstance(node.value, ast.Call) and ast.unparse(node.value.func) == "math.frexp":
+            return self._exponent(node, node.value)
         text, kind = self.expression(node.value)
         if isinstance(node.slice, ast.Slice):
             self.refuse(node)
@@ -140,6 +142,13 @@ class Expressions:
             self.refuse(node)
         pointer = self.printer.declared(types.CPointer(kind.dtype))
         return f"((const {pointer})&{text})[{bare(self._whole(node.slice))}]", kind.dtype
+
+    def _exponent(self, node: ast.Subscript, called: ast.Call) -> Expression:
+        """``frexp(x)[1]``."""
+        text, kind = self.expression(called.args[0])
+        if kind != types.float64 or getattr(node.slice, "value", 0) != 1:
+            self.refuse(node)
+        return f"exponent_of({bare(text)})", types.int64
 
     def _of_Tuple(self, node: ast.Tuple) -> Expression:
         texts, kinds = self.expressions(node.elts)
@@ -226,11 +235,18 @@ class Expressions:
             function, mechanisms, otherwise = called.where
             if kinds[0] not in mechanisms:  # not used by this mechanism, nor is what it is given
                 self.read = read
-                return ("", types.void) if otherwise is None else constant(otherwise)
+                return ("", types.void) if otherwise is None else self._stand_in(otherwise)
             called = function
         called = called.choose(kinds) if hasattr(called, "choose") else called
         name, returned = self.printer.function(called if hasattr(called, "py_func") else self.refuse(node), kinds)
         return f"{name}({', '.join(texts)})", returned
+
+    def _stand_in(self, value: Any) -> Expression:
+        """A number, or several."""
+        if not isinstance(value, tuple):
+            return constant(value)
+        texts, kinds = zip(*map(constant, value), strict=True)
+        return self._record(types.Tuple(kinds), texts)
 
     def _mathematics(self, called: Callable[..., Any], node: ast.Call) -> Expression:
         texts, kinds = self.expressions(node.args)
@@ -244,7 +260,12 @@ class Expressions:
         if getattr(self.object_of(chosen.func), "__name__", "") != "kernel":
             self.refuse(node)
         texts, kinds = self.expressions(node.args)
-        name, returned = self.printer.function(self.printer.kernels[self.object_of(chosen.args[1])], kinds)
+        which = self.object_of(chosen.args[1])
+        if not self.printer.kernels:
+            table = self.expression(chosen.args[0])[0]
+            given = ", ".join(["void *", "void *", *map(self.printer.declared, kinds)])
+            return f"((int (*)({given})){table}[{which}])({', '.join([*_NOTHING, *texts])})", types.void
+        name, returned = self.printer.function(self.printer.kernels[which], kinds)
         return f"{name}({', '.join(texts)})", returned
 
     def _shifted(self, node: ast.Call) -> Expression:
@@ -322,6 +343,8 @@ def _is_special(called: Any) -> bool:
     return hasattr(called, "_defn") or getattr(called, "__module__", "") in ("builtins", "kaneflex.generated.packs")
 
 
+_NOTHING = "(void *[1]){NULL}", "(void *[1]){NULL}"
+"""Places of a returned value and an error, as numba's functions have them first."""
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,

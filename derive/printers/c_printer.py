@@ -50,7 +50,15 @@ static inline KIND NAME(KIND x, KIND y)
     return left != 0 && (left < 0) != (y < 0) ? left + y : left;
 }
 """
-_DIVISIONS = {"quotient_of": _QUOTIENT} | {
+_EXPONENT = """/* Exponent of the smallest power of two above a number; 0 of zero. */
+static inline int64_t exponent_of(double x)
+{
+    int exponent;
+    frexp(x, &exponent);
+    return exponent;
+}
+"""
+_ARITHMETIC = {"quotient_of": _QUOTIENT, "exponent_of": _EXPONENT} | {
     name: _REMAINDER.replace("KIND", kind).replace("NAME", name).replace("DIVIDED", divided)
     for name, kind, divided in (("remainder_of", "double", "fmod(x, y)"), ("whole_remainder_of", "int64_t", "x % y"))
 }
@@ -83,7 +91,7 @@ class Printer:
         Functions of narrower types, which were printed before a variable's type was known, are left out.
         """
         wanted, found = set(self.asked), list[str]()
-        for name, text in reversed((_DIVISIONS | self.texts).items()):  # callers come after what they call
+        for name, text in reversed((_ARITHMETIC | self.texts).items()):  # callers come after what they call
             if name in wanted:
                 wanted.update(re.findall(r"\w+(?=\()", text))
                 found.append(text)
@@ -281,7 +289,8 @@ class _Written(Expressions):
             self.read.add(name)
             self._line(f"{name} = {bare(text)};")
         else:
-            self._line(f"const {self.printer.declared(kind, name)} = {bare(text)};")
+            declared = self.printer.declared(kind, name)
+            self._line(f"{'' if '*' in declared else 'const '}{declared} = {bare(text)};")
         return name
 
     def _spare(self, stem: str) -> str:

@@ -26,8 +26,11 @@ from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.spatial_initial_state import start_of
 
 COUPLED = "solve.preset=coupled"
-# A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first.
-SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",), ("engine", COUPLED)]
+# A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first; a clearance;
+# a load that switches.
+SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",), ("engine", COUPLED),
+          ("slider-crank-clearance", "solve.duration=2 ms", "solve.steps=200"),
+          ("four-bar-motor", 'loads.motor.law="0.3 * sign(main_speed - 10)"')]  # fmt: skip
 
 
 @pytest.mark.exhaustive(share=2)
@@ -278,11 +281,9 @@ def test_a_function_is_printed_once_for_every_list_of_types():
 
 
 @pytest.mark.parametrize(("name", "setting", "said"), [
-    ("stick-slip", (), "joints.rub: contacts and friction can't be exported as C"),
-    ("bouncing-bar", (), "contacts.stop: contacts and friction can't be exported as C"),
-    ("slider-crank-clearance", (), "joints.wrist: contacts and friction can't be exported as C"),
-    ("four-bar-motor", ['loads.motor.law="0.3 * sign(main_speed)"'],
-     r"loads.motor: discontinuous loads can't be exported as C"),
+    ("stick-slip", (), "joints.rub: friction with sticking and law newton can't be exported as C"),
+    ("bouncing-bar", ["contacts.stop.contact.materials=none", "contacts.stop.contact.law=newton"],
+     "contacts.stop: friction with sticking and law newton can't be exported as C"),
     ("four-bar-motor", ['solve.bounded=["speeds"]'],
      r"solve.bounded = 'speeds': steps in C control the error of displacements"),
 ])  # fmt: skip

@@ -13,7 +13,7 @@ from test_c import HEADS, SHARED, built
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile import entries as of_library
 from kaneflex.multibody.compile import library
-from kaneflex.multibody.compile.mechanisms import MECHANISM
+from kaneflex.multibody.compile.mechanisms import MECHANISM, typed
 from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import unfolding
@@ -79,9 +79,9 @@ def printed(run):
     Those of vectors and records are compared with all that calls them.
     """
     printer = Printer(run.engine.kernels)
-    typed = library.typed(of_library.PLANE, MECHANISM)
+    by_function = typed(of_library.PLANE, MECHANISM)
     for entry in (collocation.project, collocation.integrate, unfolding.unfold):
-        printer.function(entry, typed[entry].args)
+        printer.function(entry, by_function[entry].args)
     rooms = ("kaneflex.multibody.", "kaneflex.generated.")
     known = [each for name, of in [*sys.modules.items()] if name.startswith(rooms) for each in vars(of).values()]
     known += [each.where[0] for each in known if isinstance(getattr(each, "where", None), tuple)]

@@ -84,7 +84,7 @@ int {name}_run({name}_state *state, double until)
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
-        double control[9] = {{
+{forgotten}        double control[9] = {{
             state->step, {longest}, {at_once}, 0.0, 0.0, state->last_step, {patient}, state->sloped, 0.0
         }};
         const table *method = state->sloped == {DAMPED} ? &{name}_radau_method : &{name}_{integrator}_method;

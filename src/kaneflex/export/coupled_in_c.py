@@ -25,11 +25,14 @@ from kaneflex.support.escaping import c_comment, c_literal
 
 _STEPS = 1000
 """Steps between two checks for the end of the run."""
+_CHOOSING = at.Kind.IMPACTS, at.Kind.HOLDS, at.Kind.IMPACT_SPACE, at.Kind.HOLD_SPACE
+"""Kinds of mechanisms whose contacts or frictions take degrees of freedom away."""
 _OF_STATE = {
     "plan": "state->plan", "pivots": "state->plan", "kernels": "NULL", "w": "state->numbers", "real": "state->real",
     "pair": "state->pair",
 }  # fmt: skip
 """Arrays of a state; the printer replaces the kernels by their names."""
+_FORGOTTEN = "        m.w[m.plan[{}]] = 0.0; /* the run would wait for finished impacts to be read */\n"
 
 
 def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> dict[str, str]:
@@ -41,8 +44,8 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     Raises
     ------
     SceneError
-        For contacts, clearances, friction and discontinuous laws, which are not exported as C; for ``solve.bounded``,
-        and a run without initial state.
+        For friction with sticking and rigid contacts, which are not exported as C; for ``solve.bounded``, and a run
+        without initial state.
     """
     model = load(scene, progress)
     if model.options.bounded:
@@ -50,7 +53,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
             "solve.bounded", ", ".join(model.options.bounded), "steps in C control the error of displacements only",
             "Leave it out, and use a smaller solve.tolerance",
         )  # fmt: skip
-    _check_untouched(scene, model)
+    _check_kept(scene, model)
     progress("initial state")
     start = begun(model)
     from kaneflex.derive.printers.c_module import prefix_of
@@ -67,7 +70,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped, "free": sizes["FREE"],
         "ACCEL": at.ACCEL, "DONE": codes.DONE, "PAUSED": codes.PAUSED, "TURNED": codes.TURNED,
         "SINGULAR": codes.SINGULAR, "DAMPED": codes.DAMPED, "integrator": start.integrator,
-        **start.numbers, **called,
+        "forgotten": _FORGOTTEN.format(at.IMPACTS) if len(engine.contacts) else "", **start.numbers, **called,
     }  # fmt: skip
     given |= {key: text.format(**given) for key, text in texts.items()}
     given |= {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in ABOUT.items()} | {
@@ -84,19 +87,17 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     }
 
 
-def _check_untouched(scene: Scene, model: Model) -> None:
-    """Raise SceneError for contacts, friction and discontinuous loads, which are not exported as C."""
-    touching: tuple[str, ...] = (*scene.contacts, *scene.frictions)
-    switched: tuple[str, ...] = getattr(model.coupled_system.module, "SWITCHES", ())
-    if not (touching or switched):
+def _check_kept(scene: Scene, model: Model) -> None:
+    """Raise SceneError for friction with sticking and rigid contacts: where they change the run needs other independent
+    coordinates."""
+    if model.coupled_system.engine.kind not in _CHOOSING:
         return
+    rigid = (name for name, contact in scene.contacts.items() if contact.law == "newton")
+    name = next(iter(scene.frictions), "") or next(rigid)
+    table = "contacts" if name in scene.raw.get("contacts", {}) else "joints"
     cure = one_way_cure(scene, "--language", integrated=False)
-    if touching:
-        table = "contacts" if touching[0] in scene.raw.get("contacts", {}) else "joints"
-        key, reason = f"{table}.{touching[0]}", "contacts and friction can't be exported as C"
-    else:
-        key, reason = f"loads.{switched[0]}", "discontinuous loads can't be exported as C"
-    raise SceneError(key, None, reason, cure)
+    reason = "friction with sticking and law newton can't be exported as C"
+    raise SceneError(f"{table}.{name}", None, reason, cure)
 
 
 def _sizes(start: Begun) -> dict[str, int]:

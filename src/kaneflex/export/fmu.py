@@ -8,11 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import platform
-import shutil
-import subprocess
-import tempfile
 import uuid
 import zipfile
 from collections import Counter
@@ -29,11 +25,12 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.arguments import takes
 from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import xml
 from kaneflex.support.terminal import silent
 
-_FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
+_FLAGS = ("-O2", "-fvisibility=hidden")
 _SYSTEMS = {"Linux": ("linux64", "so"), "Darwin": ("darwin64", "dylib"), "Windows": ("win64", "dll")}
 """Folder and ending of the library by system; FMI 2.0 names no folder for other processors than x86_64."""
 _BASE = {"m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "1": {}}
@@ -121,7 +118,7 @@ def export_fmu(scene: SceneLike, progress: Callable[[str], None] | None = None) 
     files = {f"sources/{key}": text.encode() for key, text in texts.items()}
     files["modelDescription.xml"] = _xml(_description(made, token, variables, sources))
     progress("compiling")
-    compiled = _compiled(texts, sources, name)
+    compiled = _compiled(texts, name)
     if compiled is not None:
         files[compiled[0]] = compiled[1]
     inputs = tuple(each.name for each in variables if each.causality in ("input", "parameter"))
@@ -253,7 +250,7 @@ def _xml(root: ElementTree.Element) -> bytes:
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def _compiled(texts: Mapping[str, str], sources: list[str], name: str) -> tuple[str, bytes] | None:
+def _compiled(texts: Mapping[str, str], name: str) -> tuple[str, bytes] | None:
     """Path in the archive and content of the compiled library; None without a compiler or for an unknown platform.
 
     Raises
@@ -261,19 +258,15 @@ def _compiled(texts: Mapping[str, str], sources: list[str], name: str) -> tuple[
     SceneError
         If the compiler fails.
     """
-    compiler = next(filter(None, map(shutil.which, (os.environ.get("CC", ""), "cc", "gcc", "clang"))), None)
+    command = c_compiler()
     folder, suffix = _SYSTEMS.get(platform.system(), ("", ""))
-    if compiler is None or not folder or platform.machine().lower() not in ("x86_64", "amd64"):
+    if not command or not folder or platform.machine().lower() not in ("x86_64", "amd64"):
         return None
-    with tempfile.TemporaryDirectory() as place:
-        for key, text in texts.items():
-            (Path(place) / key).write_text(text, encoding="utf-8", newline="\n")
-        command = [compiler, *_FLAGS, *sources, "-o", f"{name}.{suffix}", "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["no message"])[0]
-            raise SceneError("CC", compiler, f"the C does not compile: {reason}", "Set CC to another C11 compiler")
-        return f"binaries/{folder}/{name}.{suffix}", (Path(place) / f"{name}.{suffix}").read_bytes()
+    try:
+        return f"binaries/{folder}/{name}.{suffix}", shared_library(command, texts, _FLAGS)
+    except CompilerError as error:
+        problem = f"the C does not compile: {error}"
+        raise SceneError("CC", command[0], problem, "Set CC to another C11 compiler") from error
 
 
 def _packed(files: Mapping[str, bytes]) -> bytes:

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from kaneflex.mechanism.spatial_frame import AXES
-from kaneflex.multibody.compile import library
 from kaneflex.multibody.compile.entries import EXPORTED, PLANE, SPACE
-from kaneflex.multibody.compile.mechanisms import HANDED
+from kaneflex.multibody.compile.mechanisms import HANDED, typed
 from kaneflex.multibody.dynamics import exported_entries
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
@@ -119,7 +118,7 @@ def _in_space(model: Model) -> tuple:
 
 def _typed(engine: Engine, entries: Mapping[str, str], only: Sequence[str] = ()) -> dict[str, tuple[Any, Any]]:
     """Compiled functions by name with their signatures as types."""
-    found = library.typed(entries, HANDED[engine.kind])
+    found = typed(entries, HANDED[engine.kind])
     return {each.__name__: (each, of) for each, of in found.items() if not only or each.__name__ in only}
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.multibody.compile.c_library import c_addresses
 from kaneflex.multibody.model.layout import Handle, Kind
 from kaneflex.support.machine_code import PACKAGE, Kernel
 
@@ -89,9 +90,11 @@ def library(kind: Kind, integrates: bool = True) -> dict[str, Callable[..., Any]
     Libraries of mechanisms with contacts, impacts, holds, elastic bodies in space or discontinuous loads have more
     functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
     """
-    name = f"addresses_{kind.name.lower() if _integrated(kind, integrates) else 'prescribed'}"
-    with compiling():
-        addresses = Kernel("multibody.compile.library", name, sources)()
+    name = kind.name.lower() if _integrated(kind, integrates) else "prescribed"
+    addresses = c_addresses(name, kind, entries_of(kind, integrates), sources())
+    if not addresses:
+        with compiling():
+            addresses = Kernel("multibody.compile.library", f"addresses_{name}", sources)()
     found: dict[str, Callable[..., Any]] = {}
     for (function, signature), address in zip(entries_of(kind, integrates).items(), addresses, strict=True):
         returned, _, given = signature.partition("(")

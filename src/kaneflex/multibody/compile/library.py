@@ -8,30 +8,20 @@ passed by address, so that a call takes a few microseconds.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.types import FunctionType, UniTuple, int64
 
 from kaneflex.multibody.compile.entries import entries_of, sources
-from kaneflex.multibody.compile.mechanisms import HANDED, TABLE
-from kaneflex.multibody.compile.types import OUTER, N
+from kaneflex.multibody.compile.mechanisms import HANDED, typed
+from kaneflex.multibody.compile.types import OUTER
 from kaneflex.multibody.model.layout import Kind
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*map(str, sources()))
-
-
-def typed(entries: Mapping[str, str], m: Any) -> dict[Any, Any]:
-    """Compiled functions with their signatures as types; ``m``: the type of a mechanism."""
-    found, names = {}, {**vars(types), "N": N, "TABLE": TABLE, "m": m}
-    for path, signature in entries.items():
-        module, _, name = path.rpartition(".")
-        found[getattr(import_module(f"kaneflex.multibody.{module}"), name)] = eval(signature, names)
-    return found
 
 
 def entered(entries: Mapping[Any, Any]) -> Any:

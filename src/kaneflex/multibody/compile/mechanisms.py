@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from numba import types
 from numba.types import CPointer, Type, float64, int64
 
 from kaneflex.multibody.compile.types import Fixed, Handed, N, Z
@@ -31,3 +36,12 @@ them."""
 ) = HANDED.values()  # fmt: skip
 TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
 """Coefficients of a collocation method."""
+
+
+def typed(entries: Mapping[str, str], m: Any) -> dict[Any, Any]:
+    """Compiled functions with their signatures as types; ``m``: the type of a mechanism."""
+    found, names = {}, {**vars(types), "N": N, "TABLE": TABLE, "m": m}
+    for path, signature in entries.items():
+        module, _, name = path.rpartition(".")
+        found[getattr(import_module(f"kaneflex.multibody.{module}"), name)] = eval(signature, names)
+    return found

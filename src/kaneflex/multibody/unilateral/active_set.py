@@ -47,7 +47,7 @@ _FIRST_STEP = 0.03
 """First step, as a share of the time in which an impact reaches its depth at its approach speed."""
 _MOST_AT_ONCE = 1000
 """Largest number of changes at one instant."""
-_DOUBTED = 4.0, 16.0
+_DOUBTED, _LEFT_ALONE = 4.0, 16.0
 """Range of this number in which steps are shortened: a contact that separates with hardly any acceleration may close
 again on the polynomial of too long a step."""
 _AT_REST = 1e-8
@@ -128,8 +128,8 @@ def change(m, state, A, wanted):
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], state[0]
     if _without_end(m, t):
         return 0.0
-    if _DOUBTED[0] < w[shared + IN_A_ROW] < _DOUBTED[1]:
-        wanted *= 0.5 ** (w[shared + IN_A_ROW] - _DOUBTED[0])
+    if _DOUBTED < w[shared + IN_A_ROW] < _LEFT_ALONE:
+        wanted *= 0.5 ** (w[shared + IN_A_ROW] - _DOUBTED)
     closing, still, changing = _also_due(m, t)
     if still:
         w[shared + FLIGHT] = wanted

@@ -189,14 +189,17 @@ def decide(m, t, A):
             stick(m, n)
     if free > _CANDIDATES:
         return 2
-    for choice in range(3**free):
+    choices = 1
+    for _ in range(free):
+        choices *= 3
+    for choice in range(choices):
         left = choice
         for n in range(-frictions(m), 0):
             if w[at(m, n) + DUE] < 0.0:
                 stick(m, n)
                 if left % 3 != 0:
                     slip(m, n, 1.5 - left % 3)
-                left //= 3
+                left = left // 3
         settled = settle(m, t, A)
         if settled == 1:
             return 1

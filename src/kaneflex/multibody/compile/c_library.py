@@ -1,0 +1,80 @@
+"""The compiled engine's functions as a shared library from a C compiler, which takes an eighth of numba's time.
+
+The C is printed from the functions that numba compiles where there is no C compiler. A library depends on the platform
+and on its sources, not on the processor.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import sysconfig
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+
+from kaneflex.multibody.model.layout import Kind
+from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
+from kaneflex.support.errors import OutputError
+from kaneflex.support.machine_code import PACKAGE
+from kaneflex.support.numba_cache import ensure_cache_folder
+from kaneflex.support.terminal import log_warning
+
+_FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno")
+"""Same results from every compiler: no sum is reordered, and no product fused with a sum."""
+_HEAD = "".join(f"#include <{name}.h>\n" for name in ("complex", "math", "stdbool", "stdint", "stdlib"))
+_TABLE = """
+extern void (*const entries[])(void);
+void (*const entries[])(void) = {{
+{listed}
+}};
+"""
+
+
+def c_addresses(name: str, kind: Kind, entries: Mapping[str, str], sources: Sequence[Path]) -> list[int]:
+    """Addresses of the functions of a kind of mechanism, which are printed from ``sources``; none without a C compiler.
+
+    The library is built once and kept in the cache folder, in place of that of other sources.
+    """
+    file = f"engine-{name}-{_digest(sources)}.so"
+    found = _read(PACKAGE / "support" / file, entries) or _read(ensure_cache_folder() / file, entries)
+    if found or not (command := c_compiler()):
+        return found
+    try:
+        data = shared_library(command, {"engine.c": _printed(kind, entries)}, _FLAGS)
+        for old in ensure_cache_folder().glob(f"engine-{name}-*.so"):
+            with suppress(OSError):  # in use
+                old.unlink()
+        write_bytes(ensure_cache_folder() / file, data)
+    except (CompilerError, OutputError) as error:
+        log_warning(f"{command[0]} can't build the engine; numba compiles it, which takes longer: {error}")
+    return _read(ensure_cache_folder() / file, entries)
+
+
+def _read(file: Path, entries: Mapping[str, str]) -> list[int]:
+    if file.is_file():
+        with suppress(OSError, ValueError):  # of another system, or damaged
+            return [*(ctypes.c_size_t * len(entries)).in_dll(ctypes.CDLL(str(file)), "entries")]
+    return []
+
+
+def _digest(sources: Sequence[Path]) -> str:
+    """Digest of all that a library is made of."""
+    found = hashlib.sha256(repr((_FLAGS, sysconfig.get_platform())).encode())
+    printers = Path(str(import_module("kaneflex.derive.printers").__file__)).parent
+    for file in (*sources, *sorted(printers.glob("c_*.py"))):
+        found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _printed(kind: Kind, entries: Mapping[str, str]) -> str:
+    """C of a library, with a table of its entries."""
+    from kaneflex.derive.printers.c_printer import Printer
+    from kaneflex.multibody.compile.mechanisms import HANDED, typed
+
+    printer = Printer()
+    names = [printer.function(each, of.args)[0] for each, of in typed(entries, HANDED[kind]).items()]
+    listed = ",\n".join(f"    (void (*)(void)){name}" for name in names)
+    return _HEAD + printer.text() + _TABLE.format(listed=listed)
