@@ -65,6 +65,6 @@ def test_a_link_without_mass_is_named():
     with pytest.raises(SceneError) as error:
         model("double-pendulum", "lower.mass=none")
     assert str(error.value) == (
-        "bodies.lower.mass = 0: lower moves at elbow: the mass matrix is singular, as neither it nor the bodies that "
-        "it carries have a mass along that freedom. Give it one, however small, or a length and a mass."
+        "drives.elbow: the mass matrix is singular: elbow.angle carries no inertia. Give the bodies that move with it "
+        "a mass and an inertia, however small, or prescribe it."
     )

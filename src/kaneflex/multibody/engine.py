@@ -23,6 +23,8 @@ from kaneflex.support.machine_code import address_of
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
+_LARGE = 1e8
+"""Accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ class Engine(Views):
     integrates : bool
         True if it uses the library that integrates motions.
     light : bool
-        True if some body in space has no mass, or no inertia about some axis.
+        True if some body has no mass, or no inertia about some axis.
     chosen : list
         Current choice of independent speeds.
     """
@@ -93,7 +95,7 @@ class Engine(Views):
         self.openings(t)
         level = self.levels.copy()
         level[list(spared)] = np.maximum(level[list(spared)], codes.NAMED)
-        choice, dropped = self.chosen_by(level)
+        choice, dropped = self.chosen_by(level, t)
         self.choose_speeds(choice)
         return dropped
 
@@ -113,26 +115,38 @@ class Engine(Views):
         for row, gap in enumerate(gaps):
             yield self.cut_of(row), gap, float(self.work.row_measure[row])
 
-    def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
-        """Choice by the :attr:`levels` of coordinates, and redundant rows, see
+    def chosen_by(self, level: np.ndarray, t: float = 0.0) -> tuple[Choice, np.ndarray]:
+        """Choice by the :attr:`levels` of coordinates, and redundant rows, at t [s], see
         :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
         taken = np.zeros(self.count(at.REACTIONS), np.int64)
         self.call("choose", level, taken)
         rows = np.flatnonzero(taken >= 0)
-        return self.choice_of(rows, taken[rows]), np.flatnonzero(taken == -1)
+        return self.choice_of(rows, taken[rows], t), np.flatnonzero(taken == -1)
 
-    def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
-        """Choice of the given rows and speeds at the current position."""
+    def choice_of(self, rows: np.ndarray, dependent: np.ndarray, t: float = 0.0) -> Choice:
+        """Choice of the given rows and speeds at the current position, at t [s]."""
         inertia = self.parts["weightless"]
         if len(dependent) and self.light:
-            free = np.isin(np.arange(self.size), self.open_speeds)
-            inertia = virtual_inertia(dependent, self.mass(), self.measure, self.tables.bodies, free)
+            free, M = np.isin(np.arange(self.size), self.open_speeds), self.mass(t) + np.diag(inertia)
+            inertia = inertia + virtual_inertia(M, self.measure, self.tables.bodies, free)
         return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
 
-    def mass(self) -> np.ndarray:
-        """Mass matrix of all speeds at the current position in space, (speeds, speeds)."""
-        self.call("mass", np.zeros(self.size))
-        return self.work.M
+    def mass(self, t: float = 0.0) -> np.ndarray:
+        """Mass matrix of all speeds at the current position, (speeds, speeds).
+
+        In the plane it is zero for those that drives prescribe, has these at t [s], and makes all speeds independent.
+        """
+        if self.in_space:
+            self.call("mass", np.zeros(self.size))
+            return self.work.M
+        n, motion = self.size, [part.copy() for part in self.motion]
+        rows = np.zeros((1 + n, 3 * n))
+        rows[:, :n], rows[1:, 2 * n :] = motion[0], _LARGE * np.eye(n)
+        every = Choice(NONE.rows, NONE.dependent, np.arange(n), np.zeros(n))
+        found = self.demand(every, np.full(1 + n, t), rows)[:, :n]
+        for part, before in zip(self.motion, motion, strict=True):
+            part[:] = before
+        return (found[1:] - found[0]) / _LARGE
 
     def choose_speeds(self, choice: Choice) -> None:
         """Set the choice that compiled functions use."""

@@ -19,7 +19,7 @@ from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, not_integrated
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
-from kaneflex.multibody.model.determinacy import check_weighty
+from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.integration import integrate
@@ -81,7 +81,7 @@ def at_start(scene: Scene, system: CoupledSystem, motion: RigidKinematics) -> St
     rigid = _started(motion, given, Courses(none, starts, 0.0 * starts, 0.0 * starts)).at(0.0)
     check_loops(mechanism, rigid)
     placement = place(scene)
-    check_weighty(system, placement)
+    check_freedoms(system, placement)
     (start,) = rigid_reference(scene, system, placement).states(system, none)
     try:
         state = system.project(0.0, start.q, start.u, system.engine.chosen_at(start, system.engine.free_drives))

@@ -189,7 +189,7 @@ def _bind_coupled(
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     """Variant of :func:`_bind_one_way` for preset coupled, which needs the laws of drives and loads only."""
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.determinacy import check_sensors, check_weighty, undetermined
+    from kaneflex.multibody.model.determinacy import check_freedoms, check_sensors, undetermined
     from kaneflex.multibody.model.system import build_system, with_stretch
     from kaneflex.multibody.time.rigid_reference import rigid_reference
     from kaneflex.solve.contact_lines import check_lines
@@ -209,7 +209,7 @@ def _bind_coupled(
     scene = with_stretch(scene)
     motion = rigid_reference(scene, coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
-    check_weighty(coupled, placement)
+    check_freedoms(coupled, placement)
     check_reference(scene, motion, options)
     check_laws(scene, motion, options)
     check_lines(scene, motion.at(np.zeros(1)))

@@ -52,7 +52,7 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
     room, pairs = np.zeros(size), np.zeros(size, complex)
     p = np.ascontiguousarray(p, float)
     tables = at.Tables(plan, t.bodies, t.acts, w)
-    engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, **more)
+    engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, light=built.light, **more)
     work = engine.work
     work.offset[:], work.row_measure[:] = t.numbers[:, SHIFT], np.where(built.angles, 1.0, built.size or 1.0)
     work.sections[t.on < 0, :3] = t.at[t.on < 0]

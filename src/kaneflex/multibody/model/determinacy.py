@@ -12,16 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.pivots import pivots
-from kaneflex.multibody.model.state import NONE, Choice, State
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.position_analysis import Placement
     from kaneflex.multibody.engine import Engine
     from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.system import CoupledSystem
@@ -31,10 +29,8 @@ COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in 
 _RANK, _NOTHING = 1e-9, 1e-7
 """Share of the largest singular value below which a combination of rows acts on nothing, and of the largest reaction
 below which it has no share in one."""
-_MASSLESS = 1e-14
-"""Share of the inertia of all bodies at a distance of the mechanism's size that counts as zero."""
-_LARGE = 1e8
-"""Accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
+_MASSLESS = 1e-13
+"""Inertia of a freedom, as a share of the largest, below which it counts as zero."""
 
 
 def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
@@ -169,49 +165,30 @@ def _of_joint(sensor: Sensor) -> Iterator[str]:
         yield f"{sensor.target}.normal"
 
 
-def check_weighty(system: CoupledSystem, placement: Placement) -> None:
-    """Check that a planar mechanism has inertia along the freedoms of the tree's joints, without its cuts and shapes.
-
-    Raises
-    ------
-    SceneError
-        Naming the body whose mass or moment of inertia is missing.
-    """
-    engine, layout = system.engine, system.engine.layout
-    q = np.concatenate([placement.poses[body] for body in system.start])[None]
+def check_freedoms(system: CoupledSystem, placement: Placement) -> None:
+    """Check that every freedom of a planar mechanism moves some inertia at the start of its bodies."""
+    mechanism, q = system.mechanism, np.concatenate([placement.poses[body] for body in system.start])[None]
     (state,) = system.undeformed(np.zeros(1), q, 0.0 * q)
-    A = _open_mass(engine, state) * np.outer(engine.measure, engine.measure)
-    bodies, masses = engine.tables.bodies, engine.masses
-    least = _MASSLESS * masses.sum() * (system.mechanism.size or 1.0) ** 2
-    free = np.isin(np.arange(engine.size), engine.open_speeds) & ~engine.shapes
-    carried, virtual = masses.copy(), engine.parts["weightless"]
-    for b in range(len(bodies) - 1, -1, -1):
-        if bodies[b, at.PARENT_BODY] >= 0:
-            carried[bodies[b, at.PARENT_BODY]] += carried[b]
-    for b, s in pivots(A, bodies, free):
-        A[s, s] += virtual[s]
-        if A[s, s] <= least:
-            raise _missing([*layout.node_of][b], layout.inboard[b], carried[b] <= 0.0 or not engine.turns[s])
+    check_inertia(system.engine, system.engine.chosen_at(state), mechanism.floating, mechanism.drives)
 
 
-def _open_mass(engine: Engine, state: State) -> np.ndarray:
-    """Mass matrix of the speeds that no drive prescribes with open loops, (speeds, speeds); others are zero."""
-    free, n = engine.open_speeds, engine.size
-    rows = np.zeros((1 + len(free), 3 * n))
-    rows[:, :n], rows[1:, 2 * n :] = state.q, _LARGE * np.eye(n)[free]
-    choice = Choice(NONE.rows, NONE.dependent, free, np.zeros(n))
-    found = engine.demand(choice, np.full(len(rows), state.t), rows)[:, : len(free)]
-    M = np.zeros((n, n))
-    M[np.ix_(free, free)] = (found[1:] - found[0]) / _LARGE
-    return M
+def check_inertia(engine: Engine, choice: Choice, owners: Collection[str], drives: Collection[str]) -> None:
+    """Check that every freedom moves some inertia, at the current position of an engine.
 
-
-def _missing(body: str, joint: str | None, massless: bool) -> SceneError:
-    what, moves = ("mass", "moves") if massless else ("inertia", "turns")
-    where = f"at {joint}" if joint is not None else "freely"
-    return SceneError(
-        f"bodies.{body}.{what}", 0,
-        f"{body} {moves} {where}: the mass matrix is singular, as neither it nor the bodies that it carries "
-        f"have a {'mass' if massless else 'moment of inertia'} along that freedom",
-        "Give it one, however small, or a length and a mass" if massless else "Give it one, however small",
+    ``owners``: bodies that move freely; ``drives``: joints with a drive.
+    """
+    if not len(choice.independent):
+        return
+    B, M = engine.basis(choice), engine.mass()
+    unit = engine.measure[choice.independent][:, None]
+    inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
+    if inertia[0] > _MASSLESS * inertia[-1]:
+        return
+    moving = abs((motions[:, 0] @ (unit * B)) / engine.measure)
+    name = engine.layout.speeds[int(moving.argmax())]
+    owner = name.rpartition(".")[0]
+    key = f"bodies.{owner}.free" if owner in owners else f"{'drives' if owner in drives else 'joints'}.{owner}"
+    raise SceneError(
+        key, None, f"the mass matrix is singular: {name} carries no inertia",
+        "Give the bodies that move with it a mass and an inertia, however small, or prescribe it",
     )  # fmt: skip

@@ -32,26 +32,20 @@ def side_of(point: BodyPoint) -> Side:
 
 
 def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, order: Sequence[Branch]) -> np.ndarray:
-    """Virtual inertia [kg m^2] of the speeds of bodies that could turn freely without it, until their cut joints hold
-    them, (speeds,).
+    """Virtual inertia [kg m^2] of the speeds of bodies that frictional joints hold, (speeds,).
 
-    A body without inertia on frictional joints, or also on a pin at its centre, has no place in a tree; nor has one
-    without mass at the end of a branch that a cut joint turns. A row of the factors removes the virtual inertia
-    again. Raises SceneError for a body without mass with frictional joints.
+    A body without inertia on such joints, or also on a pin at its centre, has no place in a tree. A row of the factors
+    removes the virtual inertia again. Raises SceneError for a body without mass.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
     found, measure = np.zeros(len(builder.speeds)), mechanism.size
     for body, joint, child in order:
         own = [each.name for each in rubbing if body in each.bodies]
         turns = joint is None or joint.kind == "revolute"
-        if not turns or body in builder.shapes:
+        if not own or not turns or body in builder.shapes:
             continue
         mass, x, y, second = builder.own[body][:4]
         turning = builder.nodes[builder.node_of[body]][SPEED] + (2 if joint is None else 0)
-        if not own:
-            if joint is not None and mass <= 0.0 and second <= 0.0 and _turned_by_cuts(mechanism, order, joint, body):
-                found[turning] = sum(each[0] for each in builder.own.values()) * measure**2
-            continue
         if mass <= 0.0:
             raise SceneError(
                 f"bodies.{body}.mass", float(mass),
@@ -61,14 +55,6 @@ def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, order: S
         if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
             found[turning] = mass * measure**2
     return found
-
-
-def _turned_by_cuts(mechanism: NumericMechanism, order: Sequence[Branch], inboard: Joint, body: str) -> bool:
-    """True if a body is the end of a branch and a cut joint determines its rotation."""
-    drive, taken = mechanism.drives.get(inboard.name), [joint for _, joint, _ in order]
-    others = [joint for joint in mechanism.joints.values() if body in joint.bodies and joint is not inboard]
-    ends = (drive is None or drive.free) and not any(joint in taken for joint in others)
-    return ends and bool(others)
 
 
 def _hold_acts(builder: TreeBuilder, mechanism: NumericMechanism, cuts: Sequence[str], row: int) -> list[Row]:

@@ -12,10 +12,8 @@ _LENT = 1e-12
 """Share of the largest inertia of a speed that counts as none."""
 
 
-def virtual_inertia(
-    dependent: np.ndarray, M: np.ndarray, measure: np.ndarray, bodies: np.ndarray, free: np.ndarray
-) -> np.ndarray:
-    """Virtual inertia of dependent speeds whose pivot in a recursion over the tree would vanish, (s,).
+def virtual_inertia(M: np.ndarray, measure: np.ndarray, bodies: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Virtual inertia of speeds whose pivot in a recursion over the tree would vanish, (s,).
 
     M: mass matrix; free: mask of speeds without drives.
     """
@@ -23,7 +21,7 @@ def virtual_inertia(
     A = M * np.outer(measure, measure)
     most = A.diagonal().max(initial=0.0)
     for _, s in pivots(A, bodies, free):
-        if A[s, s] <= _LENT * most and s in dependent:
+        if A[s, s] <= _LENT * most:
             inertia[s], A[s, s] = most / measure[s] ** 2, A[s, s] + most
     return inertia
 

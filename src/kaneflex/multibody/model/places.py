@@ -45,7 +45,9 @@ class Counts:
     rigid : bool
         True if contacts are by Newton's law.
     lent : int
-        In the plane coordinates with virtual inertia.
+        In the plane coordinates with virtual inertia whatever is chosen.
+    light : bool
+        True if others may have virtual inertia, too.
     """
 
     d: int
@@ -63,6 +65,7 @@ class Counts:
     switches: int
     rigid: bool
     lent: int
+    light: bool
 
     @classmethod
     def of(cls, built: Built) -> Counts:
@@ -73,7 +76,7 @@ class Counts:
             len(layout.coordinates), len(layout.positions), len(t.nodes), len(t.on), len(t.axis_on),
             int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)), len(t.joints),
             max((rows.stop for rows in layout.cuts.values()), default=0), built.driven, built.switches, built.rigid,
-            0 if built.virtual is None else int(np.count_nonzero(built.virtual)),
+            0 if built.virtual is None else int(np.count_nonzero(built.virtual)), built.light,
         )  # fmt: skip
 
     @property
@@ -133,8 +136,8 @@ class Counts:
 
     @property
     def virtual(self) -> int:
-        """Most coordinates with virtual inertia; in space they are dependent ones."""
-        return self.cut_rows if self.in_space else self.lent
+        """Most coordinates with virtual inertia."""
+        return self.lent + self.coordinates * self.light
 
     @property
     def courses(self) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.determinacy import self_equilibrated
+from kaneflex.multibody.model.determinacy import check_inertia, self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
 from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import Choice, State
@@ -16,8 +16,6 @@ from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
-_HEAVY = 1e-13
-"""Inertia of a freedom, as a share of the largest, below which it counts as zero."""
 
 
 def start_of(system: SpatialSystem) -> State:
@@ -47,11 +45,11 @@ def start_of(system: SpatialSystem) -> State:
     try:
         state = system.project(0.0, q, u, choice)
     except ArithmeticError as reason:
-        _check_inertia(system, choice)
+        check_inertia(system.engine, choice, system.mechanism.floating, system.scene.drives)
         raise SceneError(
             "drives", None, f"at the start {reason}", "Start at another position, or check the laws of loads"
         ) from None
-    _check_inertia(system, choice)
+    check_inertia(system.engine, choice, system.mechanism.floating, system.scene.drives)
     _check_speeds(system, state)
     return state
 
@@ -157,23 +155,6 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
             "drives", None, f"{count} no drive, at {', '.join(joints)}",
             f"Drive a joint, or let it move freely, like drives.{joints[0]} = {{free = true}}",
         )  # fmt: skip
-
-
-def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
-    """Check that every freedom moves some inertia, at the position of ``work``."""
-    if not len(choice.independent):
-        return
-    B, M = system.engine.basis(choice), system.engine.mass()
-    unit = system.engine.measure[choice.independent][:, None]
-    inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
-    if inertia[0] > _HEAVY * inertia[-1]:
-        return
-    moving = abs((motions[:, 0] @ (unit * B)) / system.engine.measure)
-    name = system.layout.speeds[int(moving.argmax())]
-    raise SceneError(
-        _key(system, name.rpartition(".")[0]), None, f"the mass matrix is singular: {name} carries no inertia",
-        "Give its bodies mass and inertia = [J_x, J_y, J_z] [kg m^2], or prescribe it",
-    )  # fmt: skip
 
 
 def _check_speeds(system: SpatialSystem, state: State) -> None:

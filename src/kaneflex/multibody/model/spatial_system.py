@@ -33,9 +33,6 @@ from kaneflex.multibody.model.tree_layout import (
 )  # fmt: skip
 from kaneflex.scene import Scene
 
-_LIGHT = 1e-9
-"""Ratio of principal moments of inertia below which the smaller one counts as none."""
-
 
 @dataclass(frozen=True, eq=False)
 class SpatialSystem:
@@ -151,9 +148,7 @@ class SpatialSystem:
 
     @cached_property
     def engine(self) -> Engine:
-        inertias = [(body.mass, *body.inertia[:3]) for body in self.mechanism.bodies.values()]
-        light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
-        more = {"shared": self._kind, "integrates": self.integrates, "light": light}
+        more = {"shared": self._kind, "integrates": self.integrates}
         return engine_of(self.built, self.module, self.parameters, **more)
 
     @property

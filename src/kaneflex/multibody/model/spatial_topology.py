@@ -18,6 +18,8 @@ from kaneflex.support.errors import SceneError
 
 _ALIGNED = 1e-9
 """Components of an axis that count as zero."""
+_LIGHT = 1e-9
+"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 class SpatialBuilder(TreeBuilder):
@@ -84,10 +86,12 @@ def build_tables(
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
+    inertias = [(body.mass, *body.inertia[:3]) for body in mechanism.bodies.values()]
+    light = any(mass <= 0.0 or min(axes) <= _LIGHT * max(axes) for mass, *axes in inertias)
     seconds = {name: joint.sides[1] for name, joint in mechanism.joints.items()}
     return Built(
         builder.tables(acts, mechanism.gravity, seconds), builder.layout(closing, driven), builder.w,
-        [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C, rigid,
+        [builder.speed(name) for name in driven], acts.angles, mechanism.size, switches, K, C, rigid, light=light,
     )  # fmt: skip
 
 

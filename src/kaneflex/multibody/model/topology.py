@@ -53,10 +53,11 @@ def build_tables(mechanism: NumericMechanism, blocks: Blocks, switches: int = 0)
     driven = [builder.speed(name) if name in builder.tree else -1 for name in prescribed]
     elastic = [blocks.elastic(body) for body, *_ in order]
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
+    light = any(mass <= 0.0 or second <= 0.0 for mass, _, _, second, *_ in builder.own.values())
     seconds = {name: side_of(joint.sides[1]) for name, joint in mechanism.joints.items()}
     return Built(
         builder.tables(found, mechanism.gravity, seconds), builder.layout(found.cuts, prescribed), builder.w, driven,
-        found.angles, mechanism.size, switches, [K for K, _ in elastic], [C for _, C in elastic], rigid, virtual,
+        found.angles, mechanism.size, switches, [K for K, _ in elastic], [C for _, C in elastic], rigid, virtual, light,
     )  # fmt: skip
 
 

@@ -72,7 +72,9 @@ class Built(NamedTuple):
     rigid : bool
         True if contacts are by Newton's law.
     virtual : ndarray (s,), optional
-        In the plane virtual inertia of speeds of bodies without inertia.
+        In the plane virtual inertia of speeds of bodies at frictional joints.
+    light : bool
+        True if some body has no mass, or no inertia about some axis.
     """
 
     tables: Tables
@@ -86,6 +88,7 @@ class Built(NamedTuple):
     C: Sequence[np.ndarray]
     rigid: bool = False
     virtual: np.ndarray | None = None
+    light: bool = False
 
 
 class TreeBuilder(ABC):
