@@ -72,7 +72,7 @@ def settled(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
     for each in vars(request.module).values():
         own = hasattr(each, "cache_clear") and each.__module__ in (request.module.__name__, "runs")
-        if own and each.__name__ != "model":  # the last scenes that were loaded serve other files
+        if own and each.__name__ not in ("model", "shipped"):  # the last scenes that were loaded serve other files
             each.cache_clear()
 
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from lifting import global_components, in_plane, lifted
+from runs import shipped
 
-from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, with_settings
 from kaneflex.scene.bodies import about
 from kaneflex.solve.simulation import solve
 
@@ -82,8 +83,7 @@ def random_turn(name: str) -> np.ndarray:
 
 def planar_scenes() -> list[str]:
     """Shipped planar scenes that move and have sensors."""
-    scenes = {name: read_scene(name) for name in sorted(shipped_scenes())}
-    return [name for name, scene in scenes.items() if not scene.is_spatial and scene.sensors]
+    return [name for name, scene in shipped().items() if not scene.is_spatial and scene.sensors]
 
 
 def planar(name: str, preset: str) -> Scene:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kaneflex import Model, Scene, Solution, load, read_scene, with_settings
+from kaneflex import Model, Scene, Solution, load, read_scene, shipped_scenes, with_settings
 from kaneflex.generated import body as kernels
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
@@ -34,6 +34,12 @@ class Peak(NamedTuple):
 
     value: float
     degrees: float
+
+
+@cache
+def shipped() -> dict[str, Scene]:
+    """Scenes that kaneflex brings, by their names: many files choose among them."""
+    return {name: read_scene(name) for name in sorted(shipped_scenes())}
 
 
 @lru_cache(maxsize=64)

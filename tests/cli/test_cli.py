@@ -11,9 +11,10 @@ import pytest
 from click.shell_completion import ShellComplete
 from command_line import cli, refused
 from places import ROOT
+from runs import shipped
 
 import kaneflex
-from kaneflex import load, read_scene, shipped_scenes, simulate, with_settings
+from kaneflex import load, read_scene, simulate, with_settings
 from kaneflex.cli.commands import GROUPS, main
 from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
@@ -52,7 +53,7 @@ print([name for name in heavy if name in sys.modules])
 
 def test_list_shows_scenes_presets_and_integrators_with_their_descriptions():
     shown = cli("list").stdout
-    described = {name: read_scene(name).description for name in shipped_scenes()}
+    described = {name: scene.description for name, scene in shipped().items()}
     described |= PRESETS | {name: method.description for name, method in METHODS.items()}
     for name, text in described.items():
         assert re.search(rf"^  {name}  .*{re.escape(text)}$", shown, re.MULTILINE), name

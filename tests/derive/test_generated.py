@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import sympy as sm
 from numba import njit
-from runs import model, short, solved
+from runs import model, shipped, short, solved
 
 import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
@@ -40,7 +40,7 @@ from kaneflex.support.module_cache import cache_folder
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 LAWS = sorted(name for name in kaneflex.generated.STRUCTURES.values() if name.endswith("_laws"))
-SCENES = {name: read_scene(name) for name in sorted(shipped_scenes())}
+SCENES = shipped()
 MOVING = {structure_hash(scene): name.replace("-", "_") for name, scene in reversed(SCENES.items())
           if not (scene.is_spatial or scene.solve.preset == "coupled")}  # fmt: skip
 """The first scene of each structure that has a rigid motion."""
@@ -468,7 +468,7 @@ def test_kernels_in_a_loop_of_the_users_own():
     assert energy(times, found.parameters, element, q, v) == pytest.approx(expected, rel=1e-12)
 
 
-PLANAR = [name for name in shipped_scenes() if not read_scene(name).is_spatial]
+PLANAR = [name for name, scene in SCENES.items() if not scene.is_spatial]
 
 
 @pytest.mark.exhaustive(share=2)

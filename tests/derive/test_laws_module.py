@@ -4,14 +4,14 @@ import tomllib
 
 import numpy as np
 import pytest
-from runs import STENCIL, model
+from runs import STENCIL, model, shipped
 
 import kaneflex
 from kaneflex.derive.laws.drives_and_loads import generate_laws
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
-from kaneflex.scene import read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 
-SHIPPED = [name for name in sorted(shipped_scenes()) if read_scene(name).solve.preset == "coupled"]
+SHIPPED = [name for name, scene in shipped().items() if scene.solve.preset == "coupled"]
 MOVING = ("engine", "mathieu", "quick-return", "spin-up", "two-link-arm")
 """Constant speeds, spin-ups, laws; constant loads, tables and laws against the time, drives and their speeds."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from places import DATA, DOCS
-from runs import model, run
+from runs import model, run, shipped
 from scipy.linalg import eigh
 
 from kaneflex import Model, load, modes, read_scene, shipped_scenes
@@ -265,7 +265,7 @@ def test_the_page_has_an_entry_for_each_scene():
         r"^\| \[!\[(\S+)\]\(pictures/thumbs/\1\.png\)<br>\1\]\(#\1\)<br>`(\w+)` \| [^|]+ \| [^|]+ \|$", text,
         flags=re.MULTILINE,
     )  # fmt: skip
-    assert sorted(rows) == [(name, read_scene(name).solve.preset) for name in sorted(shipped_scenes())]
+    assert sorted(rows) == [(name, scene.solve.preset) for name, scene in shipped().items()]
 
 
 def test_the_page_has_a_picture_of_every_scene():

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from lifting import lifted
-from runs import alike, solved
+from runs import alike, shipped, solved
 from scipy.linalg import eig, eigh
 from test_spatial_links import swept
 
@@ -314,10 +314,10 @@ def test_elastic_bodies_are_in_balance(name):
         assert abs(motion.reaction(f"{drive}.drive") - wanted).max() < 2e-4 * abs(wanted).max()
 
 
-ELASTIC = sorted(
-    name for name in shipped_scenes()
-    if (scene := read_scene(name)).is_spatial and any(body.elastic for body in scene.bodies.values())
-)  # fmt: skip
+ELASTIC = [
+    name for name, scene in shipped().items()
+    if scene.is_spatial and any(body.elastic for body in scene.bodies.values())
+]  # fmt: skip
 
 
 @cache

@@ -10,9 +10,9 @@ import pytest
 from command_line import cli, refused
 from PIL import Image
 from places import DOCS
-from runs import model, run, short
+from runs import model, run, shipped, short
 
-from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, show, with_settings
+from kaneflex import SceneError, read_scene, scene_of, show, with_settings
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -23,7 +23,7 @@ from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
 from kaneflex.solve.free_motion import integrated
 
-SCENES = tuple(name for name in shipped_scenes() if not read_scene(name).is_spatial)  # those have tests of their own
+SCENES = tuple(name for name, scene in shipped().items() if not scene.is_spatial)  # those have tests of their own
 
 QUICK_RETURN = """
 schema = 1

@@ -5,10 +5,10 @@ from itertools import islice, pairwise
 
 import numpy as np
 import pytest
-from runs import SHORT, run, solved
+from runs import SHORT, run, shipped, solved
 
 import kaneflex
-from kaneflex import Solution, load, read_scene, shipped_scenes, with_settings
+from kaneflex import Solution, load, read_scene, with_settings
 from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.response.reactions import by_reflections
@@ -84,8 +84,8 @@ def left_out(solution: kaneflex.Solution) -> set[str]:
 
 
 SCENES = [
-    name for name in shipped_scenes()
-    if not (scene := read_scene(name)).is_spatial and scene.solve.preset != "coupled" and not scene.is_frame
+    name for name, scene in shipped().items()
+    if not scene.is_spatial and scene.solve.preset != "coupled" and not scene.is_frame
 ]  # fmt: skip
 OTHERS = [("engine", "quasistatic"), ("engine", "rigid"), ("engine", "linear"), ("six-bar", "quasistatic")]
 
