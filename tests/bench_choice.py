@@ -98,7 +98,7 @@ def _beside_brute_force(
     runs = Runs(basis)
     reference = find_reference(runs, sensors or [*scene.sensors], min(choices), KNOWN, sensors is not None)
     trials = {tolerance: Trials(runs, tolerance, reference) for tolerance in choices}
-    laid = len(neutral_settings(scene))
+    laid = len(neutral_settings(scene.raw))
     chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
     for candidate in dict.fromkeys((*chosen.values(), *candidates_of(basis, reference.stored))):

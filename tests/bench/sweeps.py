@@ -15,7 +15,8 @@ from bench.interleave import interleave
 from bench.rows import Row, Target
 from kaneflex import in_processes, load, on_cluster, simulate
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.sweep import Solver, in_this_process
+from kaneflex.study.records import solve_points
+from kaneflex.study.sweep import Solver
 
 TITLE = "Sweeps"
 ABOUT = f"""\
@@ -44,7 +45,7 @@ def rows() -> Iterator[Row]:
         path.write_text(STUDY.format(count=POINTS))
         plan = make_plan(path)
         model = load(make_plan(path).scene)  # another one: what a loaded scene remembers can't be sent to a process
-        timed = {"one process": lambda: seconds_a_point(plan, in_this_process)}
+        timed = {"one process": lambda: seconds_a_point(plan, solve_points)}
         if cores > 1:
             timed[f"{cores} processes"] = lambda: seconds_a_point(plan, in_processes(cores))
         if cores > 1 and find_spec("distributed"):

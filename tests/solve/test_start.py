@@ -114,7 +114,7 @@ def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
         row = model("rotating-cantilever").coordinates.index
         assert (z[row("blade.8.v")], z[row("blade.7.v")], v[row("blade.8.v")]) == (2e-4, 8e-5, 2e-3)
         assert np.count_nonzero(z) == 2 and np.count_nonzero(v) == 1
-        assert file_places(read_scene(scene)) == {"solve.start.file": str(tmp_path / name)}
+        assert file_places(read_scene(scene).raw) == {"solve.start.file": str(tmp_path / name)}
 
 
 @pytest.mark.parametrize(("text", "reason"), [

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from kaneflex import SceneError, read_scene, with_settings
-from kaneflex.cli.stability import orders_of, range_of, speed_range
+from kaneflex.cli.stability import orders_of, speed_range
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.plots.stability import _over_speed
@@ -307,25 +307,26 @@ def test_mathieus_scene_says_what_is_wrong_with_it(tmp_path):
 )
 def test_a_range_of_speeds(text, low, high, capsys):
     """A plain number is in rad/s, and that is said."""
-    assert speed_range(read_scene("engine"), "main", text) == pytest.approx((low, high))
-    told = "--vary 10:20: a plain number is in rad/s, so 190.986 rpm\n"
+    assert speed_range(read_scene("engine"), "main", f"main.speed={text}") == pytest.approx((low, high))
+    told = "--vary main.speed=10:20: a plain number is in rad/s, so 190.986 rpm\n"
     assert capsys.readouterr().err == (told if text == "10:20" else "")
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [("100rpm", "not of the form LOW:HIGH"), ("200:100rpm", "speeds must satisfy"), ("0:5 kg", "an angular speed")],
+    [("100rpm", "not of the form PATH=LOW:HIGH"), ("200:100rpm", "not greater"), ("0:5 kg", "an angular speed"),
+     ("-1:2", "not negative")],
 )
 def test_a_range_that_is_none(text, reason):
     with pytest.raises(SceneError, match=reason) as found:
-        speed_range(read_scene("engine"), "main", text)
+        speed_range(read_scene("engine"), "main", f"main.speed={text}")
     assert found.value.key == "--vary"
 
 
-@pytest.mark.parametrize("text", ["100:200rpm", "crank.speed=1:2", "main.rotation=1:2"])
+@pytest.mark.parametrize("text", ["speed=100:200rpm", "crank.speed=1:2", "main.rotation=1:2"])
 def test_only_the_first_drives_speed_varies(text):
     with pytest.raises(SceneError, match=r"over the speeds of the first drive. Write main.speed=LOW:HIGH"):
-        range_of("main", text)
+        speed_range(read_scene("engine"), "main", text)
 
 
 def test_a_number_of_speeds_needs_their_range():

@@ -20,7 +20,7 @@ from kaneflex.study.dataset import column
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study, points_of
-from kaneflex.study.sweep import Progress, in_this_process
+from kaneflex.study.sweep import Progress
 from kaneflex.study.trade import choice
 
 HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
@@ -132,7 +132,7 @@ def test_interrupted_and_resumed_no_point_is_lost_or_repeated(tmp_path, swept):
     solved: list[int] = []
 
     def counting(plan, todo):
-        for record in in_this_process(plan, todo):
+        for record in solve_points(plan, todo):
             solved.append(record.point)
             yield record
 
@@ -161,7 +161,7 @@ def test_two_sweeps_at_once_do_not_share_a_folder(tmp_path, swept):
     def twice(plan, todo):
         with pytest.raises(OutputError, match="another sweep is writing into it"):
             sweep(plan, tmp_path / "out", force=True)
-        yield from in_this_process(plan, todo)
+        yield from solve_points(plan, todo)
 
     sweep(plan, tmp_path / "out", twice)
     assert dataset(tmp_path / "out").identical(whole)
@@ -169,7 +169,7 @@ def test_two_sweeps_at_once_do_not_share_a_folder(tmp_path, swept):
 
 def test_whatever_order_the_points_end_in_the_dataset_is_the_same(tmp_path, swept):
     plan, whole = swept
-    sweep(plan, tmp_path / "out", lambda plan, todo: in_this_process(plan, todo[::-1]))
+    sweep(plan, tmp_path / "out", lambda plan, todo: solve_points(plan, todo[::-1]))
     assert dataset(tmp_path / "out").identical(whole)
 
 
@@ -329,7 +329,7 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
         yield from (Record(point, "refused", "not tried") for point in points[:2])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("kaneflex.study.sweep.solve_points", solve)
+    monkeypatch.setattr("kaneflex.study.records.solve_points", solve)
     result = cli("sweep", file, "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 130 and "The same command continues" in result.stderr
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2

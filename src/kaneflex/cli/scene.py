@@ -225,7 +225,7 @@ def chosen_settings(
     from kaneflex.study.trade.choice import check_varied, remembered_choice
     from kaneflex.support.terminal import Waiting
 
-    check_varied(scenes[0], option, paths)
+    check_varied(scenes[0].raw, option, paths)
     with Waiting() as waiting:
         share, (scene, *others) = tolerance_of(choosing.tolerance or ""), scenes
         choice, _ = remembered_choice(scene, share, choosing.sensors or None, waiting, others=others)

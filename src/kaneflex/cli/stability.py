@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,8 +66,7 @@ def stability(
 
     multiples, scene, speeds = orders_of(orders), asked.read(), None
     if vary is not None:
-        drive = check_sweep(scene)
-        speeds = speeds_between(*speed_range(scene, drive, range_of(drive, vary)), points or _POINTS)
+        speeds = speeds_between(*speed_range(scene, check_sweep(scene), vary), points or _POINTS)
     elif points is not None:
         raise SceneError("--points", points, "requires --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
@@ -85,15 +83,6 @@ def stability(
     echo(f"Written to {target.folder}")
 
 
-def range_of(drive: str, text: str) -> str:
-    """Text LOW:HIGH of "DRIVE.speed=LOW:HIGH". Raises SceneError for any other entry of the scene."""
-    path, equals, ends = text.partition("=")
-    if not equals or path.strip() not in (f"{drive}.speed", f"drives.{drive}.speed"):
-        cure = f"Write {drive}.speed=LOW:HIGH, like {drive}.speed=0:12000rpm"
-        raise SceneError("--vary", text, "stability is computed over the speeds of the first drive", cure)
-    return ends
-
-
 def orders_of(text: str) -> tuple[float, ...]:
     """Comma-separated positive numbers, sorted, each once. Raises SceneError for anything else."""
     from kaneflex.support.units import plain_number
@@ -105,24 +94,22 @@ def orders_of(text: str) -> tuple[float, ...]:
 
 
 def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
-    """Bounds of "LOW:HIGH" in rad/s, or m/s for a guide; LOW without a unit takes that of HIGH.
+    """Bounds of "DRIVE.speed=LOW:HIGH" in rad/s, or m/s for a guide; LOW without a unit takes that of HIGH.
 
-    Raises SceneError unless 0 <= LOW < HIGH.
+    Raises SceneError for any other entry of the scene, and unless 0 <= LOW < HIGH.
     """
+    from kaneflex.study.exploration import ends_of
     from kaneflex.support.units import ANGULAR_SPEED, SPEED
 
-    low, colon, high = (part.strip() for part in text.partition(":"))
-    unit = re.search(r"[^0-9.eE+\-\s].*$", high)
-    if unit is not None and re.search(r"[^0-9.eE+\-\s]", low) is None:
-        low = f"{low} {unit[0]}"
-    cure = "Write it like main.speed=0:12000rpm"
-    if not colon:
-        raise SceneError("--vary", text, "not of the form LOW:HIGH", cure)
-    dimension = SPEED if scene.slides(drive) else ANGULAR_SPEED
-    ends = [quantity("--vary", part, dimension, text) for part in (low, high)]
-    if not 0.0 <= ends[0] < ends[1]:
-        raise SceneError("--vary", text, "speeds must satisfy 0 <= LOW < HIGH", cure)
-    say_plain("--vary", text, high, dimension.unit, scene.written_speed(drive, ends[1]))
+    path, low, high, unit, _ = ends_of(text, f"{drive}.speed=0:12000rpm")
+    if path not in (f"{drive}.speed", f"drives.{drive}.speed"):
+        cure = f"Write {drive}.speed=LOW:HIGH, like {drive}.speed=0:12000rpm"
+        raise SceneError("--vary", text, "stability is computed over the speeds of the first drive", cure)
+    if low < 0.0:
+        raise SceneError("--vary", text, "speeds are not negative", "The drive keeps its direction: give amounts")
+    dimension, end = SPEED if scene.slides(drive) else ANGULAR_SPEED, f"{high!r} {unit}".strip()
+    ends = [quantity("--vary", part, dimension, text) for part in (f"{low!r} {unit}".strip(), end)]
+    say_plain("--vary", text, end, dimension.unit, scene.written_speed(drive, ends[1]))
     return ends[0], ends[1]
 
 

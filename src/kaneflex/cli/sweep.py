@@ -57,9 +57,9 @@ class Workers:
             from kaneflex.study.workers import in_processes
 
             return in_processes(self.workers)
-        from kaneflex.study.sweep import in_this_process
+        from kaneflex.study.records import solve_points
 
-        return in_this_process
+        return solve_points
 
 
 @command()

@@ -89,7 +89,7 @@ class Shipment:
             place = cache_folder() / "files" / digest[:16] / Path(name).name
             _keep(place, data)
             self.moved[name] = str(place)
-        places = {key: self.moved[file] for key, file in file_places(self.plan.scene).items() if file in self.moved}
+        places = {key: self.moved[file] for key, file in file_places(self.plan.scene.raw).items() if file in self.moved}
         scene = with_settings(self.plan.scene, [setting(key, file) for key, file in places.items()])
         self.plan = replace(self.plan, scene=scene, files={})
         _shipments[self.digest] = self

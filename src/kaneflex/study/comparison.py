@@ -172,7 +172,7 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
         raise SceneError("--presets", ",".join(presets), "a comparison needs two or more different models", cure)
     if against is not None and against not in asked:
         raise SceneError("--against", against, "not one of the compared models", nearest(against, asked))
-    check_sensors(scene)
+    check_sensors(scene.sensors)
 
 
 def side_by_side(

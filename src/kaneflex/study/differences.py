@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,18 +22,18 @@ _CLOSE = 1e-9
 """Share of a run by which two end times may differ through rounding."""
 
 
-def check_names(scene: Scene, sensors: Sequence[str] | None) -> None:
+def check_names(known: Collection[str], sensors: Sequence[str] | None) -> None:
     """Raise SceneError if a sensor does not exist."""
     for name in sensors or ():
-        if name not in scene.sensors:
-            raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, scene.sensors))
+        if name not in known:
+            raise SceneError("--sensors", name, "the scene has no such sensor", nearest(name, known))
 
 
-def check_sensors(scene: Scene, sensors: Sequence[str] | None = None) -> None:
+def check_sensors(known: Collection[str], sensors: Sequence[str] | None = None) -> None:
     """Raise SceneError if a sensor does not exist, or the scene has none."""
-    if not scene.sensors:
+    if not known:
         raise SceneError("sensors", None, "the scene has no sensors to compare", "Add a sensor to the scene")
-    check_names(scene, sensors)
+    check_names(known, sensors)
 
 
 @dataclass(frozen=True)

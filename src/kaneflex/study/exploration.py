@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import Scene, with_settings
@@ -51,20 +52,27 @@ class Varied:
         return setting(self.path, f"{number!r} {self.unit}" if self.unit else number)
 
 
-def varied(scene: Scene, text: str) -> Varied:
-    """Parse "path=low:high": main.speed=2000:6000rpm, rod.elements=1:8.
+class Ends(NamedTuple):
+    """Ends of the range of an entry, in one unit (empty: SI); ``whole``: both are whole numbers without a unit."""
 
-    The unit of `high` applies to a `low` without unit. Ends without decimal point and unit are whole numbers.
+    path: str
+    low: float
+    high: float
+    unit: str
+    whole: bool
+
+
+def ends_of(text: str, example: str = "main.speed=2000:6000rpm") -> Ends:
+    """Parse "path=low:high"; the unit of `high` applies to a `low` without unit.
 
     Raises
     ------
     SceneError
-        If the path does not exist, the ends are not two ascending numbers with one unit, or the scene does not allow
-        the start value.
+        If the ends are not two ascending numbers with one unit.
     """
     path, equals, ends = (part.strip() for part in text.partition("="))
     first, colon, last = (part.strip() for part in ends.partition(":"))
-    cure = "Write like main.speed=2000:6000rpm or rod.elements=1:8"
+    cure = f"Write it like {example}"
     low, high = number_and_unit(first), number_and_unit(last)
     if not (equals and colon) or low is None or high is None:
         raise SceneError("--vary", text, "not of the form PATH=LOW:HIGH with two numbers", cure)
@@ -74,7 +82,21 @@ def varied(scene: Scene, text: str) -> Varied:
     if not (math.isfinite(low[0]) and math.isfinite(high[0]) and low[0] < high[0]):
         raise SceneError("--vary", text, "the second number is not greater than the first", cure)
     whole = not unit and all(end.lstrip("+-").isdecimal() for end in (first, last))
-    found = Varied(path, unit, low[0], high[0], _start(scene, path, unit, low[0], high[0]), whole)
+    return Ends(path, low[0], high[0], unit, whole)
+
+
+def varied(scene: Scene, text: str) -> Varied:
+    """Parse "path=low:high": main.speed=2000:6000rpm, rod.elements=1:8.
+
+    Ends without decimal point and unit are whole numbers.
+
+    Raises
+    ------
+    SceneError
+        As :func:`ends_of`, if the path does not exist, or if the scene does not allow the start value.
+    """
+    path, low, high, unit, whole = ends_of(text, "main.speed=2000:6000rpm or rod.elements=1:8")
+    found = Varied(path, unit, low, high, _start(scene.raw, path, unit, low, high), whole)
     try:
         with_settings(scene, [found.setting(found.start)])
     except SceneError as error:
@@ -83,8 +105,8 @@ def varied(scene: Scene, text: str) -> Varied:
     return found
 
 
-def _start(scene: Scene, path: str, unit: str, low: float, high: float) -> float:
-    known = number_and_unit(given_value(scene.raw, resolved(scene.raw, path)))
+def _start(raw: Mapping[str, Any], path: str, unit: str, low: float, high: float) -> float:
+    known = number_and_unit(given_value(raw, resolved(raw, path)))
     return min(max(known[0], low), high) if known is not None and known[1] == unit else 0.5 * (low + high)
 
 
@@ -115,7 +137,7 @@ class Exploration:
         demand_once(("--vary", each.path, tuple(resolved(self.scene.raw, each.path))) for each in self.open)
         if not self.scene.sensors:
             raise SceneError("sensors", None, "the scene has no sensors", "Add a sensor, see docs/scene/sensors.md")
-        check_names(self.scene, self.sensors)
+        check_names(self.scene.sensors, self.sensors)
 
     @cached_property
     def _variants(self) -> Variants:

@@ -129,16 +129,16 @@ def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
         nested(scene.raw, key, value)
-    demand_once((*_set(read, settings), *_varied(scene, study)))
-    demand_once(("sensitivities", name, place_of(scene, name)) for name in study.sensitivities)
+    demand_once((*_set(read.raw, settings), *_varied(scene.raw, study)))
+    demand_once(("sensitivities", name, place_of(scene.raw, name)) for name in study.sensitivities)
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
             raise SceneError(f"sensors.{sensor}", None, "the dataset uses that name itself", "Rename the sensor")
     if study.poincare is not None:
         study.poincare.settings(scene)  # raises SceneError
     kept_series = study.series or study.poincare is not None
-    kept = (kept_series, _files(scene, points), study.sensitivities, study.basis == "frozen", study.poincare)
-    return Plan(scene, dict(enumerate(points)), *kept, _alike(scene, points))
+    kept = (kept_series, _files(scene.raw, points), study.sensitivities, study.basis == "frozen", study.poincare)
+    return Plan(scene, dict(enumerate(points)), *kept, _alike(scene.raw, points))
 
 
 def _check_memory(study: Study) -> None:
@@ -150,9 +150,9 @@ def _check_memory(study: Study) -> None:
         raise SceneError("study", study.scene, reason, f"Use at most {there // (2 * each):,} points")
 
 
-def _alike(scene: Scene, points: Sequence[Point]) -> bool:
+def _alike(raw: Mapping[str, Any], points: Sequence[Point]) -> bool:
     """True if on average at least _MANY successive points differ only in drives' speeds."""
-    places = {path: resolved(scene.raw, path) for path in points[0]}
+    places = {path: resolved(raw, path) for path in points[0]}
     others = [path for path, keys in places.items() if keys[0] != "drives" or keys[2:] != ["speed"]]
     changes = sum(any(one[path] != two[path] for path in others) for one, two in pairwise(points))
     return len(points) >= _MANY * (changes + 1)
@@ -180,20 +180,19 @@ def _settings(given: Sequence[str], folder: Path) -> list[str]:
     return settings
 
 
-def _set(scene: Scene, settings: Sequence[str]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+def _set(raw: dict[str, Any], settings: Sequence[str]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """Entries that settings change, for :func:`demand_once`; a setting may refer to what those before it add."""
-    raw = scene.raw
     for text in settings:
         name = text.partition("=")[0].strip()
         yield "settings", name, tuple(resolved(raw, name))
         raw = merged(raw, nested(raw, *split_setting(text)))
 
 
-def _varied(scene: Scene, study: Study) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+def _varied(raw: Mapping[str, Any], study: Study) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """Entries that vary, for :func:`demand_once`; all listed points have the paths of the first one."""
-    yield from (("parameters", name, tuple(resolved(scene.raw, name))) for name in study.parameters)
+    yield from (("parameters", name, tuple(resolved(raw, name))) for name in study.parameters)
     for point in study.points[:1]:
-        yield from (("points", name, tuple(resolved(scene.raw, name))) for name in point)
+        yield from (("points", name, tuple(resolved(raw, name))) for name in point)
 
 
 def _named(name: str, folder: Path) -> Scene:
@@ -210,12 +209,12 @@ def _whole_path(key: str, value: Value, folder: Path) -> Value:
     return value
 
 
-def file_places(scene: Scene) -> dict[str, str]:
+def file_places(raw: Mapping[str, Any]) -> dict[str, str]:
     """Path of every entry that names a file -> that file."""
-    return {path: entry[key] for path, (entry, key) in file_entries(scene.raw).items()}
+    return {path: entry[key] for path, (entry, key) in file_entries(raw).items()}
 
 
-def _files(scene: Scene, points: list[Point]) -> dict[str, bytes]:
-    named = set(file_places(scene).values())
+def _files(raw: Mapping[str, Any], points: list[Point]) -> dict[str, bytes]:
+    named = set(file_places(raw).values())
     named |= {value for point in points for key, value in point.items() if names_file(key)}
     return {name: Path(name).read_bytes() for name in sorted(named) if Path(name).is_file()}

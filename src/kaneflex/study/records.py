@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -50,8 +50,8 @@ class Record:
     series: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
-    """Solve points in the given order and yield their records; errors are recorded, not raised.
+def solve_points(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
+    """Solve points in the given order in this process and yield their records; errors are recorded, not raised.
 
     The record of a point does not depend on the other points.
     """

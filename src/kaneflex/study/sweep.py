@@ -76,16 +76,11 @@ Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
 """Solves the points with these numbers, in any order."""
 
 
-def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
-    """Solve points one after the other in this process."""
-    yield from solve_points(plan, points)
-
-
 @takes(study="study", folder="path", solver="function", progress="function", form="text")
 def sweep(
     study: Plan | Path | str | Mapping[str, Any],
     folder: Path | str,
-    solver: Solver = in_this_process,
+    solver: Solver = solve_points,
     progress: Callable[[Progress], None] | None = None,
     force: bool = False,
     form: str = "netcdf",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.scene import given_value
@@ -71,7 +72,7 @@ def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]
     return tuple(found)
 
 
-def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
+def place_of(raw: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], int | None]:
     """Keys of a parameter's short or full name, and its index in a list, if any.
 
     Raises SceneError if the path does not exist or is ambiguous.
@@ -80,11 +81,11 @@ def place_of(scene: Scene, name: str) -> tuple[tuple[str, ...], int | None]:
         raise SceneError("sensitivities", name, "an empty path", "Write for example rod.E,main.speed")
     whole, _, last = name.rpartition(".")
     index = int(last) if whole and last.isdecimal() else None
-    return tuple(resolved(scene.raw, name if index is None else whole)), index
+    return tuple(resolved(raw, name if index is None else whole)), index
 
 
 def _find(scene: Scene, name: str) -> Parameter:
-    path, index = place_of(scene, name)
+    path, index = place_of(scene.raw, name)
     whole = name.removesuffix(f".{index}")
     value = _written_at(scene, path)
     if isinstance(value, tuple) and index is not None and index < len(value):

@@ -11,7 +11,6 @@ import numpy as np
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.response.whirl import turns, whirl
-from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.loading import load
@@ -153,11 +152,11 @@ def findings(found: Stability) -> dict[str, str]:
         "recommended": _of_recommended(found),
         "conditioning": _of_condition(found),
     }
-    if found.sweep is not None:
-        sentences["speeds"] = _of_speeds(found)
-        sentences["orders"] = _of_orders(found.model.scene, found.sweep)
-    if found.sweep is not None and any(mode.startswith(FORWARD) for mode in found.sweep.modes):
-        sentences["critical"] = _of_critical(found.model.scene, found.sweep)
+    if (swept := found.sweep) is not None:
+        sentences["speeds"] = _of_speeds(found, swept)
+        sentences["orders"] = _of_orders(found, swept)
+        if any(mode.startswith(FORWARD) for mode in swept.modes):
+            sentences["critical"] = _of_critical(found, swept)
     return sentences
 
 
@@ -238,8 +237,8 @@ def _of_condition(found: Stability) -> str:
     return f"{text}: nearly singular, results lose accuracy" if max(M, K) > _ILL else text
 
 
-def _of_speeds(found: Stability) -> str:
-    swept, scene = found.sweep, found.model.scene
+def _of_speeds(found: Stability, swept: Sweep) -> str:
+    scene = found.model.scene
     drive = swept.drive
 
     def written(speed: float) -> str:
@@ -255,8 +254,9 @@ def _of_speeds(found: Stability) -> str:
     return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"
 
 
-def _of_orders(scene: Scene, swept: Sweep) -> str:
+def _of_orders(found: Stability, swept: Sweep) -> str:
     """Speeds at which engine orders meet frequencies, by order."""
+    scene = found.model.scene
     where = {"fixed": "fixed axes", "link": "axes that turn with the links"}[swept.axes]
     met: dict[float, list[str]] = {}
     for order, mode, speed in sorted(swept.crossings(), key=lambda each: (each.order, each.speed)):
@@ -267,8 +267,9 @@ def _of_orders(scene: Scene, swept: Sweep) -> str:
     return "; ".join(f"{order:g} meets {', '.join(each)}" for order, each in met.items()) + f" (frequencies in {where})"
 
 
-def _of_critical(scene: Scene, swept: Sweep) -> str:
+def _of_critical(found: Stability, swept: Sweep) -> str:
     """Critical speeds of a rotor."""
+    scene = found.model.scene
     met = [(scene.written_speed(swept.drive, speed, 4), swept.modes[mode - 1]) for _, mode, speed in swept.critical]
     speeds = [f"{at} ({mode})" for at, mode in met]
     return ", ".join(speeds) if speeds else "no critical speed among these"

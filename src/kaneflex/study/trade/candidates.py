@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.options import UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
@@ -47,23 +48,16 @@ class Family:
     cheaper: tuple[Variant, ...] = ()
     finer: tuple[Variant, ...] = ()
 
-    @classmethod
-    def of(cls, plain: Variant, own: float, work: Mapping[Variant, float]) -> Family:
-        """Family of a model and its work, and of other models with theirs."""
-        ascending = sorted(work, key=work.__getitem__)
-        count = sum(each <= own for each in work.values())
-        return cls(plain, tuple(ascending[:count]), tuple(ascending[count:]))
 
-
-def neutral_settings(scene: Scene) -> tuple[str, ...]:
+def neutral_settings(raw: Mapping[str, Any]) -> tuple[str, ...]:
     """Settings that remove the scene's own choice of a model; start and duration are kept."""
-    return tuple(f"solve.{key}=none" for key in _CHOICES[1:] if key in scene.raw.get("solve", {}))
+    return tuple(f"solve.{key}=none" for key in _CHOICES[1:] if key in raw.get("solve", {}))
 
 
 def neutral(scene: Scene) -> Scene:
     """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if only that supports it; with
     error estimates on request, however long they take."""
-    laid = (*neutral_settings(scene), "solve.errors=total")
+    laid = (*neutral_settings(scene.raw), "solve.errors=total")
     found = with_settings(scene, [*laid, *STIFFENED.settings])
     try:
         resolve_options(found)
@@ -127,8 +121,9 @@ def _one_way(scene: Scene, preset: str) -> Family:
         for count in counts:
             variant = Variant(f"{name}, {_count(count, 'step')}", (*plain, *settings, f"solve.steps={count}"))
             work[variant] = count * each
-    whole = Variant(preset, plain)
-    return Family.of(whole, work.pop(whole), work)
+    whole, ascending = Variant(preset, plain), sorted(work, key=work.__getitem__)
+    number = ascending.index(whole)
+    return Family(whole, tuple(ascending[:number]), tuple(ascending[number + 1 :]))
 
 
 def _coupled(scene: Scene, stored: int) -> Family:
@@ -180,7 +175,7 @@ def check_request(
          "Give a value between 0 and 100 %"),
         (not budget > 0, "--budget", budget, "not a positive time", "Write for example 60s"),
     )  # fmt: skip
-    check_sensors(scene, sensors)
+    check_sensors(scene.sensors, sensors)
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
     refuse(
         (isinstance(scene.solve.start, Start), "solve.start", "a table of a state",

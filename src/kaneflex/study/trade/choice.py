@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -86,10 +86,10 @@ def chosen(
     return choices[0].model_copy(update=update), own.runs.run(model).solution, own.reference.curves
 
 
-def check_varied(scene: Scene, option: str, paths: Iterable[str]) -> None:
+def check_varied(raw: Mapping[str, Any], option: str, paths: Iterable[str]) -> None:
     """Raise SceneError for a varied entry that the choice of a model sets."""
     for path in paths:
-        table, *rest = resolved(scene.raw, path)
+        table, *rest = resolved(raw, path)
         if rest[-1] == "elements" or (table == "solve" and rest[0] not in ("start", "duration", "mode_angle")):
             raise SceneError(option, path, "--tolerance chooses it", "Leave out one of the two")
 
@@ -118,7 +118,7 @@ def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice
         dropped=[],
         open=dict(reference.open) | beyond,
         reference=reference.name,
-        reference_settings=[*neutral_settings(scene), *reference.model.settings],
+        reference_settings=[*neutral_settings(scene.raw), *reference.model.settings],
         reference_note=reference.note,
         doubt=dict(reference.doubts),
         attempts=list(map(_attempt, trials.tried.values())),
@@ -134,7 +134,7 @@ def _of_model(scene: Scene, trials: Trials, model: Variant) -> dict[str, Any]:
     beyond = trials.beyond(model)
     return {
         "model": model.name,
-        "settings": [*neutral_settings(scene), *model.settings],
+        "settings": [*neutral_settings(scene.raw), *model.settings],
         "errors": {each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
         "run_s": trials.runs.run(model).timing.total,
     }
@@ -213,11 +213,11 @@ def remembered_choice(
     known, curves = choice is not None, None
     if choice is None:
         choice, solution, curves = chosen(scene, tolerance, sensors, progress, purpose, others)
-        data = None if choice.compared else kept_curves(curves, scene)
+        data = None if choice.compared else kept_curves(curves, list(scene.sensors))
         if data is not None:
             keep(reference, data)
     elif not choice.compared:
-        curves = read_curves(reference, scene)
+        curves = read_curves(reference, list(scene.sensors))
         if curves is not None:
             choice, solution = cheaper(scene, choice, curves, progress)
             reference.unlink(missing_ok=True)
@@ -237,7 +237,7 @@ def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str], *others:
 
 
 def _digest(scene: Scene, *about: object) -> str:
-    files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
+    files = {place: Path(file).read_bytes() for place, file in file_places(scene.raw).items()}
     return digest(scene, files, *about)
 
 

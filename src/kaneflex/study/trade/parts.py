@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
+from typing import Any
 
 from kaneflex.fem.mobility import check_determined
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.tight_start import tight_start
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
@@ -20,17 +21,17 @@ _ALIKE = 0.2
 """Angle [rad] up to which bodies of the tight mechanism count as in the same position as with clearances."""
 
 
-def _loose(scene: Scene) -> tuple[str, ...]:
+def _loose(contacts: Iterable[Contact]) -> tuple[str, ...]:
     """Joints with a clearance, backlash included."""
-    made = (contact for contact in scene.contacts.values() if isinstance(contact, ClearanceContact))
+    made = (contact for contact in contacts if isinstance(contact, ClearanceContact))
     return tuple(dict.fromkeys(contact.of for contact in made))
 
 
-def _rubbing(scene: Scene) -> dict[str, str]:
+def _rubbing(raw: Mapping[str, Any]) -> dict[str, str]:
     """Joints and contacts with friction -> path of its entry."""
     found = {}
     for table in ("joints", "contacts"):
-        for name, entry in scene.raw.get(table, {}).items():
+        for name, entry in raw.get(table, {}).items():
             for path, owner in (("friction", entry), ("clearance.friction", entry.get("clearance"))):
                 if isinstance(owner, dict) and owner.get("friction") is not None:
                     found[name] = f"{table}.{name}.{path}"
@@ -41,7 +42,8 @@ def parts(scene: Scene) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
     """Settings that remove each clearance, each friction, and all of a kind together, by name; reasons of those that
     can't be removed."""
     found, left_out = dict[str, tuple[str, ...]](), dict[str, str]()
-    for kind, without, names in (("clearance", tightened, _loose(scene)), ("friction", smooth, tuple(_rubbing(scene)))):
+    loose, rubbing = _loose(scene.contacts.values()), tuple(_rubbing(scene.raw))
+    for kind, without, names in (("clearance", tightened, loose), ("friction", smooth, rubbing)):
         for those in (*((name,) for name in names), *([names] if len(names) > 1 else [])):
             part = f"{kind} {' and '.join(those)}"
             try:
@@ -53,7 +55,7 @@ def parts(scene: Scene) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
 
 def smooth(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
     """Settings that remove the friction of joints and contacts, and the sensors of it."""
-    paths = _rubbing(scene)
+    paths = _rubbing(scene.raw)
     owners = {name: contact.joint for name, contact in scene.contacts.items()}
     gone = tuple(
         name for name, sensor in scene.sensors.items()

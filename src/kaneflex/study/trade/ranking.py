@@ -55,7 +55,7 @@ class Trade:
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:
         """Settings path=value that select this model."""
-        return (*neutral_settings(self.scene), *entry.candidate.settings)
+        return (*neutral_settings(self.scene.raw), *entry.candidate.settings)
 
     @cached_property
     def chosen(self) -> Ranked | None:

@@ -161,18 +161,18 @@ def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
     return Reference(scene, model, curves, stored, known.doubt, beyond, known.reference_note, levels)
 
 
-def kept_curves(curves: Curves, scene: Scene) -> bytes | None:
+def kept_curves(curves: Curves, sensors: Sequence[str]) -> bytes | None:
     """Instants and values of all sensors as a file; None if it would be large."""
-    table, file = np.array([curves.times, *(curves.values[name] for name in scene.sensors)]), BytesIO()
+    table, file = np.array([curves.times, *(curves.values[name] for name in sensors)]), BytesIO()
     np.save(file, table)
     return file.getvalue() if table.size <= _MOST else None
 
 
-def read_curves(path: Path, scene: Scene) -> Curves | None:
+def read_curves(path: Path, sensors: Sequence[str]) -> Curves | None:
     """Curves of a file that :func:`kept_curves` made; None if it does not exist or is damaged."""
     try:
         times, *values = np.load(path, allow_pickle=False)
-        return Curves(times, dict(zip(scene.sensors, values, strict=True)), {})
+        return Curves(times, dict(zip(sensors, values, strict=True)), {})
     except (OSError, ValueError, TypeError, EOFError):
         return None
 

@@ -112,14 +112,15 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; of one that only preset
     ``coupled`` supports axial deformation and loads. :mod:`kaneflex.study.trade.parts` has its clearances and friction.
     """
-    whole, one_way = _whole(scene), _whole(scene) is STIFFENED
-    found = [_without(scene, term, _IN_WORDS[term], f"solve.terms.{term}=false")
+    whole = _whole(scene)
+    one_way = whole is STIFFENED
+    found = [_without(whole, term, _IN_WORDS[term], f"solve.terms.{term}=false")
              for term in (terms_of(scene, "dynamic") if one_way else ())]  # fmt: skip
     stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
     if stretching and not scene.is_spatial:  # in space all beams stretch
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
-        found.append(_without(scene, "axial", "axial deformation of the links", *rigid))
-    found += [_without(scene, f"load {name}", "the whole load", f"loads.{name}=none") for name in scene.loads]
+        found.append(_without(whole, "axial", "axial deformation of the links", *rigid))
+    found += [_without(whole, f"load {name}", "the whole load", f"loads.{name}=none") for name in scene.loads]
     if one_way:
         still = Variant("quasistatic", ("solve.preset=quasistatic",))
         found.append(Group("dynamics", "M z'' and C z', against quasi-statics", whole, still))
@@ -132,8 +133,7 @@ def _whole(scene: Scene) -> Variant:
     return COUPLED if scene.solve.preset == "coupled" else STIFFENED
 
 
-def _without(scene: Scene, name: str, meaning: str, *settings: str) -> Group:
-    whole = _whole(scene)
+def _without(whole: Variant, name: str, meaning: str, *settings: str) -> Group:
     return Group(name, meaning, whole, Variant(f"without {name}", (*whole.settings, *settings)))
 
 
@@ -168,7 +168,7 @@ def terms(
     runs, effects, left_out, whole = Runs(basis, progress or silent), list[Effect](), dict[str, str](), _whole(basis)
     if chosen is None:
         removed, left_out = parts(basis)
-        own = (_without(basis, part, "against none", *settings) for part, settings in removed.items())
+        own = (_without(whole, part, "against none", *settings) for part, settings in removed.items())
         chosen = (*own, *groups(basis))
     if not chosen:
         reason = "no group of terms can be left out: it has no elastic link, load, clearance or friction"
