@@ -18,7 +18,7 @@ LIMIT = 360 - math.degrees(math.acos((GROUND**2 + CRANK**2 - (ROCKER - COUPLER) 
 @pytest.fixture(autouse=True)
 def few_evaluations(monkeypatch):
     """All of this is known long before the budget of evaluations is spent."""
-    monkeypatch.setattr("kaneflex.integrate.pace._MOST", 100_000)
+    monkeypatch.setattr("kaneflex.multibody.time.run._MOST", 100_000)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "stiffened", "coupled"])

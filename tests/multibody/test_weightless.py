@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import kaneflex
 from kaneflex import SceneError, load, scene_of, with_settings
-from kaneflex.integrate import pace
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.time import run
 from kaneflex.solve.simulation import solve
 
 FOUR_BAR = four_bar(
@@ -239,17 +239,15 @@ FLAT = RIGID.replace(", 0, 0]", ", 0]").replace(", inertia = [1e-9, 1e-9, 1e-9]"
 @pytest.mark.parametrize("text", [RIGID, FLAT], ids=["space", "plane"])
 def test_a_rigid_light_body_needs_no_choice_of_a_method(text, mass, monkeypatch):
     """Where a decay sets the steps of the explicit method, Radau's take its place; at 1e-3 kg they end before that."""
-    paces = []
-    monkeypatch.setattr(pace.Pace, "__init__", lambda self, *given, old=pace.Pace.__init__: (
-        old(self, *given), paces.append(self)
-    )[0])  # fmt: skip
+    runs, go = [], run.Run.go
+    monkeypatch.setattr(run.Run, "go", lambda self, *given: runs.append(self) or go(self, *given))
     found = solve(load(with_settings(scene_of(text), [f"z.mass={mass!r} kg"])))
     assert abs(found.series["z"].values - closed_form(mass, found.times)[0]).max() < 1e-8
-    assert sum(each.evaluations for each in paces) < 12_000
+    assert sum(each.evaluations for each in runs) < 12_000
 
 
 def test_a_rigid_motion_in_space_that_is_too_fast_ends_with_advice(monkeypatch):
-    monkeypatch.setattr(pace, "_WINDOW", 500)
+    monkeypatch.setattr(run, "_WINDOW", 500)
     scene = scene_of(RIGID.replace("- g - g_speed", "- 1e12*g"))
     with pytest.raises(SceneError, match=r'drives.g: .* evaluations reach only t = .* of 1 s.*raise solve.tolerance'):
         solve(load(scene))

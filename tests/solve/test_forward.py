@@ -113,6 +113,6 @@ def test_a_forward_table_without_use_is_said(scene, settings, why):
 
 def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
     """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
-    monkeypatch.setattr("kaneflex.integrate.pace._MOST", 2000)
+    monkeypatch.setattr("kaneflex.multibody.time.run._MOST", 2000)
     with pytest.raises(SceneError, match=r"\d{4} evaluations reach only t = [\d.]+ s of 100000 s\. Shorten"):
         solve(model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7"))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.pace import Pace
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
@@ -30,6 +29,9 @@ _PIECE, _GROWTH, _WORK = 256, 8, 40_000
 number of steps; largest growth of that number, and its limit times the number of coordinates, about 0.2 s. Steps
 are counted and not timed, as error bounds by largest values so far depend on the ends of pieces."""
 
+_MOST, _WINDOW, _STALLED = 5_000_000, 50_000, 1e-4
+"""Largest number of evaluations of the accelerations in a whole run, some minutes, and number of them after which the
+progress is checked: _MOST of them must reach a hundredth of the duration."""
 _TINY = 1e-4
 """Share of the longest step below which friction may be inconsistent with its reactions."""
 _AGREE = 1e-7
@@ -75,7 +77,7 @@ class Run:
         self.pieces: list[tuple[np.ndarray, Choice]] = []
         self.engine.compile()
         self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
-        self.longest, self.pace = float(times[1] - times[0]), Pace(float(times[-1] - times[0]))
+        self.longest, self.seen = float(times[1] - times[0]), (0, float(times[0]))
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
         self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), np.zeros(len(self.engine.rows))
@@ -164,9 +166,13 @@ class Run:
 
     def _keep_pace(self) -> None:
         """Raise SceneError if the work so far shows that the run takes too long."""
-        t, self.pace.evaluations = float(self.here[0]), self.evaluations
-        if self.pace.too_slow(t - float(self.times[0])):
-            raise self.stopped(self.pace.message(t), f"Shorten the duration, or raise {self.method.entry}")
+        t, done, duration, stalled = float(self.here[0]), self.evaluations, float(np.ptp(self.times)), False
+        if done - self.seen[0] > _WINDOW:
+            stalled, self.seen = t - self.seen[1] < _STALLED * duration, (done, t)
+        if stalled or done > _MOST:
+            reached = f"{done} evaluations reach only t = {t:.6g} s of {duration:.6g} s"
+            cure = f"Shorten the duration, or raise {self.method.entry}"
+            raise self.stopped(f"the motion is too fast for the duration: {reached}", cure)
 
     def stopped(self, reason: str, cure: str) -> SceneError:
         """Error for a motion that can't continue."""
