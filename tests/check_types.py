@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 19,
     "integrate": 13,
     "mechanism": 4,
-    "multibody": 32,
+    "multibody": 31,
     "plots": 30,
     "report": 5,
     "response": 24,

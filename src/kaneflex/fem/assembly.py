@@ -16,16 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
-from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Placed, Sites, to_link_axes
+from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Interfaces, Placed, Sites, to_link_axes
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
-from kaneflex.fem.links import Link, Part
+from kaneflex.fem.links import Link, Part, craig_bampton
 from kaneflex.mechanism.affine import Affine, Monomial
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import Vector
 from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
 
 _MATRICES = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
 
@@ -88,6 +91,43 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
         load += TURN.T @ Affine.term((f"{body}.epsilon",), [[-inertia]])
     part = sparse_part(name, 3, M=Affine.constant(np.diag([mass, mass, inertia])), F=load)
     return replace(part, turns=body)
+
+
+def parts_of_links(
+    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
+    """Loaded links as parts, and the bases of reduced ones; ``frozen``: bases to reduce to."""
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, link in links.items():
+        parts[name] = load_on_link(scene, link.part, link)
+        if options.reduction == "craig-bampton":
+            held = interfaces.held_rows(parts[name]) | (_loaded_rows(scene, link) if link.dofs == 3 else set())
+            count = _count_of_modes(options, name, parts[name].size - len(held))
+            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
+    return parts, bases
+
+
+def _count_of_modes(options: Options, link: str, limit: int) -> int:
+    """Number of fixed-interface modes to keep of a link with ``limit`` ones; SceneError if more are requested."""
+    count = limit if options.modes == "all" else int(options.modes)
+    if count > limit:
+        raise SceneError(
+            "solve.modes", options.modes, f"{link} has {limit} fixed-interface modes",
+            "Use fewer modes, or more elements",
+        )  # fmt: skip
+    return count
+
+
+def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
+    addresses = [mass.at for mass in scene.masses.values()]
+    addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
+    turned = {joint for joint, _ in scene.joint_torques.values()}
+    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
+    nodes = [cast(int, link.node_at(scene.point(each)[0])) for each in addresses if each.body == link.name]
+    return {row for node in nodes for row in link.part.place[node]}
 
 
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:

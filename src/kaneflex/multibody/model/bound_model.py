@@ -63,17 +63,6 @@ class Stage:
     warnings: tuple[str, ...] = ()
 
 
-def count_of_modes(options: Options, link: str, limit: int) -> int:
-    """Number of fixed-interface modes to keep of a link with ``limit`` ones; SceneError if more are requested."""
-    count = limit if options.modes == "all" else int(options.modes)
-    if count > limit:
-        raise SceneError(
-            "solve.modes", options.modes, f"{link} has {limit} fixed-interface modes",
-            "Use fewer modes, or more elements",
-        )  # fmt: skip
-    return count
-
-
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the requested coordinate."""
 _FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")

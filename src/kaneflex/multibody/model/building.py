@@ -12,18 +12,18 @@ import numpy as np
 from kaneflex.fem.assembly import (
     ElasticEquations,
     assemble,
-    load_on_link,
+    parts_of_links,
     place_rigid,
     place_springs,
     place_torques,
 )
-from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed, Sites, find_interfaces
-from kaneflex.fem.links import Link, Part, craig_bampton, link_of_scene, with_rayleigh
+from kaneflex.fem.coordinate_map import Frame, Placed, Sites, find_interfaces
+from kaneflex.fem.links import Link, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, count_of_modes, keep_terms
+from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -110,7 +110,7 @@ def _planar_stage(
     """Meshed links and coordinates of a planar scene; ``frozen``: bases of reductions."""
     links = _links(scene, options, motion)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
-    parts, bases = _parts(scene, options, links, interfaces, frozen)
+    parts, bases = parts_of_links(scene, options, links, interfaces, frozen)
     sites = Sites(scene, links, parts, interfaces)
     frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
@@ -293,31 +293,6 @@ def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: floa
         k = int((gap[:-1] * gap[1:] <= 0.0).argmax())
         start, end, before, rise = times[k], times[k + 1], gap[k], gap[k + 1] - gap[k]
     return float(start - (end - start) * before / rise) if rise else float(start)
-
-
-def _parts(
-    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
-) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
-    parts: dict[str, Part] = {}
-    bases: dict[str, np.ndarray] = {}
-    for name, link in links.items():
-        parts[name] = load_on_link(scene, link.part, link)
-        if options.reduction == "craig-bampton":
-            held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
-            count = count_of_modes(options, name, parts[name].size - len(held))
-            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
-    return parts, bases
-
-
-def _loaded_rows(scene: Scene, link: Link) -> set[int]:
-    """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
-    addresses = [mass.at for mass in scene.masses.values()]
-    addresses += [end for spring in scene.springs.values() for end in spring.ends]
-    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
-    turned = {joint for joint, _ in scene.joint_torques.values()}
-    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
-    nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
-    return {row for node in nodes for row in link.part.place[node]}
 
 
 def has_modes(model: Model) -> bool:

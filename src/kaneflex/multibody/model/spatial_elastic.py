@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.fem.assembly import (
-    load_on_link,
+    parts_of_links,
     pushed_nodes,
     sparse_part,
     spring_part,
@@ -17,7 +17,7 @@ from kaneflex.fem.assembly import (
     with_pushes,
 )
 from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
-from kaneflex.fem.links import Link, Part, craig_bampton, jumps, link_of_scene, spread_scalar
+from kaneflex.fem.links import Link, Part, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
@@ -26,7 +26,7 @@ from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
 from kaneflex.mechanism.wrenches import wrenches_on
-from kaneflex.multibody.model.bound_model import Stage, count_of_modes
+from kaneflex.multibody.model.bound_model import Stage
 from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene import Scene
@@ -172,7 +172,9 @@ def elastic_stage(
     ties = tuple(Tie((name, node), on[0]) for name, at in held.items() for node, on in at.items())
     own = {tie.site: tie.site for tie in ties}
     interfaces = Interfaces(ties, frozenset(tie.joint for tie in ties), own, own, {})
-    parts, bases = _parts(scene, options, links, interfaces, frozen)
+    elastic, bases = parts_of_links(scene, options, links, interfaces, frozen)
+    parts = {name: elastic[name] if name in links else with_pushes(rigid_part(name, body), _ON_RIGID)
+             for name, body in mechanism.bodies.items()}  # fmt: skip
     held_too = [name for name, drive in scene.drives.items()
                 if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
     held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
@@ -201,25 +203,6 @@ def elastic_stage(
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     kept = {name: parts[name] for name in links}
     return Stage(moved, links, kept, bases, interfaces, frame, placed, springs, warnings)
-
-
-def _parts(
-    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
-) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
-    """Bodies as parts, and the bases of reduced links."""
-    parts: dict[str, Part] = {}
-    bases: dict[str, np.ndarray] = {}
-    for name, body in spatial_mechanism_of(scene).bodies.items():
-        if name not in links:
-            parts[name] = with_pushes(rigid_part(name, body), _ON_RIGID)
-            continue
-        part = load_on_link(scene, links[name].part, links[name])
-        parts[name] = part
-        if options.reduction == "craig-bampton":
-            rows = interfaces.held_rows(part)
-            count = count_of_modes(options, name, part.size - len(rows))
-            parts[name], bases[name] = craig_bampton(part, rows, count, frozen.get(name))
-    return parts, bases
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
