@@ -75,7 +75,7 @@ def test_energy_with_springs_dampers_loads_and_prescribed_drives(tmp_path):
 def test_long_runs_are_read_piece_by_piece(monkeypatch):
     settings = ("solve.preset=rigid", "solve.duration=0.3 s")
     whole = integrated(model("four-bar-motor", *settings))
-    monkeypatch.setattr("kaneflex.solve.forward._AT_ONCE", 7)
+    monkeypatch.setattr("kaneflex.solve.coupled._AT_ONCE", 7)
     pieces = integrated(model.__wrapped__("four-bar-motor", *settings))
     assert len(courses(whole)[0]) > 20
     np.testing.assert_allclose(courses(pieces), courses(whole), rtol=1e-12)

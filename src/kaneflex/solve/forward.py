@@ -16,7 +16,7 @@ from kaneflex.mechanism.closure import check_closure, check_loops, check_passage
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, not_integrated
+from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
@@ -25,10 +25,9 @@ from kaneflex.multibody.model.system import BODY, CoupledSystem
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import CURE, Run
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
-from kaneflex.response.floating_motion import FloatingMotion
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
-from kaneflex.solve.coupled import along, method_of
+from kaneflex.solve.coupled import along, free_courses, method_of
 from kaneflex.solve.law_checks import check_laws
 from kaneflex.solve.spatial_loading import check_stage
 from kaneflex.support.errors import SceneError
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
 
 _AROUND = np.array([0.0, 0.5, 1.0])
 """Instants [s] of the courses with constant acceleration that give the motion at the start."""
-_AT_ONCE = 1000
-"""Steps of a run whose records are in memory at a time."""
 _FINE = 1001
 """Instants between two stored ones at which a loop that locks is searched."""
 _APART = 1e-3
@@ -90,7 +87,7 @@ def at_start(scene: Scene, system: CoupledSystem, motion: RigidKinematics) -> St
             f"drives.{module.FREE[0]}", "free",
             f"the forces are not finite at the start, {drive_positions(mechanism, rigid)}", "Change loads or start",
         ) from None  # fmt: skip
-    first = _courses(scene, system, motion, system.engine.row(0.0)[None])
+    first = free_courses(scene, system, motion, system.engine.row(0.0)[None])
     return StartKinematics(module, _started(motion, given, first).parameters, given, system, state)
 
 
@@ -125,7 +122,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     """Motion of a planar mechanism along its run, with the checks that need it."""
     system, rows = start.system, np.concatenate([rows for rows, _ in found.curve.pieces])
     rows = rows[np.append(np.diff(rows[:, 0]) > 0.0, True)]  # of instants with a change those after it
-    motion = _with_courses(start, start.given, _courses(model.scene, system, start, rows))
+    motion = _with_courses(start, start.given, free_courses(model.scene, system, start, rows))
     left = _left(motion, found, system)
     check_passage(system.mechanism, motion, rows[rows[:, 0] <= found.times[left], 0])
     if left >= 0:
@@ -155,16 +152,9 @@ def _left(motion: RigidKinematics, found: CoupledTrajectory, system: CoupledSyst
 
 def _locked(scene: Scene, start: StartKinematics, run: Run) -> SceneError | None:
     """Error of a motion that ends where a loop of a planar mechanism locks; None elsewhere."""
-    here = _courses(scene, start.system, start, run.here[None])
+    here = free_courses(scene, start.system, start, run.here[None])
     rigid = _started(start, start.given, here._replace(u=0.0 * here.u, du=0.0 * here.du)).at(here.times)
     return locked(start.system.mechanism, rigid)
-
-
-def _courses(scene: Scene, system: CoupledSystem, motion: RigidKinematics, rows: np.ndarray) -> Courses:
-    """Courses of the free joints at rows of the engine."""
-    parts = [by_themselves(system, rows[k : k + _AT_ONCE]) for k in range(0, len(rows), _AT_ONCE)]
-    moved = (FloatingMotion.of(scene, system, LaterMotion(motion, part.times), part) for part in parts)
-    return Courses(rows[:, 0], *np.concatenate([each.courses(motion.module.FREE) for each in moved], axis=1))
 
 
 def _started(motion: RigidKinematics, given: np.ndarray, first: Courses) -> RigidKinematics:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +19,6 @@ from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import build_engine
 from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.interactions import side_of
 from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
 from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
 from kaneflex.multibody.model.shape_families import check_family
@@ -185,20 +183,6 @@ class CoupledSystem:
         if found is None:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return found
-
-    def rate(self, joint: str) -> float:
-        """Rate [rad/s or m/s] of a joint's coordinate at the state of the tables."""
-        of, layout = self.mechanism.joints[joint], self.engine.layout
-        for k, (name, _) in enumerate(layout.coordinates):
-            if name.rpartition(".")[0] == joint:
-                return float(self.engine.motion[1][k])
-        first, second = (self.engine.sections[layout.sections[side.body, side_of(side).at], :6] for side in of.sides)
-        apart = second - first
-        if not of.slides:
-            return float(apart[5])
-        (x, y), (c, s) = of.direction, (math.cos(first[2]), math.sin(first[2]))
-        along = np.array([c * x - s * y, s * x + c * y])
-        return float(along @ apart[3:5])  # the sides part along the guide only
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
