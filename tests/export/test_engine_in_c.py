@@ -25,8 +25,7 @@ from kaneflex.solve.coupled_start import begun
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
 """Whole numbers by the names of arguments: a body on another one, a node or section of a body, a load; else 0 or 1."""
-ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "loop_factors", "tree", "kinematics", "axes",
-         "deformation", "inverse_dynamics", "wrenches")
+ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "kinematics", "deformation", "axes", "wrenches")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
 WHOLE_RUNS = ("integrate", "finish", "soften", "add_in_stages", "settle")
 """Functions that take as many steps as rounding lets them, or serve contacts, which the scene does not have, or space:
@@ -182,4 +181,4 @@ def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
             off[name] = max(off.get(name, 0.0), worst(expected, found, before))
     assert {name: error for name, error in off.items() if not error <= 1e-13} == {}
     # some do nothing here, like courses of no drive; more of all functions, as those of vectors are left out
-    assert changed > (2.25 if exhaustive else 2.4) * len(made)
+    assert changed > (2.25 if exhaustive else 2.3) * len(made)
