@@ -71,7 +71,8 @@ def _turned(scene, turn, angles):
             if not body.beam.has_area:
                 entry["mass"] = body.mass
         else:
-            entry |= {"centre": vector(body.centre), "inertia": [body.inertia, 0.0, body.inertia]}
+            about_y = body.inertia if body.free is not None else 0.0  # else joints carry it
+            entry |= {"centre": vector(body.centre), "inertia": [body.inertia, about_y, body.inertia]}
             if body.mass:
                 entry["mass"] = body.mass
         if body.free is not None:
@@ -141,7 +142,7 @@ def _sensor(sensor, raw, name):
     entry = dict(raw["sensors"][name])
     entry.pop("body", None)
     moving = sensor.kind in VECTORS
-    of_joint = raw["sensors"][name].get("position") in raw["joints"]
+    of_joint = raw["sensors"][name].get("position") in raw.get("joints", ())
     if moving and sensor.axes == "global" and raw["sensors"][name].get("position") not in raw.get("drives", ()):
         return None
     if sensor.kind in ("shear_force", "bending_moment"):

@@ -129,10 +129,13 @@ def wrenches_on(
             direction = back / np.maximum(np.linalg.norm(back, axis=0), np.finfo(float).tiny)
         else:
             direction = on.carried(contact.first)[0].to_global(np.array(contact.direction))
-        push = motion[f"{name}.force"] * direction
+        push, moment = motion[f"{name}.force"] * direction, np.zeros_like(direction)
+        if name in parts.frictions:
+            drag = np.array([motion[f"{name}.friction_{axis}"] for axis in "xyz"])
+            push, moment = push + drag, np.cross(-contact.radius * direction, drag, axis=0)
         for side, sign in zip(contact.sides, _SIGNS, strict=True):
             if side.body == body:
-                yield on.wrench(name, side, sign * push, at=contact.second)
+                yield on.wrench(name, side, sign * push, sign * moment, at=contact.second)
 
 
 @dataclass(frozen=True, eq=False)

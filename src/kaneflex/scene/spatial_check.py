@@ -23,6 +23,9 @@ START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", 
 """Key of the initial speeds of such a joint, if it is free."""
 
 
+_NO_BRISTLES = "only planar scenes have this law so far"
+
+
 def dimension_problems(scene: Scene) -> list[Problem]:
     """Problems of mixed vectors with two and three components, and of entries of the other kind of scene."""
     vectors = list(given_vectors(scene))
@@ -117,8 +120,8 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     for name, contact in scene.with_clearances().contacts.items():
         if contact.joint is None and contact.kind != "point-plane":
             yield Problem(contact.entry(name), None, reason, "Use point_on_plane in a scene in space")
-        elif contact.friction is not None:
-            yield Problem(f"{contact.stands(name)}.friction", None, reason, cure)
+        elif contact.friction is not None and contact.friction.law == "lugre":
+            yield Problem(f"{contact.stands(name)}.friction.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
         elif contact.law == "newton":
             right = "Give a contact stiffness with a law such as exact"
             yield Problem(f"{contact.stands(name)}.contact.law", contact.law, reason, right)
@@ -142,7 +145,7 @@ def _friction(scene: Scene, name: str) -> Iterator[Problem]:
     if joint.kind not in ("revolute", "prismatic"):
         yield Problem(key, None, f"a {joint.kind} joint has none in space so far", "Leave it out")
     elif joint.friction.law == "lugre":
-        yield Problem(f"{key}.law", "lugre", "only planar scenes have this law so far", "Use coulomb or stribeck")
+        yield Problem(f"{key}.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
     elif drive is not None and drive.kind != "free":
         yield Problem(key, None, "in space its drive prescribes the motion of the joint", "Make the drive free")
     elif joint.has_backlash or any(spring.torsional_at == name for spring in scene.springs.values()):

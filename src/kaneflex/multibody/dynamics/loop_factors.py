@@ -93,7 +93,7 @@ def soften(m, r, count, h, A, most):
         return
     n = factors.row_in(m, r)
     if not factors.by_force(m, n, r, count, h, A):
-        A[own] += factors.compliance(m, n, h, A[own], most)
+        A[own] += factors.compliance(m, n, h, r, count, A, most)
 
 
 @njit(**OPTIONS)

@@ -99,6 +99,8 @@ def check_bearings(system: SpatialSystem, state: State) -> None:
         unit = np.repeat([1.0, 1.0 / mechanism.size], 3)
         least = _NOTHING * max(abs(unit * wrench).max() for wrench in wrenches.values())
         for name, friction in mechanism.frictions.items():
+            if name not in mechanism.joints:
+                continue  # of a contact
             joint, arm = mechanism.joints[name], friction.arm
             on = system.layout.node_of.get(joint.sides[0].body)
             along = joint.axes[0] if on is None else system.work.R[on] @ joint.axes[0]

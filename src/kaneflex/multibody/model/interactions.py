@@ -173,7 +173,9 @@ def list_spatial_acts(
     with friction.
     """
     holds, row = list[Row](), max((rows.stop for rows in cuts[1].values()), default=0)
-    for name, held in mechanism.frictions.items() if rubs else ():
+    rubbing = {name: held for name, held in mechanism.frictions.items() if rubs and name in mechanism.joints}
+    faces = [name for name in mechanism.frictions if rubs and name in mechanism.contacts]
+    for name, held in rubbing.items():
         pair, own = mechanism.joints[name], cuts[1][name]
         of, (one, other) = next(k for k, cut in enumerate(cuts[0]) if cut[at.ROW_AT] == own.start), pair.sides
         x, y = across(pair.axes[0])
@@ -181,7 +183,7 @@ def list_spatial_acts(
         builder.axis(other, mechanism.relative(pair).T @ x)
         place = builder.w.put(friction.numbers_of(held, (axis, own.stop), of))
         sections = [builder.section(side) for side in pair.sides]
-        holds.append((at.SLIDE if pair.slides else at.TURN, *sections, -1, row + len(holds), place))
+        holds.append((at.SLIDE if pair.slides else at.TURN, *sections, -1, row + len(faces) + len(holds), place))
     joints, springs, bushings = list[Row](), list[Row](), list[Row]()
     for name in in_laws:
         kind = at.SLIDE if mechanism.joints[name].kind == "prismatic" else at.TURN
@@ -202,6 +204,9 @@ def list_spatial_acts(
             kind, speed, axis = at.TORSIONAL, builder.speed(joint.name), builder.axis(joint.sides[0], joint.moves[0][1])
         springs.append((kind, *sections, speed, axis, builder.w.put(spring.numbers)))
     loads: list[Row] = [_LOAD] * len(mechanism.loads)
+    of = sum(map(len, (cuts[0], holds, joints, loads, springs, bushings))) + 2 * len(faces)
+    along, beside = _face_acts(builder, mechanism, faces, row, of)
+    holds = [*beside, *holds, *along]
     touching = list[Row]()
     for k, contact in enumerate(mechanism.contacts.values(), start=row + len(holds)):
         axis, speed, law = -1, -1, contacts.LAWS.index(contact.law)
@@ -218,6 +223,27 @@ def list_spatial_acts(
     parts = cuts[0], holds, joints, loads, [*springs, *bushings], touching
     angles = [angle for kind, *_ in cuts[0] for angle in ANGLES[kind]]
     return _in_turn(parts, _pushes(builder, mechanism), cuts[1], angles)
+
+
+def _face_acts(
+    builder: TreeBuilder, mechanism: SpatialMechanism, faces: Sequence[str], row: int, of: int
+) -> tuple[list[Row], list[Row]]:
+    """Rows of the frictions of contacts, along the slip and across it; ``of``: number of the first contact.
+
+    The latter are the first frictions, so that those with results of their own come last.
+    """
+    along, beside = list[Row](), list[Row]()
+    for k, name in enumerate(faces):
+        contact, held, count = mechanism.contacts[name], mechanism.frictions[name], len(mechanism.frictions)
+        number, normal = of + list(mechanism.contacts).index(name), np.asarray(contact.direction)
+        axes = [*across(normal), normal] if contact.kind == "point-plane" else np.eye(3)
+        axis, sections = min([builder.axis(contact.first, each) for each in axes]), map(builder.section, contact.sides)
+        one, two = k - len(faces), k - len(faces) - count
+        both = [builder.w.put(friction.numbers_of(held, (axis, other), number)) for other in (two, one)]
+        first, second = sections
+        along.append((at.ALONG, first, second, -1, row + count + k, both[0]))
+        beside.append((at.ACROSS, first, second, -1, row + k, both[1]))
+    return along, beside
 
 
 def _pushes(builder: TreeBuilder, mechanism: SpatialMechanism) -> list[Row]:

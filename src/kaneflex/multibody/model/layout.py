@@ -30,9 +30,9 @@ following force, in space the axis of a load or a spring; its numbers: a cut's d
 load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
 (:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has two."""
 
-WELD, REVOLUTE, PRISMATIC, TURN, SLIDE, ALONG = range(6)
+WELD, REVOLUTE, PRISMATIC, TURN, SLIDE, ALONG, ACROSS = range(7)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
-holds these two, or ALONG a contact's face."""
+holds these two, or ALONG a contact's face, in space with a second row ACROSS the slip."""
 FORCE_ALONG, FOLLOWER, STRAIGHT, BUSHING, ALONG_AXIS, TORQUE, TORSIONAL, ABOUT_AXIS = range(8)
 """Kinds of loads: along a global direction, along one that turns with a section, TORQUE between two sections; in space
 directions have the axes of bodies, and are all FORCE_ALONG. Kinds of springs: STRAIGHT and TORSIONAL, and six rows of a

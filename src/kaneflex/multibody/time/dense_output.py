@@ -162,8 +162,8 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
         gaps = touching[:, held : held + len(contacts.names)]
         contacts = RowRecord.of(contacts.names, gaps, piece.line(contacts.lost), contacts.impacts)
     if frictions is not None:
-        lost = piece.line(frictions.lost)
-        frictions = RowRecord.of(frictions.names, touching[:, :held], lost, jams=frictions.jams)
+        lost, own = piece.line(frictions.lost), slice(held - len(frictions.names), held)
+        frictions = RowRecord.of(frictions.names, touching[:, own], lost, jams=frictions.jams)
     return replace(trajectory, rows=rows, record=record, energy=energy, contacts=contacts, frictions=frictions)
 
 

@@ -188,8 +188,9 @@ class Run:
         """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
         if ended != codes.TOO_SMALL:
             return None
-        frictions = self.system.mechanism.frictions.items()
+        frictions = list(self.system.mechanism.frictions.items())
         states = self.engine.instants(self._record(self.here[None])).touching[0]
+        states = states[len(self.engine.holds) - len(frictions) :]
         for (name, own), (_, speed, _, pressed, *_) in zip(frictions, states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
@@ -330,8 +331,10 @@ class Run:
         lost, contacts = works - (touching[:, :, STORED] - self.stored), slice(held, held + len(self.touching))
         happened = self.impacts + results.lasting(self.touching, self.engine, self.here)
         record = results.RowRecord.of(self.touching, touching[:, contacts], lost[:, contacts], happened)
-        jams, names = self.engine.holds[:, at.JAMS].copy(), tuple(self.system.mechanism.frictions)
-        return record, results.RowRecord.of(names, touching[:, :held], lost[:, :held], jams=jams)
+        names = tuple(self.system.mechanism.frictions)
+        own = slice(held - len(names), held)
+        jams = self.engine.holds[own, at.JAMS].copy()
+        return record, results.RowRecord.of(names, touching[:, own], lost[:, own], jams=jams)
 
     def _record(self, rows: np.ndarray) -> np.ndarray:
         """Record of the rows, in space of those that close the loops, (n_times, kept)."""

@@ -128,9 +128,9 @@ class SpatialRun(run.Run, Curve):
         return out, None
 
     def _rows(self, rows: np.ndarray, touching: np.ndarray) -> tuple[RowRecord, RowRecord]:
-        touching, mechanism = touching.copy(), self.system.mechanism
-        for k, name in enumerate(mechanism.frictions):
-            if len(rows) and not mechanism.joints[name].slides:  # whole turns of a pin from one instant to the next
+        touching, names = touching.copy(), self.system.mechanism.frictions
+        for k, name in enumerate(names, start=len(self.engine.holds) - len(names)):
+            if len(rows) and self.system.scene.turns_at(name):  # whole turns of a pin from one instant to the next
                 touching[:, k, 0] = np.unwrap(touching[:, k, 0])
                 touching[:, k, 0] -= whole_turns(touching[0, k, 0])
         return super()._rows(rows, touching)

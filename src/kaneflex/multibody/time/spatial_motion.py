@@ -89,8 +89,11 @@ class SpatialModule(ComputedModule):
             units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
             found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
         for name in mechanism.frictions:
-            unit = "N" if mechanism.joints[name].slides else "N m"
-            found.append((f"{name}.friction", unit, "of the joint's friction on its second body"))
+            unit = "N m" if scene.turns_at(name) else "N"
+            found.append((f"{name}.friction", unit, "of friction on its second body"))
+        for name in mechanism.frictions:
+            if name in mechanism.contacts:
+                found += [(f"{name}.friction_{axis}", "N", "of friction on its second body, global") for axis in _XYZ]
         return (*found, *self.more)
 
     @cached_property
@@ -180,12 +183,13 @@ class SpatialKinematics(RigidKinematics):
         springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
         pulls = [row for spring in mechanism.springs.values()
                  for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
-        held = len(system.engine.holds)
+        held, own = len(system.engine.holds), len(system.engine.holds) - len(mechanism.frictions)
         rows = found.touching[:, held : held + len(mechanism.contacts)]
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1),
             found.exerted.reshape(count, -1), found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
-            rows[:, :, [0, FORCE_AT]].reshape(count, -1), found.touching[:, : len(mechanism.frictions), FORCE_AT],
+            rows[:, :, [0, FORCE_AT]].reshape(count, -1), found.touching[:, own:held, FORCE_AT],
+            found.touching[:, :own, :3].reshape(count, -1),
         ])  # fmt: skip
 
     @cached_property

@@ -12,8 +12,9 @@ from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.model.layout import (
-    COORDINATES, GAP, GAP_RATE, MEMORY, MODE, NODES, OPEN, SHIFT, SLIP, SLIP_RATE, STAGE_A,
+    COORDINATES, GAP, GAP_RATE, MODE, NODES, OPEN, SHIFT, STAGE_A,
 )  # fmt: skip
+from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, row_of, switches
 
 NEVER = 2.0
@@ -92,7 +93,8 @@ def dips(m, table, t, h, here, c, i, last):
             return NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if c < 0:
-            gap, rate = w[k + MEMORY] * w[k + SLIP] + tiny, w[k + MEMORY] * w[k + SLIP_RATE] * h
+            gap, rate = stick_slip.slowing(m, c)
+            gap, rate = gap + tiny, rate * h
         if gap <= 0.0:
             wide = x - begin_x
             return begin_x + wide * falls(g_0, r_0 * wide, gap, rate * wide)

@@ -13,21 +13,26 @@ from numba import njit
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
-from kaneflex.multibody.compile.values import by_size
+from kaneflex.multibody.compile.values import by_size, width
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE,
-    REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS,
-    WANTED, WHAT, YIELDING,
+    ACROSS, ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE,
+    MODE_SIZE, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL,
+    VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, borne, frictions, joint_wrench, law_at, normal_force, row_at, row_of,
+    ARM, OF_AT, VISCOUS_AT, act_of, at, borne, frictions, joint_wrench, law_at, magnitude, normal_force, on_contact,
+    row_at, row_of, sliding_size, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
 """Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
+_SOFT_PLANE = 1e-3
+"""The same of both rows in a tangent plane: rounding errors where the mechanism can't move are divided by it."""
+_IMMOBILE = 1e-12
+"""Response of one of these rows, as a share of the other one's, that is rounding."""
 _SOFTEST = 1e3
 """Factor on it at a small force limit."""
 
@@ -93,18 +98,31 @@ def rows_of_step(m, first, h, state):
     for r in range(plan[REACTIONS]):
         m.multipliers[r] = state[1 + 3 * plan[COORDINATES] + r]
     for n in range(-frictions(m), 0):
-        k, j = row_of(m, n), law_at(m, n)
+        row_of(m, n)
+    for n in range(-frictions(m), 0):
+        k, j = at(m, n), law_at(m, n)
         mode, w[k + VISCOUS] = w[k + MODE], 0.0
         if mode == BENDING:
             lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], state[memory_place(m, n)], 0.5 * h)
         elif mode == FLOWING:
-            w[k + VISCOUS] = w[j + VISCOUS_AT]
+            w[k + VISCOUS] = w[j + VISCOUS_AT] + _turning(m, n)
         elif mode == SLIPPING:
-            w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), w[k + SLIP]), 0.0)
+            v = magnitude(m, n, SLIP)
+            w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), v), 0.0)
         if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
     return found
+
+
+@njit(**OPTIONS)
+def _turning(m, n):
+    """Derivative of a slipping friction's force across its slip by the speed across it; 0 of other rows."""
+    along = int(m.w[law_at(m, n) + 1])
+    if m.acts[act_of(m, n), WHAT] != ACROSS or m.w[at(m, along) + MODE] != SLIPPING:
+        return 0.0
+    dry = laws.dry(m.w, law_at(m, n), normal_force(m, n), magnitude(m, along, SLIP))
+    return dry / sliding_size(m, along)
 
 
 @of_holds(0.0)
@@ -120,17 +138,22 @@ def largest_limit(m, rows, A):
 
 
 @njit(**OPTIONS)
-def compliance(m, n, h, own, largest):
-    """Compliance of a row in the factors; ``largest``: see :func:`largest_limit`.
+def compliance(m, n, h, r, size, A, largest):
+    """Compliance of row n in the factors, their r-th of ``size``; ``largest``: see :func:`largest_limit`.
 
     Almost zero for sticking friction, and without effect after iterative refinement. For redundant rows it determines
-    the distribution of force: in proportion to their limits.
+    the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions: where
+    the mechanism can't move, there is no force.
     """
-    k = at(m, n)
+    k, own, soft, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], _SOFT, m.plan[SCHUR]
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
+    for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
+        if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
+            soft = _SOFT_PLANE if abs(own) > _IMMOBILE * abs(A[diagonal + (size + 1) * q]) else 1.0 / _SOFT_PLANE
+            own += A[diagonal + (size + 1) * q]
     share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
-    return _SOFT * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
+    return soft * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
 
 
 @of_holds(False)
@@ -210,8 +233,10 @@ def presses(m, n, r):
 
 @njit(**OPTIONS)
 def _presses_6(m, n, r):
-    row = m.plan[m.plan[ROW_OF] + r]
-    return r < m.plan[KEPT] and m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT] <= row < int(m.w[law_at(m, n) + 1])
+    of, row = int(m.w[law_at(m, n) + OF_AT]), m.plan[m.plan[ROW_OF] + r]
+    if on_contact(m, n) >= 0:
+        return r >= m.plan[KEPT] and virtual(m, r) < 0 and act_of(m, row_in(m, r)) == of
+    return r < m.plan[KEPT] and m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + 1])
 
 
 presses = by_size(presses, _presses_6)
@@ -221,9 +246,10 @@ presses = by_size(presses, _presses_6)
 @njit(**OPTIONS)
 def force_by_reaction(m, n, r):
     """Derivative of a slipping friction's force with respect to the reaction of a factors' row."""
-    w, k, j = m.w, at(m, n), law_at(m, n)
-    by_normal = laws.dry(w, j, 1.0, w[k + SLIP]) - laws.dry(w, j, 0.0, w[k + SLIP])
-    return -w[k + MEMORY] * by_normal * normal_force_by_reaction(m, n, r)
+    w, j = m.w, law_at(m, n)
+    v = magnitude(m, n, SLIP)
+    by_normal = laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)
+    return -way(m, n) * by_normal * normal_force_by_reaction(m, n, r)
 
 
 @njit(**OPTIONS)
@@ -231,7 +257,7 @@ def normal_force_by_reaction(m, n, r):
     """Derivative of a friction's normal force with respect to the reaction of a factors' row."""
     apart()
     plan, what = m.plan, m.acts[act_of(m, n), WHAT]
-    if r >= plan[KEPT] or what == ALONG:
+    if r >= plan[KEPT] or what >= ALONG:
         return 1.0
     return _bearing_by_reaction(m, n, plan[plan[ROW_OF] + r])
 

@@ -193,7 +193,7 @@ def modes_after_impact(m, t, touching, slips):
         none = no_speed(m, n, t) + _ROUNDING * moved(m, r, p, rows)[1]
         w[vector(m, MAY) + r] = w[k + DUE] != 0.0 or abs(speed) <= none
         if w[vector(m, MAY) + r] == 0.0:
-            slip(m, n, speed)
+            slip(m, n, speed, 0.0)
 
 
 @of_holds(None)
@@ -233,7 +233,7 @@ def settle(m, state, touching, slips):
         if i >= 0:
             limit += w[vector(m, RATIO) + r] * w[f + i]
         if abs(w[f + r]) > (1.0 - _HELD) * limit and abs(w[vector(m, ACCELERATIONS) + r]) > no_rate(m, n):
-            slip(m, n, -w[f + r])
+            slip(m, n, -w[f + r], 0.0)
         elif w[k + BEFORE] == STICKING:
             w[k + MODE] = STICKING
         else:

@@ -32,13 +32,15 @@ from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, s
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CIRCLES, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT,
+    ACROSS, ACTS, ALLOWED, ALONG, AT, AXIS_AT, BENDING, CIRCLES, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATE_AT,
     CUT_ROWS, DRIVES, EXTENT, FLANK, FLOWING, FORCE, GAP, GAP_ACCEL, GAP_RATE, HOLDS, LARGEST, LAW, LIMIT, LOADS,
     LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT, ON, OPEN, PEAK, PLACE, PRECISION, RESULTS, ROOM, ROW_AT, SLIDE, SLIP,
     SLIPPING, SLIP_RATE, SPEED_SIZE, SPRINGS, STAYS, STICKING, STORED, SWITCH, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 
+SLOWEST = 1e-11
+"""Speed of a friction that counts as zero, in sizes of the mechanism, or rad, a second."""
 ROUNDING = 1e-14
 """Rounding error of a gap, in sizes of the mechanism."""
 EPS = 2.3e-16
@@ -103,7 +105,32 @@ def switches(m, n):
 @njit(**OPTIONS)
 def on_contact(m, n):
     """Contact that a friction belongs to; below zero if it belongs to a joint."""
-    return int(m.w[law_at(m, n) + OF_AT]) - m.plan[CONTACTS] if m.acts[act_of(m, n), WHAT] == ALONG else -1
+    return int(m.w[law_at(m, n) + OF_AT]) - m.plan[CONTACTS] if m.acts[act_of(m, n), WHAT] >= ALONG else -1
+
+
+@njit(**OPTIONS)
+def second(m, n):
+    """Row across the slip of a contact's friction in space; 0 of other frictions, which have one row."""
+    return int(m.w[law_at(m, n) + 1]) if width(m) == 6 and m.acts[act_of(m, n), WHAT] == ALONG else 0
+
+
+@njit(**OPTIONS)
+def across(m, n, what):
+    """Number of a friction's second row; 0 without one."""
+    other = second(m, n)
+    return m.w[at(m, other) + what] if other else 0.0
+
+
+@njit(**OPTIONS)
+def magnitude(m, n, what):
+    """Size of a friction's slip, or force, with both rows."""
+    return math.hypot(m.w[at(m, n) + what], across(m, n, what))
+
+
+@njit(**OPTIONS)
+def way(m, n):
+    """Direction of slip along a friction's row, 1 or -1."""
+    return 1.0 if second(m, n) else m.w[at(m, n) + MEMORY]
 
 
 @njit(**OPTIONS)
@@ -280,6 +307,52 @@ def rest_rows(m):
 
 
 @njit(**OPTIONS)
+def _axis(m, n, k):
+    """Direction in the tangent plane of a contact's friction of its k-th reference axis."""
+    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), m.axes[int(m.w[law_at(m, n)]) + k]
+    flat = axpy(-dot(axis, normal), normal, axis)
+    return scaled(1.0 / larger(math.sqrt(dot(flat, flat)), 1e-300), flat)
+
+
+@njit(**OPTIONS)
+def _normal_rate(m, c):
+    """Rate of a contact's unit normal [1/s]: of a plane with its body, of spheres with their centres."""
+    act, own, normal = act_of(m, c), law_at(m, c), first(row_wrench(m, row_at(m, c), 1))
+    one, two = twist_at_section(m, m.acts[act, AT]), twist_at_section(m, m.acts[act, ON])
+    if m.acts[act, WHAT] != CIRCLES:
+        return cross(last(one), normal)
+    apart_, v = m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, c)], minus(first(two), first(one))
+    return scaled(m.w[own] / larger(apart_, 1e-300), axpy(-dot(v, normal), normal, v))
+
+
+@njit(**OPTIONS)
+def _tangent(m, n, row):
+    """Row of a contact's friction in space, along its slip or across it, in place of a position its MEMORY.
+
+    The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
+    """
+    apart()
+    act, own, out, c = act_of(m, n), law_at(m, n), m.rows, on_contact(m, n)
+    _gap(m, c, row_length(m) * row_at(m, c))
+    beside = m.acts[act, WHAT] == ACROSS
+    one, two = int(m.w[own + 1]) if beside else n, n if beside else int(m.w[own + 1])
+    angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
+    normal, axis = first(row_wrench(m, row_at(m, c), 1)), _axis(m, n, int(m.w[at(m, two) + MEMORY]))
+    e = axpy(math.sin(angle), cross(normal, axis), scaled(math.cos(angle), axis))
+    inner, outer, both = m.acts[act, AT], m.acts[act, ON], twists(m, shifted(out, row + 3))
+    x, y = minus(place_of(m, c), section_place(m, inner)), minus(place_of(m, c), section_place(m, outer))
+    both[0], both[1] = scaled(-1.0, joined(e, cross(x, e))), joined(e, cross(y, e))
+    a, b, turns = twist_at_section(m, inner), twist_at_section(m, outer), _normal_rate(m, c)
+    slide = minus(plus(first(b), cross(last(b), y)), plus(first(a), cross(last(a), x)))
+    moves = axpy(-m.w[law_at(m, c) + RADIUS_AT], turns, first(b))  # rate of the touched place
+    e_rate = axpy(-dot(e, minus(turns, cross(last(a), normal))), normal, cross(last(a), e))
+    more = minus(cross(last(b), minus(moves, first(b))), cross(last(a), minus(moves, first(a))))
+    out[row], out[row + 1] = m.w[at(m, n) + MEMORY], dot(e, slide)
+    out[row + 2] = dot(e, more) + dot(e_rate, slide)
+    out[row + 2] += dot(both[0], section_motion(m, inner, 1)) + dot(both[1], section_motion(m, outer, 1))
+
+
+@njit(**OPTIONS)
 def _slip(m, n, row):
     """Row of a friction: its position, speed and acceleration, and the Jacobian by the twists of both sections."""
     w, act, j, rows = m.w, act_of(m, n), law_at(m, n), m.rows
@@ -297,15 +370,18 @@ def _slip(m, n, row):
 @njit(**OPTIONS)
 def _slip_6(m, n, row):
     act, axis, out, axes = act_of(m, n), int(m.w[law_at(m, n)]), m.rows, m.axes
-    first, second = m.acts[act, AT], m.acts[act, ON]
+    inner, outer = m.acts[act, AT], m.acts[act, ON]
     if m.acts[act, WHAT] == SLIDE:
-        spatial.on_plane(m.sections, first, second, numbers_of(axes), axis, out, row)
+        spatial.on_plane(m.sections, inner, outer, numbers_of(axes), axis, out, row)
         return
-    along, one, both = axes[axis], twist_at_section(m, first), twists(m, shifted(out, row + 3))
+    if m.acts[act, WHAT] >= ALONG:
+        _tangent(m, n, row)
+        return
+    along, one, both = axes[axis], twist_at_section(m, inner), twists(m, shifted(out, row + 3))
     both[1] = joined((0.0, 0.0, 0.0), along)
     both[0] = scaled(-1.0, both[1])
-    faster = dot(along, minus(last(section_motion(m, second, 1)), last(section_motion(m, first, 1))))
-    slow = minus(last(twist_at_section(m, second)), last(one))
+    faster = dot(along, minus(last(section_motion(m, outer, 1)), last(section_motion(m, inner, 1))))
+    slow = minus(last(twist_at_section(m, outer)), last(one))
     out[row + 1], out[row + 2] = dot(along, slow), faster + dot(cross(last(one), along), slow)
     angle = math.atan2(dot(axes[axis + 2], axes[axis + 3]), dot(axes[axis + 1], axes[axis + 3]))
     before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
@@ -339,20 +415,61 @@ def size_of(m, n, rate):
 @njit(**OPTIONS)
 def stick(m, n):
     """Let a friction stick where it is."""
-    m.w[at(m, n) + MODE], m.w[at(m, n) + MEMORY] = STICKING, m.w[at(m, n) + PLACE]
+    if second(m, n):
+        _face(m, n, 1.0, 0.0)
+    else:
+        m.w[at(m, n) + MEMORY] = m.w[at(m, n) + PLACE]
+    set_mode(m, n, STICKING)
 
 
 @njit(**OPTIONS)
-def slip(m, n, direction):
-    """Let a friction slip, by the sign of the direction."""
-    m.w[at(m, n) + MODE], m.w[at(m, n) + MEMORY] = SLIPPING, 1.0 if direction >= 0.0 else -1.0
+def slip(m, n, direction, beside):
+    """Let a friction slip, by the sign of the direction; in a tangent plane along both components."""
+    _face(m, n, direction, beside)
+    set_mode(m, n, SLIPPING)
+
+
+@njit(**OPTIONS)
+def set_mode(m, n, mode):
+    """Set the mode of a friction, also of its second row."""
+    m.w[at(m, n) + MODE], other = mode, second(m, n)
+    if other:
+        m.w[at(m, other) + MODE] = FLOWING if mode == SLIPPING else mode
+
+
+@njit(**OPTIONS)
+def _face(m, n, direction, beside):
+    """Store a direction of slip: its sign, or turn both rows to it."""
+    m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
+
+
+@njit(**OPTIONS)
+def _face_6(m, n, direction, beside):
+    other = second(m, n)
+    if other == 0:
+        m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
+        return
+    e, beside_e = first(row_wrench(m, row_at(m, n), 1)), first(row_wrench(m, row_at(m, other), 1))
+    e = axpy(beside, beside_e, scaled(direction if direction != 0.0 or beside != 0.0 else 1.0, e))
+    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), int(m.w[law_at(m, n)])
+    k, least = 0, 2.0
+    for i in range(3):  # the one that is farthest from the normal
+        if abs(dot(m.axes[axis + i], normal)) < least - 1e-3:
+            k, least = i, abs(dot(m.axes[axis + i], normal))
+    flat = _axis(m, n, k)
+    m.w[at(m, other) + MEMORY], m.w[at(m, n) + MEMORY] = k, math.atan2(dot(e, cross(normal, flat)), dot(e, flat))
+    row_of(m, other)
+    row_of(m, n)
+
+
+_face = by_size(_face, _face_6)
 
 
 @njit(**OPTIONS)
 def normal_force(m, n):
     """Normal force of a friction [N or N m]: its contact's force, or its joint's reactions in NOW."""
     w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
-    if what == ALONG:
+    if what >= ALONG:
         return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
     return _bearing(m, n, arm)
 
@@ -423,6 +540,8 @@ def exert(m):
             m.multipliers[row] = 0.0
         elif mode == FLOWING:
             m.multipliers[row] = -w[j + VISCOUS_AT] * v
+        elif mode == SLIPPING and second(m, n):
+            _rub(m, n, N)
         elif mode == SLIPPING:
             m.multipliers[row] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
         w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
@@ -433,20 +552,56 @@ def exert(m):
 
 
 @njit(**OPTIONS)
+def sliding_size(m, n):
+    """Slip speed by which both components of a friction's force are divided, never zero."""
+    return math.hypot(abs(m.w[at(m, n) + SLIP]) + SLOWEST * extent(m, n), across(m, n, SLIP))
+
+
+@njit(**OPTIONS)
+def _rub(m, n, N):
+    """Both components of a slipping friction's force, against the slip in the tangent plane.
+
+    Beyond zero of its first component the force goes on without reversal, as that of one row.
+    """
+    w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second(m, n))
+    v, beside = w[k + SLIP], w[other + SLIP]
+    share = laws.dry(w, j, N, magnitude(m, n, SLIP)) / sliding_size(m, n)
+    m.multipliers[row_at(m, n)] = -share * (abs(v) + SLOWEST * extent(m, n)) - w[j + VISCOUS_AT] * v
+    w[other + FORCE] = -share * (beside if v >= 0.0 else -beside) - w[j + VISCOUS_AT] * beside
+    m.multipliers[row_at(m, second(m, n))] = w[other + FORCE]
+
+
+@njit(**OPTIONS)
 def power(m, n):
-    """Power [W] that a row takes; zero while sticking, whatever its rounding slip."""
+    """Power [W] that a row takes, the first of two for both; zero while sticking, whatever its rounding slip."""
     k = at(m, n)
-    return -m.w[k + FORCE] * m.w[k + GAP_RATE] if m.w[k + MODE] != STICKING else 0.0
+    if m.w[k + MODE] == STICKING or (n < 0 and m.acts[act_of(m, n), WHAT] == ACROSS):
+        return 0.0
+    more = across(m, n, FORCE) * across(m, n, SLIP) if n < 0 else 0.0
+    return -m.w[k + FORCE] * m.w[k + GAP_RATE] - more
+
+
+@njit(**OPTIONS)
+def _force_of(m, n):
+    """Force of friction in a tangent plane by its second row, global."""
+    along, beside = int(m.w[law_at(m, n) + 1]), m.w[at(m, n) + FORCE]
+    force = scaled(m.w[at(m, along) + FORCE], row_wrench(m, row_at(m, along), 1))
+    force = axpy(beside, row_wrench(m, row_at(m, n), 1), force)
+    return force[0], force[1], force[2]
 
 
 @njit(**OPTIONS)
 def results(m, out):
     """Results of every row, frictions first: gap or position, rate, force, normal force, stored energy, lost power,
-    MODE and MEMORY."""
+    MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's components."""
     w, i = m.w, 0
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
         out[i], out[i + 1], out[i + 2] = w[k + GAP], w[k + GAP_RATE], w[k + FORCE]
+        if n < 0 and m.acts[act_of(m, n), WHAT] == ACROSS:
+            out[i], out[i + 1], out[i + 2] = _force_of(m, n)
+        elif n < 0 and second(m, n):
+            out[i + 1], out[i + 2] = magnitude(m, n, SLIP), magnitude(m, n, FORCE)
         out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
         out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
         i += RESULTS

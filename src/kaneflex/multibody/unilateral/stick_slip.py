@@ -9,6 +9,8 @@ ends with that outcome.
 
 from __future__ import annotations
 
+import math
+
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds
@@ -18,16 +20,16 @@ from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_clo
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
-    BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT, LIMIT,
-    MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH, TURN,
-    WANTED, WHAT,
+    ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
+    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH,
+    TURN, WANTED, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, VISCOUS_LAW, act_of, at, exert, extent, frictions, law_at, on_contact, row_at, size_of, slip,
-    stick,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, exert, extent, frictions, law_at, magnitude,
+    on_contact, row_at, second, set_mode, size_of, slip, stick, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11
@@ -38,8 +40,8 @@ _SHORT, _ALIKE = 1e-6, 1e-9
 """Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
 STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
-_SLOWEST = 1e-11
-"""Speed that counts as zero, in sizes of the mechanism, or rad, a second."""
+_TURNED = 1e3
+"""Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
 _CANDIDATES = 6
 """Largest number of frictions without speed of which all combinations are tried."""
 _SETTLED = 40
@@ -58,10 +60,11 @@ def store_node(m, t, i):
         if mode == BENDING:
             w[j], w[j + 1] = w[k + SLIP], lugre.resisted(w, law_at(m, n), w[k + NORMAL], w[k + SLIP])
         elif mode == STICKING:
-            w[j], w[j + 1] = w[k + LIMIT] - abs(w[k + FORCE]), w[k + FORCE]
+            bears = magnitude(m, n, FORCE) if m.acts[act_of(m, n), WHAT] != ACROSS else -1.0  # with its first row
+            w[j], w[j + 1] = w[k + LIMIT] - bears, w[k + FORCE]
             w[j + 2], w[j + 3] = _CLOSE * w[k + LIMIT] + no_force(m, n), w[j]
         elif mode == SLIPPING:
-            w[j], w[j + 1] = w[k + MEMORY] * w[k + SLIP], w[k + MEMORY] * w[k + SLIP_RATE]
+            w[j], w[j + 1] = slowing(m, n)
             w[j + 2] = no_speed(m, n, t)
 
 
@@ -80,10 +83,18 @@ def extrapolate_to_end(m, table, last):
 
 
 @njit(**OPTIONS)
+def slowing(m, n):
+    """Speed of slipping friction and its rate; with two rows less that of the second: turns by 45 deg end a step."""
+    w, k, beside = m.w, at(m, n), across(m, n, SLIP)
+    turns = across(m, n, SLIP_RATE) * (1.0 if beside >= 0.0 else -1.0)
+    return way(m, n) * w[k + SLIP] - abs(beside), way(m, n) * w[k + SLIP_RATE] - turns
+
+
+@njit(**OPTIONS)
 def no_speed(m, n, t):
     """Speed of a friction that counts as zero."""
     w, k = m.w, at(m, n)
-    return _SLOWEST * extent(m, n) + 8.0 * EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
+    return SLOWEST * extent(m, n) + 8.0 * EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
 
 
 @njit(**OPTIONS)
@@ -184,7 +195,7 @@ def decide(m, t, A):
                 return _end_decision(m)
             break
         if w[at(m, n) + MODE] == STICKING:
-            slip(m, n, -w[at(m, n) + FORCE])
+            slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
         else:
             stick(m, n)
     if free > _CANDIDATES:
@@ -198,7 +209,7 @@ def decide(m, t, A):
             if w[at(m, n) + DUE] < 0.0:
                 stick(m, n)
                 if left % 3 != 0:
-                    slip(m, n, 1.5 - left % 3)
+                    slip(m, n, 1.5 - left % 3, 0.0)
                 left = left // 3
         settled = settle(m, t, A)
         if settled == 1:
@@ -214,7 +225,8 @@ def opens(m, n):
     w, k, of = m.w, at(m, n), on_contact(m, n)
     if of < 0 or w[at(m, of) + MODE] != OPEN:
         return False
-    w[k + MODE], w[k + MEMORY], w[k + FIRMEST] = OPEN, 0.0, 0.0
+    set_mode(m, n, OPEN)
+    w[k + MEMORY], w[k + FIRMEST] = 0.0, 0.0
     return True
 
 
@@ -222,21 +234,22 @@ def opens(m, n):
 def _first_mode(m, n, t):
     """First choice for a friction; 1 if it has no speed and other choices are possible: DUE is below zero then."""
     w, k, law = m.w, at(m, n), m.w[law_at(m, n) + LAW_AT]
-    shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
+    shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), no_speed(m, n, t)
     if w[k + DUE] < 0.0:
         return 1
-    if opens(m, n):
+    if m.acts[act_of(m, n), WHAT] == ACROSS or opens(m, n):
         return 0
     if law >= VISCOUS_LAW:
-        w[k + MODE] = BENDING if law == LUGRE else FLOWING
+        set_mode(m, n, BENDING if law == LUGRE else FLOWING)
         return 0
-    if before != STICKING and not shifts and abs(v) > no_speed(m, n, t):
-        slip(m, n, v)
+    if before != STICKING and v > (none if not shifts else _TURNED * none if second(m, n) else math.inf):
+        w[k + DUE] = 0.0
+        slip(m, n, w[k + SLIP], across(m, n, SLIP))
         return 0
     w[k + DUE] = STILL
     if before == STICKING:
         if shifts:
-            w[k + DUE], w[k + BORE] = LET_GO, abs(w[k + FORCE])
+            w[k + DUE], w[k + BORE] = LET_GO, magnitude(m, n, FORCE)
     elif shifts or before == OPEN or w[m.plan[TOUCH] + IN_A_ROW] == 0.0:
         stick(m, n)  # else it was released just before others
     return 1
@@ -258,14 +271,15 @@ def _share(m, t, A):
     for turn in range(2):
         for n in range(-frictions(m), 0):
             k = at(m, n)
-            bears, share = abs(w[k + FORCE]), abs(w[k + FORCE]) / (w[k + LIMIT] + no_force(m, n))
+            bears = magnitude(m, n, FORCE)
+            share = bears / (w[k + LIMIT] + no_force(m, n))
             if w[k + DUE] >= 0.0 or w[k + MODE] != STICKING:
                 continue
             lets = w[k + DUE] == LET_GO and bears >= (1.0 - _SHORT) * w[k + BORE]
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
-                slip(m, n, _slip_direction(m, n))
+                slip(m, n, _slip_direction(m, n), -across(m, n, FORCE))
     return settled
 
 
@@ -288,16 +302,24 @@ def settle(m, t, A):
         if not mend(m, t, A, 1):
             return 1
         for n in range(-frictions(m), 0):
-            w[at(m, n) + BEFORE] = w[at(m, n) + FORCE]
+            w[at(m, n) + BEFORE] = _bears(m, n)
         exert(m)
         moved = 0.0
         for n in range(-frictions(m), 0):
             k = at(m, n)
             allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + FORCE])) + no_force(m, n)
-            moved = larger(moved, abs(w[k + FORCE] - w[k + BEFORE]) / allowed)
+            moved = larger(moved, abs(_bears(m, n) - w[k + BEFORE]) / allowed)
         if turn > 0 and not moved > 1.0:
             return 0
     return 2
+
+
+@njit(**OPTIONS)
+def _bears(m, n):
+    """Force of a friction, of one with two rows their size: where the mechanism can't move one of them is rounding."""
+    if m.acts[act_of(m, n), WHAT] == ACROSS:
+        return 0.0
+    return magnitude(m, n, FORCE) if second(m, n) else m.w[at(m, n) + FORCE]
 
 
 @njit(**OPTIONS)
@@ -310,10 +332,10 @@ def _least_consistent(m):
         if w[k + DUE] >= 0.0:
             continue
         if w[k + MODE] == STICKING:
-            off = (abs(w[k + FORCE]) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
+            off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
             unsure = _SHORT / _WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
-            off = -w[k + MEMORY] * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
+            off = -way(m, n) * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
         if off > larger(worst, 1.0):
             worst, found = off, n
     return found

@@ -1,0 +1,116 @@
+"""Friction in the tangent plane of contacts in space: planar scenes lifted and turned, closed forms and quadrature."""
+
+import math
+
+import numpy as np
+import pytest
+from runs import solved
+from scipy.integrate import solve_ivp
+from test_spatial_contacts import BALL_CRANK, LOOSE, both, estimated
+
+from kaneflex import scene_of
+
+RUBBED = LOOSE.replace("restitution = 0.9}}", 'restitution = 0.9}, friction = {mu = 0.1}, radius = "10 mm"}')
+BOUNCING = """
+schema = 1
+description = "A disc that spins and bounces"
+gravity = [0, -9.81]
+bodies.ball = {mass = 2, inertia = 0.002, free = {at = [0, 0.15], velocity = [1, 0], angular_speed = 30}}
+contacts.floor.point_on_line = ["ball", "ground"]
+contacts.floor.normal = [0, 1]
+contacts.floor.radius = "50 mm"
+contacts.floor.contact = {stiffness = "1e6 N/m^1.5", restitution = 0.5}
+contacts.floor.friction = {mu = 0.2}
+sensors.push = {contact_force = "floor"}
+solve = {preset = "coupled", duration = "1.2 s", steps = 300, tolerance = 1e-10}
+"""
+THROWN = """
+schema = 1
+description = "A puck thrown over a plane"
+gravity = [0, 0, -9.81]
+contacts.floor.point_on_plane = ["puck", "ground"]
+contacts.floor.normal = NORMAL
+contacts.floor.radius = RADIUS
+contacts.floor.contact = {law = "kelvin-voigt", stiffness = "1e5 N/m", exponent = 1, damping = "800 N s/m"}
+contacts.floor.friction = {mu = MU}
+sensors.drag = {friction_force = "floor"}
+solve = {preset = "coupled", duration = "1.5 s", steps = 150, tolerance = 1e-10}
+bodies.puck = {mass = 2, inertia = [J, J, J], free = {at = [0, 0, RADIUS], velocity = VELOCITY}}
+sensors.x = {KIND = "puck", component = "x", axes = "global"}
+sensors.y = {KIND = "puck", component = "y", axes = "global"}
+sensors.z = {KIND = "puck", component = "z", axes = "global"}
+"""
+
+
+def thrown(**given):
+    text = THROWN
+    for key, value in given.items():
+        text = text.replace(key, str(value))
+    return solved(scene_of(text))
+
+
+@pytest.mark.parametrize("turn", ["a", "b", "c"])
+@pytest.mark.parametrize(("text", "sensors"), [(RUBBED, ("slide", "torque", "push")), (BOUNCING, ("push",))])
+def test_contacts_rub_as_in_the_plane(text, sensors, turn):
+    """With the same sticking and slipping, whichever way the plane is turned."""
+    plane, space = both(scene_of(text), turn)
+    assert len(space.impacts) == len(plane.impacts) > 2
+    for one, other in zip(space.impacts, plane.impacts, strict=True):
+        assert one.begin == pytest.approx(other.begin, abs=1e-8)
+        assert (one.peak, one.lost) == (pytest.approx(other.peak, rel=2e-6), pytest.approx(other.lost, abs=1e-7))
+    for sensor in sensors:
+        assert abs(space[sensor].values - plane[sensor].values).max() <= estimated(plane, space, sensor)
+    one, other = (each.trajectory.frictions for each in (plane, space))
+    assert (one.mode == other.mode).all()
+    assert other.force == pytest.approx(abs(one.force), abs=1e-6 * other.force.max())
+    assert other.lost == pytest.approx(one.lost, abs=1e-6 * one.lost.max())
+    assert space.trajectory.energy.drift < 1e-8
+
+
+def test_a_sphere_slips_then_rolls():
+    """It keeps 5/7 of its speed, whatever the normal force, and loses the rest of its energy."""
+    found = thrown(NORMAL="[0, 0, 1]", RADIUS=0.05, MU=0.2, J=0.002, VELOCITY="[3, 0.4, 0]", KIND="velocity")
+    rubs, speed = found.trajectory.frictions, math.hypot(3.0, 0.4)
+    rolls = found.times > 2 / 7 * speed / (0.2 * 9.81) + 1e-3
+    assert found["x"].values[rolls] == pytest.approx(15 / 7, rel=1e-8)
+    assert found["y"].values[rolls] == pytest.approx(2 / 7, rel=1e-8)
+    assert rubs.speed[rolls] == pytest.approx(0.0, abs=1e-12) and found["drag"].values[rolls] == pytest.approx(0.0)
+    assert rubs.lost[-1] == pytest.approx(2 / 7 * speed**2, rel=1e-8)
+    assert found.trajectory.energy.drift < 1e-10
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.6])
+def test_a_body_thrown_sideways_on_a_tilted_plane(mu):
+    """Its slip turns downhill; on the rougher plane it stops and sticks by its weight along the plane."""
+    n = np.array([0.0, -0.28, 0.96])
+    start = np.array([1.5, 0.4, 0.4 * 0.28 / 0.96])
+    found = thrown(NORMAL=n.tolist(), RADIUS=0.0, MU=mu, J=1e9, VELOCITY=start.tolist(), KIND="position")
+
+    def rates(_, state):
+        rate = n @ state[3:]
+        push = max(-1e5 * (n @ state[:3]) - 800.0 * rate, 0.0)
+        slip = state[3:] - rate * n
+        drag = -mu * push * slip / max(np.linalg.norm(slip), 1e-300)
+        return [*state[3:], *(np.array([0.0, 0.0, -9.81]) + (push * n + drag) / 2.0)]
+
+    moves = found.times if mu < 0.28 else found.times[:30]
+    told = {"rtol": 1e-11, "atol": 1e-13, "t_eval": moves}
+    exact = solve_ivp(rates, (0.0, moves[-1]), [0.0, 0.0, 0.0, *start], method="Radau", **told).y
+    for k, axis in enumerate("xyz"):
+        assert found[axis].values[: len(moves)] == pytest.approx(exact[k], abs=1e-8)
+    if mu > 0.28:
+        assert found["drag"].values[-1] == pytest.approx(2 * 9.81 * 0.28, rel=1e-9)
+        assert found.trajectory.frictions.lost[-1] > found.trajectory.frictions.lost[29]
+    assert found.trajectory.energy.drift < 1e-10
+
+
+def test_a_loose_ball_that_rubs_loses_more():
+    """Its slip turns within the tangent plane, and both rows close the energy balance."""
+    law = '{materials = ["steel", "steel"], restitution = 0.6}'
+    text = BALL_CRANK.replace("CONTACT", law)
+    smooth, rough = solved(scene_of(text)), solved(scene_of(text.replace("0.6}}", "0.6}, friction = {mu = 0.15}}")))
+    rubs = rough.trajectory.frictions
+    assert (rubs.force <= 0.15 * rubs.pressed * (1 + 1e-9) + 1e-12).all()
+    assert rubs.lost[-1, 0] > 0.0 and (np.diff(rubs.lost[:, 0]) > -1e-12).all()
+    assert rough.trajectory.energy.drift < 1e-7
+    assert smooth.outcome is rough.outcome
