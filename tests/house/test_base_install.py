@@ -62,7 +62,7 @@ def first_example(page: str, language: str = "python") -> str:
 def test_a_shipped_scene_runs_without_extras(tmp_path):
     commands = (
         ["list"], ["check", "engine"], ["show", "engine"], ["modes", "engine"],
-        ["run", "engine", "-o", "engine"], ["plot", "engine", "spectra"],
+        ["run", "engine", "--no-plots", "-o", "engine"], ["plot", "engine", "spectra"],
     )  # fmt: skip
     (tmp_path / "crank.toml").write_text(first_example("README.md", "toml"), encoding="utf-8")
     said = without_extras(tmp_path, f"print([kaneflex(*each) for each in {commands}])\n" + first_example("README.md")
