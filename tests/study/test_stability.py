@@ -378,4 +378,4 @@ def test_campbells_diagram_names_its_curves():
 def test_without_a_constant_speed_there_is_none_to_vary(name):
     """Of free joints, and of a frame that nothing drives."""
     with pytest.raises(SceneError, match="--vary: the first drive has no constant speed"):
-        check_sweep(read_scene(name))
+        check_sweep(read_scene(name).drives)

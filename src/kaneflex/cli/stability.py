@@ -66,7 +66,7 @@ def stability(
 
     multiples, scene, speeds = orders_of(orders), asked.read(), None
     if vary is not None:
-        speeds = speeds_between(*speed_range(scene, check_sweep(scene), vary), points or _POINTS)
+        speeds = speeds_between(*speed_range(scene, check_sweep(scene.drives), vary), points or _POINTS)
     elif points is not None:
         raise SceneError("--points", points, "requires --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
@@ -75,8 +75,9 @@ def stability(
         print_json(found.as_data())
         return
     if speeds is not None:
-        low, high = (scene.written_speed(check_sweep(scene), ends) for ends in speeds[[0, -1]])
-        echo(f"At the scene's own speed, and at {len(speeds)} speeds of {check_sweep(scene)} from {low} to {high}")
+        drive = next(iter(scene.drives))
+        low, high = (scene.written_speed(drive, ends) for ends in speeds[[0, -1]])
+        echo(f"At the scene's own speed, and at {len(speeds)} speeds of {drive} from {low} to {high}")
     else:
         echo(f"At the scene's own speed; --vary {next(iter(scene.drives), 'DRIVE')}.speed=LOW:HIGH computes a range")
     echo(block("stability", found.findings))

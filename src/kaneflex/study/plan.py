@@ -99,7 +99,7 @@ class Plan:
     def digest(self) -> str:
         """Digest of everything that the results depend on."""
         kept = (self.series, self.sensitivities, self.frozen, self.poincare and self.poincare.model_dump())
-        return digest(self.scene, self.files, list(self.points.values()), kept)
+        return digest(self.scene.raw, self.files, list(self.points.values()), kept)
 
 
 def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -> Plan:
@@ -158,10 +158,10 @@ def _alike(raw: Mapping[str, Any], points: Sequence[Point]) -> bool:
     return len(points) >= _MANY * (changes + 1)
 
 
-def digest(scene: Scene, files: Mapping[str, bytes], *more: object) -> str:
+def digest(raw: Mapping[str, Any], files: Mapping[str, bytes], *more: object) -> str:
     """Sixteen hexadecimal digits of a scene, its files, kaneflex's own sources and ``more``."""
     contents = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
-    about = [sources_digest(), scene.raw, contents, *more]
+    about = [sources_digest(), raw, contents, *more]
     return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 

@@ -109,7 +109,7 @@ def stability(
     """
     scene = scene_from(scene)
     if speeds is not None:
-        check_sweep(scene)
+        check_sweep(scene.drives)
     stage = progress or silent
     model = uncoupled(load(scene, stage))
     stage("multipliers")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene
+from kaneflex.scene.drives import Drive
 from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
@@ -126,9 +127,9 @@ def speeds_between(low: float, high: float, points: int) -> np.ndarray:
     return np.linspace(low, high, points) if low > 0.0 else np.linspace(0.0, high, points + 1)[1:]
 
 
-def check_sweep(scene: Scene) -> str:
+def check_sweep(drives: Mapping[str, Drive]) -> str:
     """Name of the first drive. Raises SceneError if it has no constant speed."""
-    name, drive = next(iter(scene.drives.items()), (None, None))
+    name, drive = next(iter(drives.items()), (None, None))
     if drive is None or drive.kind != "constant speed":
         reason = "the first drive has no constant speed to vary"
         raise SceneError("--vary", None, reason, "Leave --vary out, or give that drive a speed and a cycle")
@@ -149,7 +150,7 @@ def sweep(
     SceneError
         If the first drive has no constant speed, or the multipliers can't be computed at one of them.
     """
-    drive, variants = check_sweep(scene), Variants(scene)
+    drive, variants = check_sweep(scene.drives), Variants(scene)
     way = math.copysign(1.0, scene.drives[drive].speed or 1.0)
 
     def at(speed: float) -> tuple[Model, Multipliers]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.options import UNUSED_TERMS, has_term, modes_of, resolve_options, tolerance_of
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.scene.start import Start
@@ -79,9 +80,9 @@ def own_model(scene: Scene) -> Variant:
     return Variant("the scene's own", tuple(settings))
 
 
-def elements_of(scene: Scene) -> dict[str, int]:
+def elements_of(bodies: Mapping[str, Body]) -> dict[str, int]:
     """Elastic link -> its number of elements."""
-    return {name: body.beam.elements for name, body in scene.bodies.items() if body.elastic}
+    return {name: body.beam.elements for name, body in bodies.items() if body.elastic}
 
 
 def elements_set(counts: Mapping[str, int]) -> tuple[str, ...]:
@@ -107,7 +108,7 @@ def families(scene: Scene, stored: int = 0) -> tuple[Family, ...]:
 
 def _one_way(scene: Scene, preset: str) -> Family:
     """Other meshes, modes of the mechanism, each with fewer steps; more steps with the scene's mesh."""
-    steps, own, plain = resolve_options(scene).steps, elements_of(scene), (f"solve.preset={preset}",)
+    steps, own, plain = resolve_options(scene).steps, elements_of(scene.bodies), (f"solve.preset={preset}",)
     meshes = {n: dict.fromkeys(own, n) for n in _ELEMENTS if set(own.values()) != {n}}
     kinds: dict[str, tuple[tuple[str, ...], float]] = {preset: ((), sum(own.values()))}
     kinds |= {f"{preset}, {_count(n, 'element')}": (elements_set(mesh), n * len(own)) for n, mesh in meshes.items()}
@@ -182,7 +183,7 @@ def check_request(
          "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
         (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
          "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
-        (several and not elements_of(scene), "bodies", None, "no body has a beam: there is only one model",
+        (several and not elements_of(scene.bodies), "bodies", None, "no body has a beam: there is only one model",
          "Give a body a beam"),
     )  # fmt: skip
     return tuple(sensors or scene.sensors)

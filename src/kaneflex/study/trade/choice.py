@@ -207,7 +207,7 @@ def remembered_choice(
     Unreadable cache files are replaced. Parameters and errors are those of :func:`choose`; OutputError if the cache
     can't be written.
     """
-    known_by = purpose, *map(_digest, others)
+    known_by = purpose, *(_digest(each.raw) for each in others)
     path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors), *known_by)
     reference, choice, solution = path.with_suffix(".npy"), _read(path), None
     known, curves = choice is not None, None
@@ -232,13 +232,13 @@ def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str], *others:
     These are the scene's entries and tables, the sensors, the tolerance, ``others`` (the purpose, or other scenes) and
     kaneflex's own sources.
     """
-    about = _digest(scene, sorted(sensors), tolerance, *others)
+    about = _digest(scene.raw, sorted(sensors), tolerance, *others)
     return cache_folder() / "choices" / f"{structure_hash(scene)}-{about}.json"
 
 
-def _digest(scene: Scene, *about: object) -> str:
-    files = {place: Path(file).read_bytes() for place, file in file_places(scene.raw).items()}
-    return digest(scene, files, *about)
+def _digest(raw: Mapping[str, Any], *about: object) -> str:
+    files = {place: Path(file).read_bytes() for place, file in file_places(raw).items()}
+    return digest(raw, files, *about)
 
 
 def _read(path: Path) -> Choice | None:

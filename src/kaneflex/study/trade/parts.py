@@ -14,7 +14,7 @@ from kaneflex.mechanism.tight_start import tight_start
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, Sensor
+from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, Event, Sensor
 from kaneflex.support.errors import SceneError
 
 _ALIKE = 0.2
@@ -61,13 +61,13 @@ def smooth(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
         name for name, sensor in scene.sensors.items()
         if sensor.kind in FRICTION_KINDS and (str(sensor.target) in names or owners.get(str(sensor.target)) in names)
     )  # fmt: skip
-    return (*(f"{paths[name]}=none" for name in names), *_left_out(scene, gone))
+    return (*(f"{paths[name]}=none" for name in names), *_left_out(scene.events, gone))
 
 
-def _left_out(scene: Scene, sensors: Sequence[str]) -> Iterator[str]:
+def _left_out(events: Mapping[str, Event], sensors: Sequence[str]) -> Iterator[str]:
     """Settings that remove sensors, and the events that use them."""
     yield from (f"sensors.{sensor}=none" for sensor in sensors)
-    yield from (f"events.{name}=none" for name, event in scene.events.items() if event.sensor in sensors)
+    yield from (f"events.{name}=none" for name, event in events.items() if event.sensor in sensors)
 
 
 def tightened(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
         settings += [f"drives.{name}=none"] * (name in scene.drives)
         held += name not in scene.drives
         welded.append(name)
-    settings += _left_out(scene, _without_their_joint(scene, names, welded))
+    settings += _left_out(scene.events, _without_their_joint(scene, names, welded))
     free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
     reason = "the scene has too few free drives that could be left out"
     closed = [name for name in names if name not in welded]

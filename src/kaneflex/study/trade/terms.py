@@ -112,11 +112,11 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; of one that only preset
     ``coupled`` supports axial deformation and loads. :mod:`kaneflex.study.trade.parts` has its clearances and friction.
     """
-    whole = _whole(scene)
+    whole = _whole(scene.solve.preset)
     one_way = whole is STIFFENED
     found = [_without(whole, term, _IN_WORDS[term], f"solve.terms.{term}=false")
              for term in (terms_of(scene, "dynamic") if one_way else ())]  # fmt: skip
-    stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
+    stretching = [name for name in elements_of(scene.bodies) if not scene.bodies[name].beam.axially_rigid]
     if stretching and not scene.is_spatial:  # in space all beams stretch
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
         found.append(_without(whole, "axial", "axial deformation of the links", *rigid))
@@ -128,9 +128,9 @@ def groups(scene: Scene) -> tuple[Group, ...]:
     return tuple(found)
 
 
-def _whole(scene: Scene) -> Variant:
+def _whole(preset: str) -> Variant:
     """Model of a neutral scene with all its groups."""
-    return COUPLED if scene.solve.preset == "coupled" else STIFFENED
+    return COUPLED if preset == "coupled" else STIFFENED
 
 
 def _without(whole: Variant, name: str, meaning: str, *settings: str) -> Group:
@@ -165,7 +165,8 @@ def terms(
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors, several=False)
     basis = neutral(scene)
-    runs, effects, left_out, whole = Runs(basis, progress or silent), list[Effect](), dict[str, str](), _whole(basis)
+    runs, whole = Runs(basis, progress or silent), _whole(basis.solve.preset)
+    effects, left_out = list[Effect](), dict[str, str]()
     if chosen is None:
         removed, left_out = parts(basis)
         own = (_without(whole, part, "against none", *settings) for part, settings in removed.items())
