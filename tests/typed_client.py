@@ -24,4 +24,4 @@ settings: list[str] = kaneflex.explore(scene, ["main.speed=2000:6000rpm"])
 window: Figure = kaneflex.explore(scene, ["main.speed=2000:6000rpm"], window=False)
 points = {"start": "a.txt", "end": "b.txt"}
 kaneflex.import_mesh("m.mtx", "k.mtx", "nodes.txt", points, units="mm-t").save(Path("rod.npz"))
-print(f"{peak:.1f} N", solution.warnings, verdict.findings["motion"], kaneflex.compare(scene).differences[0].peak_share)
+print(f"{peak:.1f} N", solution.warnings, verdict.findings["motion"], kaneflex.compare(scene).differences[0].error)

@@ -68,7 +68,7 @@ def test_what_is_compared_is_the_scene_as_it_is(found):
 
 def test_a_knock_matters_and_the_way_of_the_piston_does_not(found):
     clearance = changes(found, "clearance wrist")
-    assert clearance["knock"].peak_share > 0.5 and clearance["slide"].peak_share < 2e-3
+    assert clearance["knock"].error > 0.5 and clearance["slide"].error < 2e-3
     assert [effect.needed for effect in found.effects if effect.group.name == "clearance wrist"] == [True]
     slide = terms(found.scene, sensors=["slide"])
     assert [effect.needed for effect in slide.effects if effect.group.name == "clearance wrist"] == [False]
@@ -76,7 +76,7 @@ def test_a_knock_matters_and_the_way_of_the_piston_does_not(found):
 
 def test_a_smaller_clearance_changes_less():
     scene = with_settings(read_scene("slider-crank-clearance"), [*SHORT, "joints.wrist.clearance.radial=2 um"])
-    assert changes(terms(scene, sensors=["slide"]), "clearance wrist")["slide"].peak_share < 2e-5
+    assert changes(terms(scene, sensors=["slide"]), "clearance wrist")["slide"].error < 2e-5
 
 
 def test_backlash_is_compared_with_a_shaft_in_one_piece():
@@ -88,7 +88,7 @@ def test_backlash_is_compared_with_a_shaft_in_one_piece():
     expected = 10 + 6 / 0.06 / 40 * (1 - np.cos(40 * solution.times))
     assert solution.series["speed"].values == pytest.approx(expected, rel=1e-7)
     backlash = changes(terms(scene), "clearance coupling")
-    assert backlash["speed"].peak == pytest.approx(expected.max(), rel=1e-7) and backlash["speed"].peak_share > 0
+    assert backlash["speed"].peak == pytest.approx(expected.max(), rel=1e-7) and backlash["speed"].error > 0
 
 
 def test_a_guide_made_tight_closes_as_it_stands():
@@ -120,7 +120,7 @@ def test_friction_is_compared_with_none():
     assert len(figure(found).axes) == 1  # no operations are counted
     assert effect.needed and "drag" not in {change.sensor for change in effect.differences}
     for change in effect.differences:
-        assert change.peak == abs(without.series[change.sensor].values).max() and change.peak_share > 0
+        assert change.peak == abs(without.series[change.sensor].values).max() and change.error > 0
 
 
 def test_what_has_no_sensor_left_is_named(tmp_path):

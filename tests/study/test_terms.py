@@ -74,8 +74,8 @@ def test_a_scene_without_groups_is_refused():
 def test_what_the_engine_loses(effects, name, sensor, change, needed):
     effect = effects[name]
     assert (effect.worst.sensor, effect.needed) == (sensor, needed)
-    assert effect.worst.peak_share == pytest.approx(change, rel=0.02)
-    assert 0 < effect.rms < effect.worst.peak_share
+    assert effect.worst.error == pytest.approx(change, rel=0.02)
+    assert 0 < effect.rms < effect.worst.error
 
 
 def test_the_largest_change_comes_first_and_operations_are_counted(engine, effects):
@@ -181,7 +181,7 @@ def test_the_pages_table_is_that_of_the_engine(effects):
     for name, effect in effects.items():
         (row,) = re.findall(rf"^\| {name} \| (.*) \|$", PAGE, re.MULTILINE)
         change, rms, sensor, needed, operations = (cell.strip() for cell in row.split("|"))
-        assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.peak_share, rel=0.05)
+        assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.error, rel=0.05)
         assert float(rms.removesuffix(" %")) == pytest.approx(100 * effect.rms, rel=0.05)
         assert (sensor, needed) == (f"`{effect.worst.sensor}`", "yes" if effect.needed else "no")
         assert operations == ("" if effect.operations is None else str(effect.operations))

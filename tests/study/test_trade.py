@@ -49,7 +49,7 @@ def test_the_reference_is_the_coupled_run_with_its_error_estimate(engine, by_nam
     assert found.name == "coupled" and not found.open and by_name["coupled"].error < 1e-3
     assert repr(engine).startswith("Trade(engine: ") and len(repr(engine)) < 160
     assert max(found.doubts.values()) == pytest.approx(3e-4, abs=1e-4)
-    coupling = {each.sensor: each.peak_share for each in by_name["stiffened"].differences}
+    coupling = {each.sensor: each.error for each in by_name["stiffened"].differences}
     assert coupling["crank_pin_force_x"] == pytest.approx(0.00103, abs=0.0001)
     assert coupling["mid_axial"] == pytest.approx(0.00094, abs=0.0001)  # its axial modes converge, too
 
@@ -139,7 +139,7 @@ def test_errors_are_taken_at_the_instants_of_both():
     ours = {name: np.array([3.0, 4.0, 3.0, 7.0]) for name in names}
     curves = Curves(np.array([0.0, 0.5, 1.0, 1.5]), ours, {})
     found, *_ = differences(scene, names, "ours", curves, flat)
-    assert found.peak_share == pytest.approx(1 / 3) and found.rms_share == pytest.approx(0.5**0.5 / 3)
+    assert found.error == pytest.approx(1 / 3) and found.rms_error == pytest.approx(0.5**0.5 / 3)
     pulse_times, pulse = np.array([0.0, 0.74, 0.75, 0.76, 1.0]), np.array([3.0, 3.0, 9.0, 3.0, 3.0])
     pulsed = Curves(pulse_times, {name: pulse for name in names}, {})
     missed, *_ = differences(scene, names, "ours", curves, pulsed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -121,10 +122,10 @@ def _row(entry: Difference) -> tuple[str, ...]:
 
     unit, number = unit_shown(entry.unit, max(entry.peak, entry.reference_peak))
 
-    def share(value: float | None) -> str:
-        return "" if value is None else f"{100 * value:.3g} %"
+    def share(value: float) -> str:
+        return "" if value == math.inf else f"{100 * value:.3g} %"
 
     return (
         entry.sensor, entry.model, unit, number(entry.peak), number(entry.reference_peak),
-        number(entry.peak_difference), share(entry.peak_share), number(entry.rms_difference), share(entry.rms_share),
+        number(entry.peak_difference), share(entry.error), number(entry.rms_difference), share(entry.rms_error),
     )  # fmt: skip

@@ -61,23 +61,13 @@ class Difference:
 
     @property
     def error(self) -> float:
-        """Largest difference as a share of the reference's peak, which is not zero."""
-        return self.peak_difference / self.reference_peak
+        """Largest difference as a share of the reference's peak; infinite if that is zero."""
+        return self.peak_difference / self.reference_peak if self.reference_peak else math.inf
 
     @property
     def rms_error(self) -> float:
-        """Rms difference as a share of the reference's peak, which is not zero."""
-        return self.rms_difference / self.reference_peak
-
-    @property
-    def peak_share(self) -> float | None:
-        """Largest difference as a share of the reference's peak; None if that is zero."""
-        return self.error if self.reference_peak else None
-
-    @property
-    def rms_share(self) -> float | None:
-        """Rms difference as a share of the reference's peak; None if that is zero."""
-        return self.rms_error if self.reference_peak else None
+        """Rms difference as a share of the reference's peak; infinite if that is zero."""
+        return self.rms_difference / self.reference_peak if self.reference_peak else math.inf
 
 
 def difference(
