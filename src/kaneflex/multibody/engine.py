@@ -24,7 +24,7 @@ from kaneflex.support.machine_code import address_of
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
 _LARGE = 1e8
-"""Accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
+"""Least accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +140,15 @@ class Engine(Views):
             self.call("mass", np.zeros(self.size))
             return self.work.M
         n, motion = self.size, [part.copy() for part in self.motion]
-        rows = np.zeros((1 + n, 3 * n))
-        rows[:, :n], rows[1:, 2 * n :] = motion[0], _LARGE * np.eye(n)
-        every = Choice(NONE.rows, NONE.dependent, np.arange(n), np.zeros(n))
-        found = self.demand(every, np.full(1 + n, t), rows)[:, :n]
+        rows, every = np.zeros((1 + n, 3 * n)), Choice(NONE.rows, NONE.dependent, np.arange(n), np.zeros(n))
+        rows[:, :n] = motion[0]
+        rest = self.demand(every, np.full(1, t), rows[:1])[0, :n]
+        large = _LARGE * max(1.0, abs(rest / self.measure).max(initial=0.0) / self.masses.sum())
+        rows[1:, 2 * n :] = large * np.eye(n)
+        found = self.demand(every, np.full(n, t), rows[1:])[:, :n]
         for part, before in zip(self.motion, motion, strict=True):
             part[:] = before
-        return (found[1:] - found[0]) / _LARGE
+        return (found - rest) / large
 
     def choose_speeds(self, choice: Choice) -> None:
         """Set the choice that compiled functions use."""

@@ -5,8 +5,8 @@ Functions that read a rigid motion by its scalars, such as joint and spring forc
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Self, cast
 
@@ -47,15 +47,12 @@ class FloatingMotion(DeformingMotion):
     rigid : RigidMotion
         Rigid mechanism at these instants, which knows drives and loads.
     trajectory : CoupledTrajectory
-    shift : mapping
-        Increments of loads, by name (n_times,).
     """
 
     scene: Scene
     system: CoupledSystem
     rigid: RigidMotion
     trajectory: CoupledTrajectory
-    shift: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene, system: CoupledSystem, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
@@ -72,9 +69,8 @@ class FloatingMotion(DeformingMotion):
             t, rows=t.rows[instants], record=t.record[instants],
             contacts=contacts and contacts.taken(instants), frictions=frictions and frictions.taken(instants),
         )  # fmt: skip
-        shift, rigid = {name: part[instants] for name, part in self.shift.items()}, self.rigid.taken(instants)
-        given = {"rigid": rigid, "times": rigid.times, "values": self.values[instants]}
-        return replace(self, **given, trajectory=trajectory, shift=shift)
+        rigid = self.rigid.taken(instants)
+        return replace(self, rigid=rigid, times=rigid.times, values=self.values[instants], trajectory=trajectory)
 
     # ---- scalars by name --------------------------------------------------------------------------------------
 
@@ -95,8 +91,7 @@ class FloatingMotion(DeformingMotion):
         if link == "link" and key in ("a_x", "a_y"):
             specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.scene.gravity)[:, None]
             return self.frame(body).to_body(specific_force)["xy".index(key[-1])]
-        size = self._load_sizes[name] if name in self._load_sizes else self.rigid[name]
-        return size + self.shift.get(name, 0.0)
+        return self._load_sizes[name] if name in self._load_sizes else self.rigid[name]
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
@@ -139,13 +134,9 @@ class FloatingMotion(DeformingMotion):
 
     @cached_property
     def _load_sizes(self) -> dict[str, np.ndarray]:
-        """Magnitudes of loads whose laws use joints without drive, which the rigid motion lacks."""
-        mechanism = self.system.mechanism
-        if not mechanism.observed:
-            return {}
-        states = np.array([self.coordinate(name) for name in (*mechanism.drives, *mechanism.observed)])
-        sizes = self.system.engine.magnitudes(self.times, states.transpose(2, 0, 1))
-        return dict(zip(mechanism.loads, sizes.T, strict=True))
+        """Magnitudes of the loads."""
+        sizes = self.system.engine.instants(self.recorded).sizes
+        return dict(zip(self.system.mechanism.loads, sizes.T, strict=True))
 
     # ---- frames and sections ----------------------------------------------------------------------------------
 

@@ -17,7 +17,6 @@ from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, st
 from kaneflex.multibody.time.neighbours import Neighbours, probes
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
-from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
@@ -90,9 +89,7 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
         moved = cast(CoupledKinematics, motion).along(curve)
         beside = coupled_motion(replace(model, motion=moved), moved.at(curve.times), None)
     else:
-        shift = dict(zip(inputs(model), x[:, 3 * n :].T, strict=True))
         beside = cast(CoupledMotion, as_result(model, probes(system, base, given), 0.0).motion)
-        beside = replace(beside, moving=replace(cast(FloatingMotion, beside.moving), shift=shift))
     rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
     return np.array(rows).reshape(len(sensors), len(weights))
 

@@ -30,7 +30,7 @@ _RANK, _NOTHING = 1e-9, 1e-7
 """Share of the largest singular value below which a combination of rows acts on nothing, and of the largest reaction
 below which it has no share in one."""
 _MASSLESS = 1e-13
-"""Inertia of a freedom, as a share of the largest, below which it counts as zero."""
+"""Inertia of a freedom, as a share of its own without others or of all bodies', below which it counts as zero."""
 
 
 def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
@@ -175,18 +175,23 @@ def check_freedoms(system: CoupledSystem, placement: Placement) -> None:
 
 
 def check_inertia(engine: Engine, choice: Choice, owners: Collection[str], drives: Collection[str]) -> None:
-    """Check that every freedom moves some inertia, at the current position of an engine.
+    """Check that every freedom of the joints moves some inertia, at the current position of an engine.
 
     ``owners``: bodies that move freely; ``drives``: joints with a drive.
     """
-    if not len(choice.independent):
+    joints = ~engine.shapes[choice.independent]
+    if not joints.any():
         return
-    B, M = engine.basis(choice), engine.mass()
-    unit = engine.measure[choice.independent][:, None]
-    inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
-    if inertia[0] > _MASSLESS * inertia[-1]:
+    B, M = engine.basis(choice)[joints], engine.mass()
+    unit = engine.measure[choice.independent[joints]][:, None]
+    reduced, least = (unit * B) @ M @ (unit * B).T, _MASSLESS * engine.masses.sum() * engine.measure.max() ** 2
+    if not np.isfinite(reduced).all():  # the run reports loads without values
         return
-    moving = abs((motions[:, 0] @ (unit * B)) / engine.measure)
+    own = 1.0 / np.sqrt(np.maximum(reduced.diagonal(), least))
+    inertia, motions = np.linalg.eigh(reduced * np.outer(own, own))
+    if inertia[0] > _MASSLESS:
+        return
+    moving = abs((motions[:, 0] * own @ (unit * B)) / engine.measure)
     name = engine.layout.speeds[int(moving.argmax())]
     owner = name.rpartition(".")[0]
     key = f"bodies.{owner}.free" if owner in owners else f"{'drives' if owner in drives else 'joints'}.{owner}"
