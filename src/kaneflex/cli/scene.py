@@ -241,7 +241,7 @@ def chosen_lines(choice: Choice) -> str:
     note = f"\n  {UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
     judged = sum(each.error is not None for each in choice.attempts)
     beyond = ", ".join(f"{sensor} {percent(doubt)}" for sensor, doubt in choice.open.items())
-    missed = f"  Not within {percent(choice.tolerance)}: {beyond}; if named by --sensors, finer models are tried\n"
+    missed = f"  Not within {percent(choice.tolerance)}: {beyond}; those named by --sensors must be\n"
     own, richest = choice.run_s, choice.richest_s
     time = f"A run takes {own:.2g} s, the richest model {richest:.2g} s"
     if not choice.compared:
