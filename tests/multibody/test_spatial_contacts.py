@@ -386,3 +386,17 @@ def test_friction_that_space_does_not_have_is_refused(text, changes, message):
         table[last] = value
     with pytest.raises(SceneError, match=message):
         load(scene_of(raw))
+
+
+def test_a_ball_and_its_plane_are_drawn():
+    """A circle about the ball, and a square of the plane below it."""
+    from kaneflex.plots.mechanism import rigid_outline, scenery
+
+    solution = solved(ball(HERTZ))
+    fixed = scenery(solution)
+    drawn = rigid_outline(solution.model.scene, solution.rigid, fixed).bars
+    centre = solution.motion.place("ball", (0.0, 0.0, 0.0)).T @ fixed.view.T
+    away = np.linalg.norm(drawn["floor ball"] - centre[:, None], axis=-1)
+    assert away == pytest.approx(0.05)
+    assert drawn["floor plane"].shape == (len(solution.times), 5, 2)
+    assert np.ptp(drawn["floor plane"], axis=0) == pytest.approx(0.0, abs=1e-15)

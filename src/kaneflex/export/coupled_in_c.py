@@ -25,7 +25,7 @@ from kaneflex.support.escaping import c_comment, c_literal
 
 _STEPS = 1000
 """Steps between two checks for the end of the run."""
-_CHOOSING = at.Kind.IMPACTS, at.Kind.HOLDS, at.Kind.IMPACT_SPACE, at.Kind.HOLD_SPACE
+_CHOOSING = at.Kind.IMPACTS, at.Kind.HOLDS, at.Kind.HOLD_SPACE
 """Kinds of mechanisms whose contacts or frictions take degrees of freedom away."""
 _OF_STATE = {
     "plan": "state->plan", "pivots": "state->plan", "kernels": "NULL", "w": "state->numbers", "real": "state->real",

@@ -30,6 +30,8 @@ _CARRIED = 0.5
 """Share of the size of a guided body for one on a guide that moves."""
 _AXIS = 0.06
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
+_PLANE = 0.5
+"""Half the edge of a plane as drawn, in sizes of the mechanism."""
 
 Rigid = RigidMotion | Placement
 
@@ -162,11 +164,32 @@ class _Pose:
                 t = frame_of(self.rigid, carrier.body).to_global(direction)
                 size = fixed.size * (_CARRIED if name in fixed.carried else 1.0)
                 boxes[name] = self._point(rider.body, self.scene.point(rider)) + box(t, size)
+        lines |= self._touching(fixed)
         links = {name: lines.pop(name) for name in self.axes}
         links, bars, boxes, pins = (
             {name: _in_picture(line, fixed.view) for name, line in kind.items()} for kind in (links, lines, boxes, pins)
         )
         return Outline(links, bars, boxes, {name: place[:, 0] for name, place in pins.items()})
+
+    def _touching(self, fixed: Scenery) -> dict[str, np.ndarray]:
+        """Outlines of planes in space about the bodies that touch them, and of the balls on these bodies."""
+        found: dict[str, np.ndarray] = {}
+        for name, contact in self.scene.contacts.items() if self.scene.is_spatial else ():
+            if contact.kind != "point-plane":
+                continue
+            from kaneflex.mechanism.spatial import across
+
+            (first, second), normal = contact.sides, np.array(contact.direction)
+            middle, frame = self._point(second.body, self.scene.point(second)), frame_of(self.rigid, first.body)
+            foot = frame.to_body(middle - frame.origin)[:, 0]
+            foot -= ((foot - self.scene.point(first)) @ normal) * normal
+            edges = max(_PLANE * fixed.size, 2.0 * contact.touching) * np.array(across(normal))
+            corners = foot + np.array([(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]) @ edges
+            found[f"{name} plane"] = np.array([self._point(first.body, tuple(corner)) for corner in corners.tolist()])
+            turns = np.linspace(0.0, 2.0 * np.pi, ALONG_LINK)
+            ring = contact.touching * np.column_stack([np.cos(turns), np.sin(turns)]) @ fixed.view
+            found[f"{name} ball"] = middle + ring[:, :, None]
+        return found
 
     def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_points, 2 or 3, n_times)."""

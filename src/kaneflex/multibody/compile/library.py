@@ -49,8 +49,7 @@ def _of(kind: Kind, integrates: bool = True) -> Any:
 
 
 (
-    _plain, _contacts, _impacts, _holds, _space, _rigid_space, _switched_space, _contact_space, _impact_space,
-    _hold_space,
+    _plain, _contacts, _impacts, _holds, _space, _rigid_space, _switched_space, _contact_space, _hold_space,
 ) = map(_of, Kind)  # fmt: skip
 _prescribed = _of(Kind.RIGID_SPACE, False)
 
@@ -101,12 +100,6 @@ def addresses_switched_space():
 @_made_of_parts
 def addresses_contact_space():
     return _contact_space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_impact_space():
-    return _impact_space()
 
 
 @njit(cache=True, **OUTER)

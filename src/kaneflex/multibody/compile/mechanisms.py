@@ -32,7 +32,7 @@ HANDED = {kind: _handed(kind) for kind in Kind}
 them."""
 (
     MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM, SPACE, RIGID_SPACE, SWITCHED_SPACE, CONTACT_SPACE,
-    IMPACT_SPACE, HOLD_SPACE,
+    HOLD_SPACE,
 ) = HANDED.values()  # fmt: skip
 TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
 """Coefficients of a collocation method."""

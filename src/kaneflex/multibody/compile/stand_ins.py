@@ -13,15 +13,14 @@ from kaneflex.multibody.compile.mechanisms import (
     HOLD_MECHANISM,
     HOLD_SPACE,
     IMPACT_MECHANISM,
-    IMPACT_SPACE,
     MECHANISM,
     SPACE,
     SWITCHED_SPACE,
 )
 
 _WITH_HOLDS = HOLD_MECHANISM, HOLD_SPACE
-_WITH_IMPACTS = IMPACT_MECHANISM, IMPACT_SPACE, *_WITH_HOLDS
-_WITH_CONTACTS = CONTACT_MECHANISM, CONTACT_SPACE, *_WITH_IMPACTS
+_WITH_IMPACTS = IMPACT_MECHANISM, HOLD_MECHANISM
+_WITH_CONTACTS = CONTACT_MECHANISM, CONTACT_SPACE, HOLD_SPACE, *_WITH_IMPACTS
 
 
 def of_contacts(otherwise):
@@ -39,7 +38,7 @@ def of_changes(otherwise):
 
 
 def of_impacts(otherwise):
-    """As :func:`of_contacts`, for mechanisms with holds, or with contacts by Newton's law."""
+    """As :func:`of_contacts`, for planar mechanisms with holds, or with contacts by Newton's law."""
     return _where(otherwise, _WITH_IMPACTS)
 
 

@@ -169,7 +169,6 @@ class Kind(Enum):
     RIGID_SPACE = "Mechanism in space without stiffness"
     SWITCHED_SPACE = "Mechanism in space with discontinuous loads"
     CONTACT_SPACE = "Mechanism in space with contacts"
-    IMPACT_SPACE = "Mechanism in space with impacts"
     HOLD_SPACE = "Mechanism in space with holds"
 
     @property

@@ -157,7 +157,7 @@ class SpatialSystem:
         if self.mechanism.frictions:
             return Kind.HOLD_SPACE
         if self.mechanism.contacts:
-            return Kind.IMPACT_SPACE if self.built.rigid else Kind.CONTACT_SPACE
+            return Kind.CONTACT_SPACE
         if self.built.switches:
             return Kind.SWITCHED_SPACE
         return Kind.SPACE if self.coupled or (self.integrates and self.has_slopes) else Kind.RIGID_SPACE
