@@ -80,7 +80,7 @@ SHORT = COUPLED, "solve.start=zero", "solve.modes=2", "solve.duration=0.02 s", "
 IN_SPACE = [("spatial-slider-crank-elastic", *SHORT), ("four-bar-misaligned", *SHORT)]
 
 
-@pytest.mark.exhaustive(share=1)
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("scene", IN_SPACE, ids=lambda scene: scene[0])
 def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
     """Places and axes of all bodies, their shapes, and what joints and drives exert, as the sensors read them: 5e-11 of
@@ -118,6 +118,7 @@ solve = {preset = "coupled", modes = 2, start = "zero"}
 """
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["deep", "spinning_top"])
 def test_accelerations_in_space_in_c_are_those_of_the_engine(name, compiler, tmp_path):
     """Of states by themselves: a loop with shapes and a bob on a ball, as the tree goes through the universal joint and

@@ -121,8 +121,8 @@ class _Tree:
         return x, y
 
 
-@pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize(("d", "dtype"), KINDS)
+@pytest.mark.exhaustive(share=4)
+@pytest.mark.parametrize(("d", "dtype"), [*KINDS][::-1])  # every run solves in real numbers
 def test_solution_is_that_of_the_dense_matrix(d, dtype):
     tree, rng = _Tree(d, dtype, locked=(3, 5)), np.random.default_rng(7)
     forces, along = rng.normal(size=(len(PARENTS), d)), rng.normal(size=tree.n)

@@ -24,6 +24,7 @@ def shares(comparison: Comparison) -> dict[str, float]:
     return {entry.sensor: entry.error for entry in comparison.differences}
 
 
+@pytest.mark.exhaustive(group="plane", share=2)
 def test_engine(peer):
     """-0.1464 and 0.0293 mm by both; what is left is the damping, which Exudyn has in proportion to K alone."""
     peer("exudyn")
@@ -38,6 +39,7 @@ def test_engine(peer):
     assert all(apart[name] < 0.003 for name in ("tip_axial", "mid_transverse", "crank_pin_force_y", "crank_torque"))
 
 
+@pytest.mark.exhaustive(group="plane", share=2)
 def test_slider_crank_by_the_coupled_equations(peer):
     """At per cents of deflection coupled agrees to 0.3 %; stiffened is 6 % off. Its bending moment agrees to 2 %,
     though the rod rings undamped in tension.
@@ -52,6 +54,7 @@ def test_slider_crank_by_the_coupled_equations(peer):
     assert moment["coupled"] < 0.025 < 0.035 < moment["stiffened"]
 
 
+@pytest.mark.exhaustive(group="plane", share=2)
 def test_bending_of_a_pendulum_that_rings_in_tension(peer):
     """0.0613 N m at the middle of the strip in its first half second, by 16 elements and 4000 steps."""
     peer("exudyn")
@@ -61,6 +64,7 @@ def test_bending_of_a_pendulum_that_rings_in_tension(peer):
     assert shares(found)["mid_moment"] < 0.03
 
 
+@pytest.mark.exhaustive(group="plane", share=2)
 def test_a_motor_starts_a_four_bar_with_an_elastic_coupler(peer):
     """Nonlinear in both: the motor's torque falls with the speed that it brings about."""
     peer("exudyn")
@@ -69,6 +73,7 @@ def test_a_motor_starts_a_four_bar_with_an_elastic_coupler(peer):
     assert apart["coupler_mid"] < 3e-3 and apart["coupler_force"] < 0.01
 
 
+@pytest.mark.exhaustive(group="plane", share=2)
 def test_a_driven_elastic_link_is_held_by_a_hub(peer):
     """Spin-up, up to its largest deflection."""
     peer("exudyn")
