@@ -15,12 +15,8 @@ from importlib import import_module
 from pathlib import Path
 
 from kaneflex.multibody.model.layout import Kind
-from kaneflex.support.atomic_output import write_bytes
-from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
-from kaneflex.support.errors import OutputError
 from kaneflex.support.machine_code import PACKAGE
 from kaneflex.support.numba_cache import ensure_cache_folder
-from kaneflex.support.terminal import log_warning
 
 _FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno")
 """Same results from every compiler: no sum is reordered, and no product fused with a sum."""
@@ -38,19 +34,32 @@ def c_addresses(name: str, kind: Kind, entries: Mapping[str, str], sources: Sequ
 
     The library is built once and kept in the cache folder, in place of that of other sources.
     """
-    file = f"engine-{name}-{_digest(sources)}.so"
-    found = _read(PACKAGE / "support" / file, entries) or _read(ensure_cache_folder() / file, entries)
-    if found or not (command := c_compiler()):
-        return found
+    file, folder = f"engine-{name}-{_digest(sources)}.so", ensure_cache_folder()
+    for place in (PACKAGE / "support" / file, folder / file):
+        if found := _read(place, entries):
+            return found
+    for old in folder.glob(f"engine-{name}-*.so"):
+        with suppress(OSError):  # in use
+            old.unlink()
+    return _read(folder / file, entries) if _built(folder / file, kind, entries) else []
+
+
+def _built(file: Path, kind: Kind, entries: Mapping[str, str]) -> bool:
+    """True if the C compiler has written the library; a warning says why not."""
+    from kaneflex.support.atomic_output import write_bytes  # only here: a kept library needs none of it
+    from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
+    from kaneflex.support.errors import OutputError
+    from kaneflex.support.terminal import log_warning
+
+    command = c_compiler()
+    if not command:
+        return False
     try:
-        data = shared_library(command, {"engine.c": _printed(kind, entries)}, _FLAGS)
-        for old in ensure_cache_folder().glob(f"engine-{name}-*.so"):
-            with suppress(OSError):  # in use
-                old.unlink()
-        write_bytes(ensure_cache_folder() / file, data)
+        write_bytes(file, shared_library(command, {"engine.c": _printed(kind, entries)}, _FLAGS))
     except (CompilerError, OutputError) as error:
         log_warning(f"{command[0]} can't build the engine; numba compiles it, which takes longer: {error}")
-    return _read(ensure_cache_folder() / file, entries)
+        return False
+    return True
 
 
 def _read(file: Path, entries: Mapping[str, str]) -> list[int]:
