@@ -29,7 +29,7 @@ COUPLED = "solve.preset=coupled"
 # A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first; a clearance;
 # a load that switches.
 SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",), ("engine", COUPLED),
-          ("slider-crank-clearance", "solve.duration=2 ms", "solve.steps=200"),
+          ("slider-crank-clearance", "solve.duration=0.5 ms", "solve.steps=50"),
           ("four-bar-motor", 'loads.motor.law="0.3 * sign(main_speed - 10)"')]  # fmt: skip
 
 
