@@ -106,6 +106,21 @@ def block(of: str, drive: str, body: str = "block", slide: str = "slide", **tabl
     return text({body: of}, {slide: guide}, {slide: drive}, **tables)
 
 
+def scotch_yoke(drive: str, run: Mapping[str, Any], more: str = "", **tables: Any) -> str:
+    """Crank, a block without mass on its pin, and a yoke on a rail along x: the loop alone says how the block turns.
+
+    ``run``: entries for ``solve`` beside the preset; ``more``: sensors beside the angle phi of the crank.
+    """
+    bodies = {"crank": 'length = "50 mm", mass = "1 kg"', "block": "", "yoke": 'mass = "2 kg"'}
+    joints = {
+        "main": _pin("ground", "crank", False), "rail": 'prismatic = ["ground", "yoke"], direction = [1, 0]',
+        "slot": 'prismatic = ["yoke", "block"], direction = [0, 1]', "pin": _pin("crank.end", "block", False),
+    }  # fmt: skip
+    tables |= {"sensors": f'phi = {{position = "main", component = "angle"}}\n{more}'}
+    return text(bodies, joints, {"main": drive}, solve={"preset": "coupled", "tolerance": 1e-9, **run}, **tables)
+
+
+FREE_CRANK = 'free = true, angle = 0.4, initial_speed = "20 rad/s"'
 ABSORBER = """
 schema = 1
 description = "A pendulum on a turning crank, held by a spring: nothing deforms, a joint is free"

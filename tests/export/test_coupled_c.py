@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from hostile_names import NAME
-from machines import slider_crank
+from machines import FREE_CRANK, scotch_yoke, slider_crank
 from numba import njit, types
 from runs import model, run
 from test_c import HEADS, SHARED, built
@@ -48,25 +48,10 @@ def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()
 
 
-YOKE = """
-schema = 1
-name = "yoke"
-bodies.crank = {length = "50 mm", mass = "1 kg"}
-bodies.block = {}
-bodies.yoke = {mass = "2 kg"}
-joints.main = {revolute = ["ground", "crank"]}
-joints.rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
-joints.slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
-joints.pin = {revolute = ["crank.end", "block"]}
-drives.main = {free = true, angle = 0.4, initial_speed = "20 rad/s"}
-sensors.phi = {position = "main", component = "angle"}
-solve = {preset = "coupled", tolerance = 1e-9, duration = "0.1 s", steps = 20}
-"""
-
-
 def test_a_massless_block_moves_in_c_as_in_python(compiler, tmp_path):
     """A row of the factors removes the virtual inertia of its rotation."""
-    solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(YOKE)))
+    text = scotch_yoke(FREE_CRANK, {"duration": "0.1 s", "steps": 20}, title="yoke")
+    solution = kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text)))
     _, found = in_c(solution.model.scene, tmp_path, compiler)
     expected = solution.trajectory
     assert solution.model.coupled.engine.work.virtual_inertia.any()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import STRIP, WEIGHT, four_bar, pendulum
+from machines import FREE_CRANK, STRIP, WEIGHT, four_bar, pendulum, scotch_yoke
 from runs import solved
 from scipy.integrate import solve_ivp
 
@@ -71,27 +71,13 @@ def test_a_bar_of_a_tenth_of_a_micrometre_is_no_massless_one():
     assert found[0] == pytest.approx(found[1], abs=1e-7) and found[2] == pytest.approx(found[1], abs=1e-7)
 
 
-YOKE = """
-schema = 1
-bodies.crank = {length = "50 mm", mass = "1 kg"}
-bodies.block = {}
-bodies.yoke = {mass = "2 kg"}
-joints.main = {revolute = ["ground", "crank"]}
-joints.rail = {prismatic = ["ground", "yoke"], direction = [1, 0]}
-joints.slot = {prismatic = ["yoke", "block"], direction = [0, 1]}
-joints.pin = {revolute = ["crank.end", "block"]}
-drives.main = DRIVE
-sensors.phi = {position = "main", component = "angle"}
-sensors.x = {position = "yoke", component = "x"}
-sensors.T = {drive_torque = "main"}
-sensors.N = {joint_force = "slot", component = "x"}
-solve = {preset = "coupled", tolerance = 1e-9}
-"""
+READ = 'x = {position = "yoke", component = "x"}\nN = {joint_force = "slot", component = "x"}'
 
 
 def test_a_massless_block_in_a_guide_turns_with_it():
     """A Scotch yoke: the loop alone says how its block turns. m x'' pulls at the slot, r sin(phi) from the main pin."""
-    found = solve(loaded(YOKE.replace("DRIVE", '{speed = "600 rpm", cycle = "360 deg"}'))).series
+    driven = scotch_yoke('speed = "600 rpm", cycle = "360 deg"', {}, f'T = {{drive_torque = "main"}}\n{READ}')
+    found = solve(loaded(driven)).series
     phi, force = np.ravel(found["phi"].values), 2.0 * 0.05 * (20 * np.pi) ** 2
     assert np.ravel(found["x"].values) == pytest.approx(0.05 * np.cos(phi), abs=1e-12)
     assert abs(np.ravel(found["N"].values)) == pytest.approx(force * abs(np.cos(phi)), abs=1e-9 * force)
@@ -101,10 +87,7 @@ def test_a_massless_block_in_a_guide_turns_with_it():
 
 def test_a_massless_block_of_a_free_crank_resists_nothing():
     """(I + m r^2 sin^2(phi)) phi'' + m r^2 sin(phi) cos(phi) phi'^2 = 0."""
-    text = YOKE.replace("DRIVE", '{free = true, angle = 0.4, initial_speed = "20 rad/s"}')
-    text = text.replace('sensors.T = {drive_torque = "main"}\n', "")
-    text = text.replace("tolerance = 1e-9", 'tolerance = 1e-9, duration = "0.5 s", steps = 100')
-    found = solve(loaded(text))
+    found = solve(loaded(scotch_yoke(FREE_CRANK, {"duration": "0.5 s", "steps": 100}, READ)))
     of_yoke = 2.0 * 0.05**2
 
     def rates(t, y):
