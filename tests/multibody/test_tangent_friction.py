@@ -4,11 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from parity import planar
 from runs import solved
 from scipy.integrate import solve_ivp
 from test_spatial_contacts import BALL_CRANK, LOOSE, both, estimated
 
-from kaneflex import scene_of
+from kaneflex import scene_of, with_settings
+from kaneflex.response.dalembert import Balance
+from kaneflex.response.section_forces import LinkForces
 
 RUBBED = LOOSE.replace("restitution = 0.9}}", 'restitution = 0.9}, friction = {mu = 0.1}, radius = "10 mm"}')
 BOUNCING = """
@@ -114,3 +117,19 @@ def test_a_loose_ball_that_rubs_loses_more():
     assert rubs.lost[-1, 0] > 0.0 and (np.diff(rubs.lost[:, 0]) > -1e-12).all()
     assert rough.trajectory.energy.drift < 1e-7
     assert smooth.outcome is rough.outcome
+
+
+def test_friction_bends_an_elastic_bar_as_in_the_plane():
+    """It acts at the sphere's surface; of the plane the balance of all forces, as sensors there leave axial vibration
+    out."""
+    given = "solve.duration=0.12 s", "solve.modes=2", "contacts.stop.friction={mu=0.3}"
+    plane, space = both(with_settings(planar("bouncing-bar", "coupled"), given), "bar")
+    one, other = (each.trajectory.frictions for each in (plane, space))
+    assert (one.mode == other.mode).all() and len(space.impacts) == len(plane.impacts) > 3
+    assert other.force == pytest.approx(abs(one.force), abs=1e-5 * other.force.max())
+    for sensor in ("angle", "root_force"):
+        assert abs(space[sensor].values - plane[sensor].values).max() < 1e-6 * abs(plane[sensor].values).max()
+    moving = plane.motion.moving
+    balance = Balance(moving, "bar", lambda: LinkForces(moving.scene, moving, moving.section_frame).wrenches("bar"))
+    moment = balance.section(0.25)[2]
+    assert space["moment"].values == pytest.approx(moment, abs=1e-6 * abs(moment).max())
