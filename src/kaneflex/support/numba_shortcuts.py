@@ -7,7 +7,7 @@ from inspect import unwrap
 from typing import Any
 
 from llvmlite.binding import ffi
-from numba.core import base, codegen, postproc, ssa, targetconfig, transforms, utils
+from numba.core import base, codegen, targetconfig, utils
 
 
 def use() -> None:
@@ -27,10 +27,6 @@ def use() -> None:
     ordered: Any = utils.order_by_target_specificity
     utils.order_by_target_specificity = _by(lambda target, of, *_: (target, tuple(of)), ordered)
     base._has_loc = _by(lambda function: getattr(unwrap(function), "__code__", function), base._has_loc)
-    assignments: Any = ssa
-    _rewrite_where_mentioned(assignments)
-    processor: Any = postproc.PostProcessor
-    processor.run = _with_lifetimes_for_deletions(processor.run)
 
 
 def _by(key: Any, find: Any) -> Any:
@@ -59,50 +55,6 @@ def _if_registered(refresh: Any) -> Any:
             self._read = lists, sum(map(len, lists)) + len(known(self))
 
     return refreshed
-
-
-def _rewrite_where_mentioned(ssa: Any) -> None:
-    """Give variables that are assigned several times new names only in the blocks that mention them.
-
-    numba goes through all statements of a function twice for each such variable, and through those of a block for each
-    use: the loops of a body's shapes have more than 100 such variables in as many blocks.
-    """
-    violators, rewrite, mentioned = ssa._find_defs_violators, ssa._run_block_rewrite, dict[str, set[int]]()
-
-    def find_defs_violators(blocks, cfg):
-        mentioned.clear()
-        for label, block in blocks.items():
-            for name in {each.name for statement in block.body for each in statement.list_vars()}:
-                mentioned.setdefault(name, set()).add(label)
-        return violators(blocks, cfg)
-
-    def run_block_rewrite(blocks, states, handler):
-        labels = mentioned[states["varname"]]
-        return blocks | rewrite({label: block for label, block in blocks.items() if label in labels}, states, handler)
-
-    def stmt_index(self, defstmt, block, stop=-1):
-        if getattr(self, "_of", None) is not block:
-            self._of, self._places = block, {id(statement): k for k, statement in enumerate(block.body)}
-        end = len(block.body)
-        place = self._places.get(id(defstmt), end)
-        return place if place < (stop if stop >= 0 else end + stop) else end
-
-    ssa._find_defs_violators, ssa._run_block_rewrite = find_defs_violators, run_block_rewrite
-    ssa._FixSSAVars._stmt_index = stmt_index
-
-
-def _with_lifetimes_for_deletions(run: Any) -> Any:
-    """``PostProcessor.run`` of numba without lifetimes of variables until it deletes some, as it finds them three times
-    before. Other packages may use them elsewhere."""
-
-    def process(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
-        of = self.func_ir
-        if emit_dels or not of.func_id.modname.startswith("kaneflex"):
-            run(self, emit_dels, extend_lifetimes)
-        else:
-            of.blocks, of.generator_info = transforms.canonicalize_cfg(of.blocks), None
-
-    return process
 
 
 class PartLibrary(codegen.JITCodeLibrary):
