@@ -22,7 +22,8 @@ from kaneflex.multibody.model.layout import (
     AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, PUSHED, PUSHES, ROW_AT,
     SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.rows import exert, press
+from kaneflex.multibody.unilateral.frictions import exert
+from kaneflex.multibody.unilateral.rows import press
 from kaneflex.support.inner import once
 
 

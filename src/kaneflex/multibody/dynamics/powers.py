@@ -9,7 +9,7 @@ from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import by_size, twists
-from kaneflex.multibody.unilateral import rows
+from kaneflex.multibody.unilateral import frictions, rows
 from kaneflex.multibody.dynamics.algebra import dot, first, last, plus, times
 from kaneflex.multibody.dynamics.axes import to_axes, to_global
 from kaneflex.multibody.dynamics.courses import courses
@@ -105,7 +105,7 @@ def losses(m, out):
     for n in range(plan[SPRINGS], plan[CONTACTS]):
         lost += m.springs[spring_size(m) * (n - plan[SPRINGS] + 1) - 1]
     for n in range(-rows.frictions(m), rows.contacts(m)):
-        w[out + plan[WORKS] - rows.contacts(m) + n] = rows.power(m, n)
+        w[out + plan[WORKS] - rows.contacts(m) + n] = frictions.power(m, n)
     w[out] = lost
     for n in range(plan[SPRINGS] - plan[LOADS]):
         w[out + 1 + n] = 0.0

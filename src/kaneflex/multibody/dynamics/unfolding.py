@@ -9,7 +9,8 @@ from numba import njit
 from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.unilateral.active_set import stand_closed
-from kaneflex.multibody.unilateral.rows import at, contacts, friction_of, record, rigid, row_at
+from kaneflex.multibody.unilateral.frictions import friction_of, record
+from kaneflex.multibody.unilateral.rows import at, contacts, rigid, row_at
 from kaneflex.multibody.compile.values import after, by_size, copy, row_length
 from kaneflex.multibody.dynamics.algebra import axpy, force_at, minus, plus, scaled
 from kaneflex.multibody.dynamics.arrays import JOINTS, OWN

@@ -28,8 +28,9 @@ from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_
 from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
+from kaneflex.multibody.unilateral.frictions import exert
 from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, exert, extent, frictions, law_at, near, no_force, rests, rigid, row_at, switches,
+    EPS, act_of, at, contacts, extent, frictions, law_at, near, no_force, rests, rigid, row_at, switches,
 )  # fmt: skip
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)

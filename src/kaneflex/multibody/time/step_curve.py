@@ -15,7 +15,8 @@ from kaneflex.multibody.model.layout import (
     COORDINATES, GAP, GAP_RATE, MODE, NODES, OPEN, SHIFT, STAGE_A,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import stick_slip
-from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, row_of, switches
+from kaneflex.multibody.unilateral.frictions import row_of
+from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, switches
 
 NEVER = 2.0
 

@@ -22,9 +22,9 @@ from kaneflex.multibody.model.layout import (
     VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, borne, frictions, joint_wrench, law_at, magnitude, normal_force, on_contact,
-    row_at, row_of, sliding_size, way,
+    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
 )  # fmt: skip
 
 _SOFT = 1e-9

@@ -26,9 +26,10 @@ from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.complementarity import listed, moved, vector
 from kaneflex.multibody.unilateral.factors import force_by_reaction
+from kaneflex.multibody.unilateral.frictions import exert, normal_force, row_of, slip, stick
 from kaneflex.multibody.unilateral.rows import (
-    ARM, LAW_AT, LUGRE, MU_AT, PRELOAD_AT, STATIC_AT, VISCOUS_LAW, act_of, at, contacts, exert, frictions, law_at,
-    normal_force, on_contact, rigid, row_of, slip, stick,
+    ARM, LAW_AT, LUGRE, MU_AT, PRELOAD_AT, STATIC_AT, VISCOUS_LAW, act_of, at, contacts, frictions, law_at, on_contact,
+    rigid,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import derivatives
 from kaneflex.multibody.unilateral.stick_slip import LET_GO, STILL, no_rate, no_speed, opens

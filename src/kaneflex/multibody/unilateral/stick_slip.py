@@ -27,9 +27,10 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import use_rows_now
+from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, exert, extent, frictions, law_at, magnitude,
-    on_contact, row_at, second, set_mode, size_of, slip, stick, way,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, extent, frictions, law_at, magnitude, on_contact,
+    row_at, second, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11

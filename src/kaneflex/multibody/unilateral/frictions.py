@@ -1,0 +1,336 @@
+"""Frictions of joints and contacts: their rows, how they stick and slip, and their forces; results of all rows."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.generated import friction as laws
+from kaneflex.generated import joints, spatial
+from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists
+from kaneflex.multibody.dynamics.algebra import (
+    absolute, axpy, cross, dot, first, joined, last, minus, plus, scaled, zero_like,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place, twist_at_section
+from kaneflex.multibody.dynamics.wrenches import row_wrench
+from kaneflex.multibody.model.layout import (
+    ACROSS, ALONG, AT, BENDING, CIRCLES, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT,
+    ON, OPEN, PLACE, RESULTS, ROW_AT, SLIDE, SLIP, SLIP_RATE, SLIPPING, SPEED_SIZE, STICKING, STORED, TURN, WHAT,
+)  # fmt: skip
+from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.rows import (
+    ARM, OF_AT, RADIUS_AT, REACH_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, extent, frictions, gap_row,
+    law_at, magnitude, on_contact, place_of, row_at, second,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def _axis(m, n, k):
+    """Direction in the tangent plane of a contact's friction of its k-th reference axis."""
+    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), m.axes[int(m.w[law_at(m, n)]) + k]
+    flat = axpy(-dot(axis, normal), normal, axis)
+    return scaled(1.0 / larger(math.sqrt(dot(flat, flat)), 1e-300), flat)
+
+
+@njit(**OPTIONS)
+def _normal_rate(m, c):
+    """Rate of a contact's unit normal [1/s]: of a plane with its body, of spheres with their centres."""
+    act, own, normal = act_of(m, c), law_at(m, c), first(row_wrench(m, row_at(m, c), 1))
+    one, two = twist_at_section(m, m.acts[act, AT]), twist_at_section(m, m.acts[act, ON])
+    if m.acts[act, WHAT] != CIRCLES:
+        return cross(last(one), normal)
+    apart_, v = m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, c)], minus(first(two), first(one))
+    return scaled(m.w[own] / larger(apart_, 1e-300), axpy(-dot(v, normal), normal, v))
+
+
+@njit(**OPTIONS)
+def _tangent(m, n, row):
+    """Row of a contact's friction in space, along its slip or across it, in place of a position its MEMORY.
+
+    The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
+    """
+    apart()
+    act, own, out, c = act_of(m, n), law_at(m, n), m.rows, on_contact(m, n)
+    gap_row(m, c, row_length(m) * row_at(m, c))
+    beside = m.acts[act, WHAT] == ACROSS
+    one, two = int(m.w[own + 1]) if beside else n, n if beside else int(m.w[own + 1])
+    angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
+    normal, axis = first(row_wrench(m, row_at(m, c), 1)), _axis(m, n, int(m.w[at(m, two) + MEMORY]))
+    e = axpy(math.sin(angle), cross(normal, axis), scaled(math.cos(angle), axis))
+    inner, outer, both = m.acts[act, AT], m.acts[act, ON], twists(m, shifted(out, row + 3))
+    x, y = minus(place_of(m, c), section_place(m, inner)), minus(place_of(m, c), section_place(m, outer))
+    both[0], both[1] = scaled(-1.0, joined(e, cross(x, e))), joined(e, cross(y, e))
+    a, b, turns = twist_at_section(m, inner), twist_at_section(m, outer), _normal_rate(m, c)
+    slide = minus(plus(first(b), cross(last(b), y)), plus(first(a), cross(last(a), x)))
+    moves = axpy(-m.w[law_at(m, c) + RADIUS_AT], turns, first(b))  # rate of the touched place
+    e_rate = axpy(-dot(e, minus(turns, cross(last(a), normal))), normal, cross(last(a), e))
+    more = minus(cross(last(b), minus(moves, first(b))), cross(last(a), minus(moves, first(a))))
+    out[row], out[row + 1] = m.w[at(m, n) + MEMORY], dot(e, slide)
+    out[row + 2] = dot(e, more) + dot(e_rate, slide)
+    out[row + 2] += dot(both[0], section_motion(m, inner, 1)) + dot(both[1], section_motion(m, outer, 1))
+
+
+@njit(**OPTIONS)
+def _slip(m, n, row):
+    """Row of a friction: its position, speed and acceleration, and the Jacobian by the twists of both sections."""
+    w, act, j, rows = m.w, act_of(m, n), law_at(m, n), m.rows
+    first, second, sections = m.acts[act, AT], m.acts[act, ON], m.sections
+    if m.acts[act, WHAT] == ALONG:
+        of = int(w[j + OF_AT])
+        first, second = section_at(m, first), section_at(m, second)
+        touching.along(m.acts[of, WHAT], sections, first, second, w, m.acts[of, NUMBERS_AT], rows, row)
+    elif m.acts[act, WHAT] == TURN:
+        joints.turn(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
+    else:
+        joints.slide(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
+
+
+@njit(**OPTIONS)
+def _slip_6(m, n, row):
+    act, axis, out, axes = act_of(m, n), int(m.w[law_at(m, n)]), m.rows, m.axes
+    inner, outer = m.acts[act, AT], m.acts[act, ON]
+    if m.acts[act, WHAT] == SLIDE:
+        spatial.on_plane(m.sections, inner, outer, numbers_of(axes), axis, out, row)
+        return
+    if m.acts[act, WHAT] >= ALONG:
+        _tangent(m, n, row)
+        return
+    along, one, both = axes[axis], twist_at_section(m, inner), twists(m, shifted(out, row + 3))
+    both[1] = joined((0.0, 0.0, 0.0), along)
+    both[0] = scaled(-1.0, both[1])
+    faster = dot(along, minus(last(section_motion(m, outer, 1)), last(section_motion(m, inner, 1))))
+    slow = minus(last(twist_at_section(m, outer)), last(one))
+    out[row + 1], out[row + 2] = dot(along, slow), faster + dot(cross(last(one), along), slow)
+    angle = math.atan2(dot(axes[axis + 2], axes[axis + 3]), dot(axes[axis + 1], axes[axis + 3]))
+    before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
+    out[row] = angle + math.tau * math.floor((before - angle) / math.tau + 0.5)
+
+
+_slip = by_size(_slip, _slip_6)
+
+
+@njit(**OPTIONS)
+def row_of(m, n):
+    """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
+    apart()
+    w, k, row, rows = m.w, at(m, n), row_length(m) * row_at(m, n), m.rows
+    _slip(m, n, row)
+    w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = rows[row], rows[row + 1], rows[row + 2]
+    w[k + SPEED_SIZE] = size_of(m, n, 0)
+    return k
+
+
+@njit(**OPTIONS)
+def size_of(m, n, rate):
+    """Sum of the sizes of the products of a row with velocities (0) or accelerations (1) of its sections."""
+    size = 0.0
+    for side in range(2):
+        motion = section_motion(m, m.acts[act_of(m, n), AT + side], rate)
+        size += dot(absolute(row_wrench(m, row_at(m, n), side)), absolute(motion))
+    return size
+
+
+@njit(**OPTIONS)
+def stick(m, n):
+    """Let a friction stick where it is."""
+    if second(m, n):
+        _face(m, n, 1.0, 0.0)
+    else:
+        m.w[at(m, n) + MEMORY] = m.w[at(m, n) + PLACE]
+    set_mode(m, n, STICKING)
+
+
+@njit(**OPTIONS)
+def slip(m, n, direction, beside):
+    """Let a friction slip, by the sign of the direction; in a tangent plane along both components."""
+    _face(m, n, direction, beside)
+    set_mode(m, n, SLIPPING)
+
+
+@njit(**OPTIONS)
+def set_mode(m, n, mode):
+    """Set the mode of a friction, also of its second row."""
+    m.w[at(m, n) + MODE], other = mode, second(m, n)
+    if other:
+        m.w[at(m, other) + MODE] = FLOWING if mode == SLIPPING else mode
+
+
+@njit(**OPTIONS)
+def _face(m, n, direction, beside):
+    """Store a direction of slip: its sign, or turn both rows to it."""
+    m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
+
+
+@njit(**OPTIONS)
+def _face_6(m, n, direction, beside):
+    other = second(m, n)
+    if other == 0:
+        m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
+        return
+    e, beside_e = first(row_wrench(m, row_at(m, n), 1)), first(row_wrench(m, row_at(m, other), 1))
+    e = axpy(beside, beside_e, scaled(direction if direction != 0.0 or beside != 0.0 else 1.0, e))
+    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), int(m.w[law_at(m, n)])
+    k, least = 0, 2.0
+    for i in range(3):  # the one that is farthest from the normal
+        if abs(dot(m.axes[axis + i], normal)) < least - 1e-3:
+            k, least = i, abs(dot(m.axes[axis + i], normal))
+    flat = _axis(m, n, k)
+    m.w[at(m, other) + MEMORY], m.w[at(m, n) + MEMORY] = k, math.atan2(dot(e, cross(normal, flat)), dot(e, flat))
+    row_of(m, other)
+    row_of(m, n)
+
+
+_face = by_size(_face, _face_6)
+
+
+@njit(**OPTIONS)
+def normal_force(m, n):
+    """Normal force of a friction [N or N m]: its contact's force, or its joint's reactions in NOW."""
+    w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
+    if what >= ALONG:
+        return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
+    return _bearing(m, n, arm)
+
+
+@njit(**OPTIONS)
+def _bearing(m, n, arm):
+    """Normal force of a joint's friction by the reactions of the joint in NOW."""
+    row = m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT]
+    one, two = m.multipliers[row], m.multipliers[row + 1]
+    turns = m.acts[act_of(m, n), WHAT] == TURN
+    return arm * math.sqrt(one * one + two * two) if turns else larger(abs(one), arm * abs(two))
+
+
+@njit(**OPTIONS)
+def borne(m, n, wrench):
+    """Parts of a joint's wrench at both ends of a guide's block, across its direction; of a pin the force in two equal
+    parts."""
+    own, along = law_at(m, n), m.axes[int(m.w[law_at(m, n)])]
+    force = first(wrench)
+    half = scaled(0.5, axpy(-dot(along, force), along, force))
+    if m.acts[act_of(m, n), WHAT] == TURN:
+        return half, half
+    apart_ = scaled(0.5 * m.w[own + ARM], cross(last(wrench), along))
+    return plus(half, apart_), minus(half, apart_)
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def friction_of(m, row):
+    """Friction of the joint with this first row; 0 if it has none."""
+    for n in range(-frictions(m), 0):
+        if m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT] == row:
+            return n
+    return 0
+
+
+@njit(**OPTIONS)
+def joint_wrench(m, n):
+    """Wrench of the reactions in NOW that a joint with friction exerts on its second body."""
+    total = zero_like(m.wrenches[0])
+    for row in range(m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT], int(m.w[law_at(m, n) + 1])):
+        total = axpy(m.multipliers[row], row_wrench(m, row, 1), total)
+    return total
+
+
+@njit(**OPTIONS)
+def _bearing_6(m, n, arm):
+    one, two = borne(m, n, joint_wrench(m, n))
+    total = math.sqrt(dot(one, one)) + math.sqrt(dot(two, two))
+    return arm * total if m.acts[act_of(m, n), WHAT] == TURN else total
+
+
+_bearing = by_size(_bearing, _bearing_6)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def exert(m):
+    """Force of every friction at the current state, also at NOW, with its energy; contacts are evaluated before."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m), 0):
+        k, j = row_of(m, n), law_at(m, n)
+        row, v, mode = row_at(m, n), w[k + SLIP], w[k + MODE]
+        N = normal_force(m, n)
+        w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
+        if mode == OPEN:
+            m.multipliers[row] = 0.0
+        elif mode == FLOWING:
+            m.multipliers[row] = -w[j + VISCOUS_AT] * v
+        elif mode == SLIPPING and second(m, n):
+            _rub(m, n, N)
+        elif mode == SLIPPING:
+            m.multipliers[row] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
+        w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
+        w[k + LOSING] = power(m, n)
+        if mode == BENDING:
+            w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]
+            w[k + LOSING] -= w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * lugre.by_now(w, k, j)[1]
+
+
+@njit(**OPTIONS)
+def sliding_size(m, n):
+    """Slip speed by which both components of a friction's force are divided, never zero."""
+    return math.hypot(abs(m.w[at(m, n) + SLIP]) + SLOWEST * extent(m, n), across(m, n, SLIP))
+
+
+@njit(**OPTIONS)
+def _rub(m, n, N):
+    """Both components of a slipping friction's force, against the slip in the tangent plane.
+
+    Beyond zero of its first component the force goes on without reversal, as that of one row.
+    """
+    w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second(m, n))
+    v, beside = w[k + SLIP], w[other + SLIP]
+    share = laws.dry(w, j, N, magnitude(m, n, SLIP)) / sliding_size(m, n)
+    m.multipliers[row_at(m, n)] = -share * (abs(v) + SLOWEST * extent(m, n)) - w[j + VISCOUS_AT] * v
+    w[other + FORCE] = -share * (beside if v >= 0.0 else -beside) - w[j + VISCOUS_AT] * beside
+    m.multipliers[row_at(m, second(m, n))] = w[other + FORCE]
+
+
+@njit(**OPTIONS)
+def power(m, n):
+    """Power [W] that a row takes, the first of two for both; zero while sticking, whatever its rounding slip."""
+    k = at(m, n)
+    if m.w[k + MODE] == STICKING or (n < 0 and m.acts[act_of(m, n), WHAT] == ACROSS):
+        return 0.0
+    more = across(m, n, FORCE) * across(m, n, SLIP) if n < 0 else 0.0
+    return -m.w[k + FORCE] * m.w[k + GAP_RATE] - more
+
+
+@njit(**OPTIONS)
+def _force_of(m, n):
+    """Force of friction in a tangent plane by its second row, global."""
+    along, beside = int(m.w[law_at(m, n) + 1]), m.w[at(m, n) + FORCE]
+    force = scaled(m.w[at(m, along) + FORCE], row_wrench(m, row_at(m, along), 1))
+    force = axpy(beside, row_wrench(m, row_at(m, n), 1), force)
+    return force[0], force[1], force[2]
+
+
+@njit(**OPTIONS)
+def results(m, out):
+    """Results of every row, frictions first: gap or position, rate, force, normal force, stored energy, lost power,
+    MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's components."""
+    w, i = m.w, 0
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        out[i], out[i + 1], out[i + 2] = w[k + GAP], w[k + GAP_RATE], w[k + FORCE]
+        if n < 0 and m.acts[act_of(m, n), WHAT] == ACROSS:
+            out[i], out[i + 1], out[i + 2] = _force_of(m, n)
+        elif n < 0 and second(m, n):
+            out[i + 1], out[i + 2] = magnitude(m, n, SLIP), magnitude(m, n, FORCE)
+        out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
+        out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
+        i += RESULTS
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def record(m):
+    """Store the results of every row with an instant in space."""
+    results(m, m.touching)
