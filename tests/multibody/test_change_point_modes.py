@@ -77,7 +77,8 @@ def test_loops_that_become_singular_together_go_on_as_they_move(count, tolerance
     exact = one_degree_of_freedom(count, np.asarray(solution.times))
     for k in range(count + 1):
         off = np.ravel(solution.series[f"phi{k}"].values) - exact
-        assert abs(off).max() < 100 * tolerance
+        # rounding grows at every horizontal: to 3e-10 at the end where C's compiler fuses products and sums
+        assert abs(off).max() < 100 * tolerance + 1e-9
 
 
 def beside(raw: dict, other: dict, metres: float) -> dict:
