@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from test_spatial_contacts import BALL_CRANK, LOOSE, both, estimated
 
 from kaneflex import scene_of, with_settings
+from kaneflex.multibody.model.layout import STICKING
 from kaneflex.response.dalembert import Balance
 from kaneflex.response.section_forces import LinkForces
 
@@ -121,7 +122,7 @@ def test_a_loose_ball_that_rubs_loses_more():
 
 def test_friction_bends_an_elastic_bar_as_in_the_plane():
     """It acts at the sphere's surface; of the plane the balance of all forces, as sensors there leave axial vibration
-    out."""
+    out, except while friction sticks."""
     given = "solve.duration=0.12 s", "solve.modes=2", "contacts.stop.friction={mu=0.3}"
     plane, space = both(with_settings(planar("bouncing-bar", "coupled"), given), "bar")
     one, other = (each.trajectory.frictions for each in (plane, space))
@@ -133,3 +134,7 @@ def test_friction_bends_an_elastic_bar_as_in_the_plane():
     balance = Balance(moving, "bar", lambda: LinkForces(moving.scene, moving, moving.section_frame).wrenches("bar"))
     moment = balance.section(0.25)[2]
     assert space["moment"].values == pytest.approx(moment, abs=1e-6 * abs(moment).max())
+    stuck = one.mode[:, 0] == STICKING
+    assert stuck.sum() > 3
+    assert plane["moment"].values[stuck] == pytest.approx(moment[stuck], abs=1e-9 * abs(moment).max())
+    assert plane["moment"].values == pytest.approx(moment, abs=0.05 * abs(moment).max())

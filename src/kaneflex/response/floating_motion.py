@@ -213,8 +213,8 @@ class FloatingMotion(DeformingMotion):
         """The same states with accelerations and reactions without axial vibration of the links.
 
         Axial shapes are not accelerated, as far as the joints allow: the axial force is then that of the remaining
-        motion, up to the squared ratio of frequencies. If masses differ too much for a solution, or links then bend
-        violently beside sticking friction or resting contacts, the motion is unchanged.
+        motion, up to the squared ratio of frequencies. The motion is unchanged if masses differ too much for a
+        solution, and at instants at which friction sticks or rigid sides rest on each other.
         """
         t, engine = self.trajectory, self.system.engine
         names = (name.rpartition(".")[2] for name, _ in engine.layout.coordinates)
@@ -225,19 +225,17 @@ class FloatingMotion(DeformingMotion):
             found = by_themselves(self.system, self.system.states(t.rows, still))
         except ArithmeticError:
             return self
-        across = [k for k, (name, _) in enumerate(self.system.coordinates) if ".transverse_" in name]
-        violent = (abs(found.a[:, across]) > abs(t.a[:, across]).max(axis=0)).any(axis=1)
-        kept, record = ~(self._locked & violent)[:, None], t.record.copy()
+        moving, record = ~self._locked[:, None], t.record.copy()
         for columns in (t.of.a, t.of.forces):
-            record[:, columns] = np.where(kept, found.record[:, columns], record[:, columns])
+            record[:, columns] = np.where(moving, found.record[:, columns], record[:, columns])
         return replace(self, trajectory=replace(t, record=record))
 
     @property
     def _locked(self) -> np.ndarray:
         """True at instants with sticking friction, or rigid sides at rest on each other, (n_times,).
 
-        Such a constraint may lock the loops of the rigid bodies: a link stretches then as they move on, and without
-        axial acceleration it would have to bend violently instead.
+        Such a constraint may hold a link's end along its axis, or lock the loops of the rigid bodies: without axial
+        acceleration the link would have to bend violently instead.
         """
         engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
         modes = self.trajectory.rows[:, engine.columns["modes"]][:, ::MODE_SIZE]
