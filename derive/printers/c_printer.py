@@ -10,8 +10,8 @@ the type of a variable is the widest type assigned to it. The subset of Python:
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
   ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
-  not``, ``a if b else c``; ``math``'s functions; ``abs min max int float complex bool``; ``len`` of a tuple; modules'
-  numbers.
+  not``, ``a if b else c``; ``math``'s functions, of ``frexp(x)`` the exponent ``[1]``; ``abs min max int float complex
+  bool``; ``len`` of a tuple; modules' numbers.
 - Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
@@ -70,7 +70,8 @@ class Printer:
     Parameters
     ----------
     kernels : sequence
-        For each number WHICH the function that ``kernel(table, WHICH)`` is.
+        For each number WHICH the function that ``kernel(table, WHICH)`` is; where there are none, the table has the
+        addresses of functions that numba has compiled.
     own : str
         Prefix of names that are the caller's.
     """

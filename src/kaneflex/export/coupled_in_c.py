@@ -88,7 +88,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
 
 def _check_kept(scene: Scene, model: Model) -> None:
-    """Raise SceneError for friction with sticking and rigid contacts: where they change the run needs other independent
+    """Raise SceneError for friction with sticking and rigid contacts, whose changes need other independent
     coordinates."""
     if model.coupled_system.engine.kind not in _CHOOSING:
         return

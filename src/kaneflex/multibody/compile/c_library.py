@@ -19,6 +19,7 @@ from kaneflex.support.machine_code import PACKAGE
 from kaneflex.support.numba_cache import ensure_cache_folder
 
 _FLAGS = ("-O2", "-ffp-contract=fast", "-fno-math-errno")
+"""Products may be fused with sums, as by numba, but no sum is reordered."""
 _VECTORS = ("-mavx2", "-mfma")
 """Instructions since 2013 (Haswell) that make a step in space up to a tenth faster."""
 _HEAD = "".join(f"#include <{name}.h>\n" for name in ("complex", "math", "stdbool", "stdint", "stdlib"))
