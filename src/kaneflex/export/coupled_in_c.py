@@ -8,31 +8,30 @@ from typing import Any
 import numpy as np
 
 from kaneflex.export.c_text import RUN, array_in_c, cmake_text
-from kaneflex.export.coupled_c_text import ABOUT, BY_SIZE, HEADER, RUN_PARTS, SAID, SOURCE
+from kaneflex.export.coupled_c_text import ABOUT, HEADER, RUN_PARTS, SAID, SOURCE
 from kaneflex.multibody.compile.mechanisms import HANDED
+from kaneflex.multibody.dynamics import exported_entries
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
+from kaneflex.multibody.time.run import PATIENT
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_start import Begun, begun
 from kaneflex.solve.loading import load
-from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import c_comment, c_literal
 
+_OUTCOMES = "DONE", "PAUSED", "TURNED", "RESTED", "SINGULAR", "DAMPED"
+"""Codes of the engine in the texts."""
 _STEPS = 1000
 """Steps between two checks for the end of the run."""
-_CHOOSING = at.Kind.IMPACTS, at.Kind.HOLDS, at.Kind.HOLD_SPACE
-"""Kinds of mechanisms whose contacts or frictions take degrees of freedom away."""
 _OF_STATE = {
     "plan": "state->plan", "pivots": "state->plan", "kernels": "NULL", "w": "state->numbers", "real": "state->real",
     "pair": "state->pair",
 }  # fmt: skip
 """Arrays of a state; the printer replaces the kernels by their names."""
-_FORGOTTEN = "        m.w[m.plan[{}]] = 0.0; /* the run would wait for finished impacts to be read */\n"
 
 
 def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> dict[str, str]:
@@ -44,8 +43,7 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     Raises
     ------
     SceneError
-        For friction with sticking and rigid contacts, which are not exported as C; for ``solve.bounded``, and a run
-        without initial state.
+        For ``solve.bounded``, and a run without initial state.
     """
     model = load(scene, progress)
     if model.options.bounded:
@@ -53,7 +51,6 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
             "solve.bounded", ", ".join(model.options.bounded), "steps in C control the error of displacements only",
             "Leave it out, and use a smaller solve.tolerance",
         )  # fmt: skip
-    _check_kept(scene, model)
     progress("initial state")
     start = begun(model)
     from kaneflex.derive.printers.c_module import prefix_of
@@ -61,22 +58,20 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
 
     name = prefix_of(scene.name)
     progress("printing the engine")
-    engine, printer, texts = start.engine, Printer(start.engine.kernels, name), BY_SIZE[start.engine.kind.d]
+    engine, printer = start.engine, Printer(start.engine.kernels, name)
     m = HANDED[engine.kind]
     called = {key: printer.function(each, (m, *of.args[1:]))[0] for key, (each, of) in start.entries.items()}
-    sizes = _sizes(start)
     given = {
-        "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS,
-        "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped, "free": sizes["FREE"],
-        "ACCEL": at.ACCEL, "DONE": codes.DONE, "PAUSED": codes.PAUSED, "TURNED": codes.TURNED,
-        "SINGULAR": codes.SINGULAR, "DAMPED": codes.DAMPED, "integrator": start.integrator,
-        "forgotten": _FORGOTTEN.format(at.IMPACTS) if len(engine.contacts) else "", **start.numbers, **called,
+        "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS, "patience": PATIENT,
+        "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped,
+        "integrator": start.integrator, "IMPACTS": at.IMPACTS, **{key: getattr(codes, key) for key in _OUTCOMES},
+        "FAILED": exported_entries.FAILED, "CHANGED": exported_entries.CHANGED, **called,
+        "extern": "\n".join(f"extern const char *const {name}_{key}_names[];" for key in start.names),
     }  # fmt: skip
-    given |= {key: text.format(**given) for key, text in texts.items()}
     given |= {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in ABOUT.items()} | {
         "arrays": ",\n".join(f"        {each}" for each in _arrays(engine, name, printer)), "engine": printer.text(),
         "data": "\n".join(_data(start, name)),
-        "enumerated": _enumerated(sizes, SAID[engine.kind.d], name.upper()),
+        "enumerated": _enumerated(_sizes(start), SAID, name.upper()),
     }  # fmt: skip
     run = {key: text.format(**given) for key, text in RUN_PARTS.items()}
     return {
@@ -87,26 +82,13 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     }
 
 
-def _check_kept(scene: Scene, model: Model) -> None:
-    """Raise SceneError for friction with sticking and rigid contacts, whose changes need other independent
-    coordinates."""
-    if model.coupled_system.engine.kind not in _CHOOSING:
-        return
-    rigid = (name for name, contact in scene.contacts.items() if contact.law == "newton")
-    name = next(iter(scene.frictions), "") or next(rigid)
-    table = "contacts" if name in scene.raw.get("contacts", {}) else "joints"
-    cure = one_way_cure(scene, "--language", integrated=False)
-    reason = "friction with sticking and law newton can't be exported as C"
-    raise SceneError(f"{table}.{name}", None, reason, cure)
-
-
 def _sizes(start: Begun) -> dict[str, int]:
     """Lengths of the C arrays, by the names of the enumeration."""
-    engine, names = start.engine, start.names
+    engine = start.engine
     return {
         "PLAN": len(engine.tables.plan), "NUMBERS": len(engine.tables.w), "REAL": max(1, len(engine.real)),
-        "PAIR": max(1, len(engine.pair)), "ROW": len(start.row), "FREE": len(start.free),
-        "COORDINATES": len(names["coordinate"]), "FORCES": len(names["force"]), "TREE": engine.size, **start.sizes,
+        "PAIR": max(1, len(engine.pair)), "ROW": len(start.row),
+        **{f"{key.upper()}S": len(found) for key, found in start.names.items()},
     }  # fmt: skip
 
 
@@ -131,7 +113,7 @@ def _data(start: Begun, name: str) -> Iterator[str]:
     there = np.flatnonzero((numbers != 0.0) | ~np.isfinite(numbers))
     unknown = np.array([each in start.undetermined for each in start.names["force"]], int)
     tables = {**fixed, "table_plan": engine.tables.plan, "places": there, "numbers": numbers[there], "row": start.row,
-              **start.tables, "unknown": unknown, "free": start.free}  # fmt: skip
+              **start.tables, "unknown": unknown}  # fmt: skip
     for key, table in tables.items():
         yield array_in_c("double" if table.dtype.kind == "f" else "int64_t", f"{name}_{key}", table.ravel())
     for key, found in start.names.items():

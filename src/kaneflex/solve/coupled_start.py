@@ -1,32 +1,31 @@
-"""First instant of a coupled run, with what its C needs: in the plane and in space."""
+"""First instant of a coupled run, with what its C needs."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from kaneflex.mechanism.spatial_frame import AXES
-from kaneflex.multibody.compile.entries import EXPORTED, PLANE, SPACE
+from kaneflex.multibody.compile.entries import EXPORTED
 from kaneflex.multibody.compile.mechanisms import HANDED, typed
-from kaneflex.multibody.dynamics import exported_entries
 from kaneflex.multibody.engine import Engine
-from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.determinacy import COMPONENTS
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem
 from kaneflex.multibody.time import integration
-from kaneflex.multibody.time.run import PATIENT
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
 
-_XYZ = "xyz"
+_PLACE = {3: ("x", "y", "phi"), 6: (*"xyz", *(f"axes_{name}" for name in AXES))}
+_TWIST = {3: ("v_x", "v_y", "omega"), 6: tuple(f"{what}_{axis}" for what in ("v", "omega") for axis in "xyz")}
+"""Coordinates and rates of a body's frame, by D."""
+_LEAST = 1e-6
+"""Share of the largest inertia of a speed below which virtual inertia is that one's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +40,6 @@ class Begun:
         First step [s].
     sloped : float
         Derivatives of loads in the first factors, see :func:`kaneflex.multibody.time.collocation.integrate`.
-    free : ndarray
-        Numbers of the independent coordinates; in space of the independent speeds.
     names : mapping
         Names of the entries of arrays.
     undetermined : collection of str
@@ -50,9 +47,7 @@ class Begun:
     entries : mapping
         Functions of the texts by their names there, with their signatures.
     tables : mapping
-        Numbers that these texts need.
-    sizes, numbers : mapping
-        Lengths of arrays that only one dimension has, and other numbers of its texts.
+        Columns of the record; levels and virtual inertia of the coordinates.
     """
 
     engine: Engine
@@ -60,25 +55,29 @@ class Begun:
     step: float
     sloped: float
     integrator: str
-    free: np.ndarray
     names: Mapping[str, Sequence[str]]
     undetermined: Collection[str]
     entries: Mapping[str, tuple[Any, Any]]
     tables: Mapping[str, np.ndarray]
-    sizes: Mapping[str, int]
-    numbers: Mapping[str, float]
 
 
 def begun(model: Model) -> Begun:
     """First instant of the run of a coupled model. Raises SceneError if it has none."""
-    system, start = model.coupled, beginning(model) if model.options.start != "periodic" else _periodic(model)
+    start = beginning(model) if model.options.start != "periodic" else _periodic(model)
     times = model.step * np.arange(model.options.steps + 1)
     run = integration.begun(model.coupled_system, start, times, method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")
-    ahead = run.engine, run.here, run.step, run.sloped, run.method.integrator, run.engine.choice.independent
-    return Begun(*ahead, *(_in_space(model) if system is None else _in_plane(system)))
+    engine, record = run.engine, model.coupled_system.record
+    bodies, forces, undetermined = _reactions(model)
+    tables = {f"columns_{key}": getattr(record, key) for key in ("q", "v", "a", "forces")}
+    tables |= {"level": engine.levels, "virtual": _virtual_inertia(engine, float(run.times[0]))}
+    entries = {each.__name__: (each, of) for each, of in typed(EXPORTED, HANDED[engine.kind]).items()}
+    names = _names(engine, bodies) | {"force": forces}
+    return Begun(
+        engine, run.here, run.step, run.sloped, run.method.integrator, names, undetermined, entries, tables
+    )  # fmt: skip
 
 
 def _periodic(model: Model) -> State:
@@ -92,52 +91,35 @@ def _periodic(model: Model) -> State:
     )
 
 
-def _in_plane(system: CoupledSystem) -> tuple:
-    engine = system.engine
-    names = {"coordinate": [name for name, _ in system.coordinates], "force": system.constraints, "free": engine.names}
-    return (
-        names, system.undetermined, _typed(engine, PLANE, ("project", "integrate", "unfold")),
-        _recorded(system), {}, {"Y": at.Y, "RATE": at.RATE},
-    )  # fmt: skip
+def _virtual_inertia(engine: Engine, t: float) -> np.ndarray:
+    """Virtual inertia of the speeds without drives, of the size of their own at t [s]; zero if all bodies have inertia.
+    """
+    found, choice = np.zeros(engine.size), engine.choice
+    if engine.light:
+        free, inertia = engine.open_speeds, engine.mass(t).diagonal()
+        engine.choose_speeds(choice)
+        most = (inertia * engine.measure**2).max(initial=0.0) / engine.measure**2
+        found[free] = np.where(inertia > _LEAST * most, inertia, most)[free]
+    return found
 
 
-def _in_space(model: Model) -> tuple:
-    motion = model.coupled_in_space
+def _reactions(model: Model) -> tuple[Iterable[str], Sequence[str], Collection[str]]:
+    """Bodies, joint and drive forces in the order of the record, and forces that are statically indeterminate."""
+    system, motion = model.coupled, model.coupled_in_space
+    if system is not None:
+        return system.start, system.constraints, system.undetermined
     assert motion is not None
-    system = motion.module.system
-    entries = _typed(system.engine, SPACE, ("project", "integrate")) | _typed(system.engine, EXPORTED)
-    names = _names(system)
-    sizes = {"RATES": len(names["rate"]), "POSITIONS": len(names["position"]), "SPEEDS": system.engine.size}
-    numbers = {
-        "patience": PATIENT, "fixed": int(system.engine.light), "FIXED": exported_entries.FIXED,
-        "CHANGED": exported_entries.CHANGED,
-    }  # fmt: skip
-    tables = {**_recorded(system), "level": system.engine.levels}
-    return names, motion.module.open_reactions, entries, tables, sizes, numbers
+    found = motion.module.system
+    forces = [f"{joint}.{part}" for joint in found.mechanism.joints for part in COMPONENTS]
+    return found.layout.node_of, [*forces, *(f"{name}.drive" for name in found.driven)], motion.module.open_reactions
 
 
-def _typed(engine: Engine, entries: Mapping[str, str], only: Sequence[str] = ()) -> dict[str, tuple[Any, Any]]:
-    """Compiled functions by name with their signatures as types."""
-    found = typed(entries, HANDED[engine.kind])
-    return {each.__name__: (each, of) for each, of in found.items() if not only or each.__name__ in only}
-
-
-def _recorded(system: CoupledSystem | SpatialSystem) -> dict[str, np.ndarray]:
-    """Columns of the record that exported C reads."""
-    return {f"columns_{key}": getattr(system.record, key) for key in ("q", "v", "a", "forces")}
-
-
-def _names(system: SpatialSystem) -> dict[str, Sequence[str]]:
-    """Names of the entries of arrays in space: bodies in the order of the tree, joints in the order of the scene."""
-    layout = system.layout
-    coordinates, rates = list[str](), list[str]()
-    for body in layout.node_of:
-        shapes = [layout.positions[k][0] for k in system.engine.amplitudes(body)[0]]
-        coordinates += [f"{body}.{axis}" for axis in _XYZ] + [f"{body}.axes_{name}" for name in AXES] + shapes
-        rates += [f"{body}.{what}_{axis}" for what in ("v", "omega") for axis in _XYZ]
-        rates += [f"{shape}_rate" for shape in shapes]
-    forces = [f"{joint}.{part}" for joint in system.mechanism.joints for part in COMPONENTS]
-    return {
-        "coordinate": coordinates, "rate": rates, "force": [*forces, *(f"{name}.drive" for name in system.driven)],
-        "position": [name for name, _ in layout.positions], "speed": layout.speeds,
-    }  # fmt: skip
+def _names(engine: Engine, bodies: Iterable[str]) -> dict[str, Sequence[str]]:
+    """Names of the entries of arrays: coordinates of these bodies, then of joints and shapes."""
+    layout, coordinates, rates = engine.layout, list[str](), list[str]()
+    for body in bodies:
+        shapes = [layout.positions[k][0] for k in engine.amplitudes(body)[0]]
+        coordinates += [f"{body}.{part}" for part in _PLACE[engine.kind.d]] + shapes
+        rates += [f"{body}.{part}" for part in _TWIST[engine.kind.d]] + [f"{shape}_rate" for shape in shapes]
+    positions = [name for name, _ in layout.positions]
+    return {"coordinate": coordinates, "rate": rates, "position": positions, "speed": layout.speeds}

@@ -43,12 +43,12 @@ PRESCRIBED = _BOTH | {
     "dynamics.spatial_entries.near": "int64(m, N, int64, N, int64, N)",
 }
 SPACE = PRESCRIBED | _INTEGRATE
-EXPORTED = {
-    "dynamics.exported_entries.unfold": "void(m, N)",
-    "dynamics.exported_entries.change": "int64(m, N, CPointer(int64), CPointer(int64), boolean)",
-    "dynamics.exported_entries.rates_of": "void(m, N)",
+EXPORTED = _INTEGRATE | {
+    "dynamics.exported_entries.read": "void(m, N)",
+    "dynamics.exported_entries.change": "int64(m, N, CPointer(int64), N, boolean)",
+    "dynamics.exported_entries.accelerate": "boolean(m, float64, N, N, N, N)",
 }
-"""Functions in the plane, in space for motions that drives prescribe, for all, and of exported C in space; with their
+"""Functions in the plane, in space for motions that drives prescribe, for all, and of exported C; with their
 signatures: ``m`` is the mechanism, ``N`` the address of numbers, ``TABLE`` that of a collocation method."""
 _C_TYPES = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "boolean": ctypes.c_bool, "void": None}
 

@@ -1,4 +1,4 @@
-"""Entries of exported C for mechanisms in space: records, other dependent speeds, and rates of the coordinates."""
+"""Entries of exported C: records, other dependent coordinates, and accelerations with rates of the coordinates."""
 
 from __future__ import annotations
 
@@ -6,71 +6,129 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import ENTRY, shifted
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, shifted
+from kaneflex.multibody.compile.values import by_size, copy
+from kaneflex.multibody.dynamics import spatial_entries, unfolding
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import KEPT as KEPT_NUMBERS
+from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.independent_speeds import choose, differs, is_dependent, open_rows
-from kaneflex.multibody.dynamics.spatial_entries import project
-from kaneflex.multibody.dynamics.unfolding import give_coordinates
+from kaneflex.multibody.dynamics.reduction import stand_at
 from kaneflex.multibody.model.codes import DONE, PRESCRIBED
 from kaneflex.multibody.model.layout import (
     BENDS,
     COORDINATES,
     DEPENDENT,
+    KEPT,
     LED,
     LOOP_PIVOTS,
     REACTIONS,
     ROW_OF,
+    TOUCHING,
+    VIRTUAL,
+    YIELDING,
 )  # fmt: skip
+from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.state_record import give, take
 
-KEPT, CHANGED, FIXED = range(3)
+SAME, CHANGED, FAILED = range(3)
 """Outcomes of :func:`change`."""
 
 
-@njit(**ENTRY)
-def unfold(m, row):
-    """Record of a row, projected as Python reads it between stored instants; NaN if its loops do not close."""
+@njit(**OPTIONS)
+def _read(m, row):
+    """Record of a row as Python reads it: in the plane of closed loops."""
+    unfolding.unfold(m, row, 1, m.kept)
+
+
+@njit(**OPTIONS)
+def _read_6(m, row):
+    """The same in space: projected; NaN if its loops do not close."""
     take(m, row)
-    give_coordinates(m)
-    if project(m, row[0], m.q, m.u) != DONE:
-        for k in range(m.counts[KEPT_NUMBERS]):
-            m.kept[k] = math.nan
+    if spatial_entries.instant(m, row[0]) == DONE:
+        unfolding.give_coordinates(m)
+        spatial_entries.keep(m, row[0], m.kept)
+        return
+    for k in range(m.counts[KEPT_NUMBERS]):
+        m.kept[k] = math.nan
+
+
+_read = by_size(_read, _read_6)
+
+
+@njit(**OPTIONS)
+def _projected(m, t):
+    """Project the current state; False if it is singular."""
+    return collocation.project(m, t)
+
+
+@njit(**OPTIONS)
+def _projected_6(m, t):
+    unfolding.give_coordinates(m)
+    return spatial_entries.project(m, t, m.q, m.u) == DONE
+
+
+_projected = by_size(_projected, _projected_6)
 
 
 @njit(**ENTRY)
-def change(m, row, level, independent, fixed):
-    """Make other speeds dependent at a row of the integration, as Python does; returns KEPT, CHANGED or FIXED.
+def read(m, row):
+    """Record of a row of the integration."""
+    _read(m, row)
 
-    ``level``: see :func:`kaneflex.multibody.dynamics.independent_speeds.choose`. ``fixed``: True if the choice must not
-    change.
+
+@njit(**ENTRY)
+def change(m, row, level, virtual, rests):
+    """Make other coordinates dependent at a row of the integration, as Python does; returns SAME, CHANGED or FAILED.
+
+    ``level``: see :func:`kaneflex.multibody.dynamics.independent_speeds.choose`. ``virtual``: virtual inertia of all
+    speeds if some body has no inertia, else zero. ``rests``: True if other contacts rest than before, which changes the
+    rows.
     """
-    unfold(m, row)
+    take(m, row)
+    prescribe(m, row[0])
     open_rows(m)
     plan, taken = m.plan, shifted(m.pivots, m.plan[LOOP_PIVOTS])
     choose(m, level, taken)
-    if not differs(m, taken):
-        return KEPT
-    if fixed:
-        return FIXED
-    kept, free = 0, 0
+    if not rests and not differs(m, taken):
+        return SAME
+    kept, free, inert = 0, 0, 0
     m.pivots[BENDS], m.pivots[LED] = 1, 0
     for r in range(plan[REACTIONS]):
         if taken[r] >= 0:
             m.pivots[plan[ROW_OF] + kept], m.pivots[plan[DEPENDENT] + kept] = r, taken[r]
             kept += 1
+    m.pivots[KEPT] = kept
     for s in range(plan[COORDINATES]):
-        if level[s] < PRESCRIBED and not is_dependent(m, s):
-            independent[free] = s
-            free += 1
-    unfold(m, row)
+        free += level[s] < PRESCRIBED and not is_dependent(m, s)
+        if virtual[s] > 0.0:
+            m.virtual_inertia[s], m.pivots[plan[TOUCHING] + inert] = virtual[s], s
+            inert += 1
+    if inert > 0:
+        m.pivots[VIRTUAL] = m.pivots[YIELDING] = inert
+    m.now[2] = free
+    if not _projected(m, row[0]):
+        return FAILED
     give(m, row[0], row)
     return CHANGED
 
 
 @njit(**ENTRY)
-def rates_of(m, out):
-    """Rates of the coordinates, after :func:`project`."""
+def accelerate(m, t, q, u, rates, du):
+    """Rates of the coordinates, and accelerations, near coordinates q with speeds u; False at a singular state."""
+    stand_at(m, q)
+    copy(u, m.u, m.plan[COORDINATES])
+    if not _projected(m, t):
+        return False
+    unfolding.give_coordinates(m)
+    _rates_of(m, rates)
+    copy(m.du, du, m.plan[COORDINATES])
+    return True
+
+
+@njit(**OPTIONS)
+def _rates_of(m, out):
+    """Rates of the coordinates."""
     for n in range(m.counts[OWN]):
         out[m.own[n, 0]] = m.u[m.own[n, 1]]
     for n in range(m.counts[BALLS]):  # 1/2 q (0, omega)

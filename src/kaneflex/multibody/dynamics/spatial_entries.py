@@ -89,7 +89,7 @@ def _stand(m, t):
 
 
 @njit(**OPTIONS)
-def _project(m, t):
+def instant(m, t):
     """The same with the accelerations of all coordinates and the reactions of the cuts."""
     apart()
     plan, w = m.plan, m.w
@@ -119,9 +119,9 @@ def _project(m, t):
 @of_changes(0)
 @njit(**OPTIONS)
 def _decide(m, t):
-    """Project again, after :func:`_project`, if discontinuous loads are on other sides of their jumps, and find the
+    """Project again, after :func:`instant`, if discontinuous loads are on other sides of their jumps, and find the
     modes of contacts and frictions; the outcome."""
-    outcome = _project(m, t) if choose_sides(m, t) else DONE
+    outcome = instant(m, t) if choose_sides(m, t) else DONE
     if outcome != DONE or m.now[2] == 0.0:
         return outcome
     if not stand_closed(m, t, m.real):
@@ -135,11 +135,11 @@ def project(m, t, q, u):
     """State at t with accelerations and wrenches, near coordinates q with speeds u; returns the outcome."""
     reduction.stand_at(m, q)
     copy(u, m.u, m.plan[COORDINATES])
-    outcome = _project(m, t)
+    outcome = instant(m, t)
     if outcome == DONE:
         outcome = _decide(m, t)
     if outcome == DONE:
-        _keep(m, t, m.kept)
+        keep(m, t, m.kept)
     return outcome
 
 
@@ -197,7 +197,7 @@ def _grown(m):
 
 
 @njit(**OPTIONS)
-def _keep(m, t, row):
+def keep(m, t, row):
     """Store the record of the current instant."""
     apart()
     demand(m, t)
@@ -223,14 +223,14 @@ def follow(m, times, count, out):
             reached = not steps > 1.0
             t = times[i] if reached else t + (times[i] - t) / steps
             taken += 1
-            m.now[0], m.now[1] = t, _project(m, t)
+            m.now[0], m.now[1] = t, instant(m, t)
             if m.now[1] == DONE:
                 m.now[1] = _decide(m, t)
             if m.now[1] == DONE and _grown(m):
                 m.now[1] = GROWN
             if m.now[1] != DONE:
                 return i
-        _keep(m, t, after(out, m.counts[KEPT] * i))
+        keep(m, t, after(out, m.counts[KEPT] * i))
     return count
 
 
@@ -243,9 +243,9 @@ def near(m, times, count, given, width, out):
     for i in range(count):
         t = times[i]
         reduction.stand_near(m, after(given, width * i), width)
-        m.now[0], m.now[1] = t, _project(m, t)
+        m.now[0], m.now[1] = t, instant(m, t)
         if m.now[1] != DONE:
             return i
         give_coordinates(m)
-        _keep(m, t, after(out, m.counts[KEPT] * i))
+        keep(m, t, after(out, m.counts[KEPT] * i))
     return count
