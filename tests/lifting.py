@@ -5,7 +5,7 @@ import numpy as np
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.model.spatial_topology import spanning_tree
+from kaneflex.multibody.model.topology import spanning_tree
 from kaneflex.scene import scene_of
 from kaneflex.scene.bodies import about
 
@@ -37,11 +37,11 @@ def _at_zero(scene, deep, angles):
     as the scene places them.
     """
     mechanism, found = spatial_mechanism_of(deep), {GROUND: 0.0}
-    for name, side in spanning_tree(mechanism, rubs=False):
-        if side < 0:
-            found[name] = angles[name]
+    for outer, name, side in spanning_tree(mechanism, rubs=False):
+        if name is None:
+            found[outer] = angles[outer]
             continue
-        outer, inner = (mechanism.joints[name].sides[k].body for k in (side, 1 - side))
+        inner = mechanism.joints[name].sides[1 - side].body
         driven = name in scene.drives and scene.joints[name].kind == "revolute"
         found[outer] = found[inner]
         if not driven and outer in scene.bodies:  # a lumped mass stands as its body

@@ -19,9 +19,9 @@ from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import tree_layout as of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
-from kaneflex.multibody.model.interactions import side_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.tree_builder import side_of
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.solve.simulation import solve
 

@@ -13,10 +13,11 @@ import kaneflex
 from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.model.body_parameters import SpatialBlocks
 from kaneflex.multibody.model.layout import WHAT
 from kaneflex.multibody.model.spatial_system import build_spatial_system
-from kaneflex.multibody.model.spatial_topology import build_tables
-from kaneflex.multibody.model.tree_layout import ANGLES
+from kaneflex.multibody.model.topology import build_tables
+from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import spatial_curves
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
@@ -92,7 +93,7 @@ joints.second = {joint}
 solve.duration = 1
 """)
     mechanism = spatial_mechanism_of(scene)
-    tables = build_tables(mechanism).tables
+    tables = build_tables(mechanism, SpatialBlocks(mechanism, RIGID)).tables
     cuts = tables.acts[: tables.ranges[1], WHAT]
     assert sum(len(ANGLES[what]) for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
     system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])

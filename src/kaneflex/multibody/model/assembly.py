@@ -18,8 +18,10 @@ from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SHIFT, 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Blocks, p: np.ndarray) -> Engine:
     """Engine of a planar mechanism with its structure's module and the module's parameters."""
-    built = build_tables(mechanism, blocks, len(getattr(module, "SWITCHES", ())))
-    return engine_of(built, module, p)
+    given = sorted((name for name, drive in mechanism.drives.items() if not drive.free),
+                   key=lambda name: mechanism.drives[name].kind == "given")  # fmt: skip
+    in_laws, switches = (*mechanism.drives, *mechanism.observed), len(getattr(module, "SWITCHES", ()))
+    return engine_of(build_tables(mechanism, blocks, in_laws, given, switches), module, p)
 
 
 def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:

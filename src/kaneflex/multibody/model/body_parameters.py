@@ -1,27 +1,30 @@
-"""Numbers of planar bodies and their sections for the kernels of ``kaneflex.generated.body``."""
+"""Numbers of bodies and their sections, in the plane for the kernels of ``kaneflex.generated.body``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from kaneflex.generated.body import BODY, POINT
+from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.tree_layout import Flexible, Place
+from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
 
 Arrays = Mapping[str, Any]
+_LIGHT = 1e-9
+"""Ratio of principal moments of inertia below which the smaller one counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Numbers of a scene's bodies and their sections.
+    """Numbers of a scene's bodies in the plane and their sections.
 
     Attributes
     ----------
@@ -31,30 +34,22 @@ class Blocks:
         Shapes of links; other elastic bodies have modal data from a file.
     """
 
+    d: ClassVar[int] = 3
     scene: Scene
     counts: Mapping[str, Sequence[int]]
     shapes: Mapping[str, Shapes]
 
-    @cached_property
-    def _data(self) -> dict[str, ModalData | None]:
-        return {name: body_data(self.scene, name, self.shapes) for name in self.scene.bodies}
-
     def _counts(self, body: str) -> Sequence[int]:
         return self.counts.get(body, (0, 0))
 
-    def body(self, name: str) -> np.ndarray:
+    def body(self, name: str, shapes: Deformable | None = None) -> np.ndarray:
         """Numbers of a body."""
-        return body_block(self._moments(name), *self._counts(name))
+        moments = body_moments(self.scene, name, body_data(self.scene, name, self.shapes))
+        return body_block(moments, *self._counts(name))
 
-    def elastic(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and damping matrices of the shapes of a body, (count, count)."""
-        found, count = self._moments(name), sum(self._counts(name))
-        if not count:
-            return np.zeros((0, 0)), np.zeros((0, 0))
-        return np.diag(found["stiffness"]), found["damping"]
-
-    def _moments(self, name: str) -> dict[str, np.ndarray]:
-        return body_moments(self.scene, name, self._data[name])
+    def is_light(self, numbers: np.ndarray | None) -> bool:
+        """True if a body with these numbers has no mass, or no inertia about some axis."""
+        return numbers is None or bool(numbers[0] <= 0.0 or numbers[3] <= 0.0)
 
     @cached_property
     def flexible(self) -> Flexible:
@@ -72,6 +67,42 @@ class Blocks:
         s, w = slice(axial), slice(axial, None)
         return point_block({"s": rows[0, s], "w": rows[1, w], "psi": rows[2, w], "H": -G[0, w, w]}, axial, transverse)
 
+    def names(self, body: str, shapes: Deformable) -> tuple[Names, Names]:
+        """Speeds and coordinates of the shapes of a body."""
+        kinds = zip(("axial", "transverse"), self._counts(body), strict=True)
+        names = [(f"{body}.{kind}_{k}", "m") for kind, count in kinds for k in range(count)]
+        return names, names
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialBlocks:
+    """Numbers of the bodies in space and their sections, by the names of :class:`Blocks`."""
+
+    d: ClassVar[int] = 6
+    mechanism: SpatialMechanism
+    flexible: Flexible
+
+    def body(self, name: str, shapes: Deformable | None) -> np.ndarray | None:
+        """Numbers of a body; None if it has neither mass nor inertia."""
+        body = self.mechanism.bodies[name]
+        if not (body.mass or np.any(body.inertia)):
+            return None
+        own = np.zeros(0) if shapes is None else shapes.numbers()
+        return np.concatenate([[body.mass], body.centre, body.inertia, own])
+
+    def is_light(self, numbers: np.ndarray | None) -> bool:
+        return numbers is None or bool(numbers[0] <= 0.0 or min(numbers[4:7]) <= _LIGHT * max(numbers[4:7]))
+
+    def station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+        """Rows of the shapes, and the columns of G that are not zero."""
+        i, j = np.nonzero(np.tril(G.any(axis=0)))
+        return np.concatenate([np.ravel(rows), [len(i)], np.column_stack([i, j, G[:, i, j].T]).ravel()])
+
+    def names(self, body: str, shapes: Deformable) -> tuple[Names, Names]:
+        units = ["rad" if twists else "m" for twists in shapes.twisting]
+        return ([(f"{body}.shapes.{k}", unit) for k, unit in enumerate(units)],
+                [(f"{body}.shape_{k}", unit) for k, unit in enumerate(units)])  # fmt: skip
+
 
 def _as_given(shapes: Any, held: Place | None, freed: str) -> Any:
     """Shapes of a body, wherever they are held."""
@@ -87,6 +118,14 @@ class PointShapes:
     @property
     def count(self) -> int:
         return sum(self.data.counts)
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        return np.diag(self.data.arrays["stiffness"])
+
+    @property
+    def damping(self) -> np.ndarray:
+        return self.data.arrays["damping"]
 
     def carrier(self, at: Sequence[float]) -> Place:
         """The point itself."""

@@ -152,7 +152,8 @@ class Shapes:
     @cached_property
     def damping(self) -> np.ndarray:
         """Damping of the modal coordinates [N s/m]."""
-        return shape_damping(self.scene, self.link, self.basis)
+        found = shape_damping(self.scene, self.link, self.basis)
+        return (found + found.T) / 2
 
     @cached_property
     def cubic(self) -> np.ndarray:

@@ -14,11 +14,12 @@ from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.dynamics.arrays import Columns, Work
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.assembly import engine_of
+from kaneflex.multibody.model.body_parameters import SpatialBlocks
 from kaneflex.multibody.model.codes import DONE, check
 from kaneflex.multibody.model.layout import Kind
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.spatial_topology import build_tables
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_builder import Built
 from kaneflex.multibody.model.tree_layout import (
     BALL,
@@ -244,5 +245,5 @@ def build_spatial_system(
     mechanism = spatial_mechanism_of(scene)
     in_laws, switches = (*scene.drives, *scene.observed), len(getattr(module, "SWITCHES", ()))
     driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
-    built = build_tables(mechanism, flexible, in_laws, driven, switches, rubs)
+    built = build_tables(mechanism, SpatialBlocks(mechanism, flexible), in_laws, driven, switches, rubs)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, built, coupled)

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import Side
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint
+from kaneflex.mechanism.spatial import Side, SpatialMechanism
+from kaneflex.multibody.model.body_parameters import Blocks, SpatialBlocks
 from kaneflex.multibody.model.layout import DOF, MODAL
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     AT, AXED, AXES_NODE, AXIS, BODY, COORDINATE, COUNT, KIND, OWNER, PARENT, PLACE, ROW_OF, SHAPES, SHIFT, SPEED,
-    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Flexible, Layout, Place, Tables, leading,
+    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Layout, Names, Place, Tables, leading,
 )  # fmt: skip
 
 ORIGIN = (0.0, 0.0, 0.0)
-Names = Sequence[tuple[str, str]]
-"""Names and units of coordinates."""
+AnyMechanism = NumericMechanism | SpatialMechanism
+"""Mechanism in the plane or in space."""
+Branch = tuple[str, str | None, int]
+"""A body, its inboard joint (None: free), and which of the joint's sides belongs to it."""
+Row = tuple[int, ...]
+
+
+def side_of(point: BodyPoint | Side) -> Side:
+    """Point of a body, of a planar one as in space."""
+    x, y, z = (*map(float, point.at), 0.0)[:3]
+    return Side(point.body, (x, y, z))
 
 
 class Numbers:
@@ -43,13 +53,12 @@ class Numbers:
         return np.concatenate([*self.parts, np.zeros(0)])
 
 
-class Interactions(NamedTuple):
-    """Rows of ``acts``, see :class:`Tables`, the rows of every joint that closes a loop, and which are angles."""
+class Cuts(NamedTuple):
+    """Rows of ``acts`` of the joints that close loops, the rows of each of these, and which rows are angles."""
 
-    acts: np.ndarray
-    ranges: tuple[int, ...]
-    cuts: Mapping[str, slice]
-    angles: Sequence[bool]
+    acts: list[Row]
+    rows: dict[str, slice]
+    angles: list[bool]
 
 
 class Built(NamedTuple):
@@ -91,22 +100,21 @@ class Built(NamedTuple):
     light: bool = False
 
 
-class TreeBuilder(ABC):
+class TreeBuilder:
     """Rows of the tables in construction.
 
-    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions; ``own``: those of the bodies.
+    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions.
     """
 
-    d: ClassVar[int]
-
-    def __init__(self, flexible: Flexible) -> None:
-        self.flexible = flexible
+    def __init__(self, numbers: Blocks | SpatialBlocks) -> None:
+        self.of_bodies, self.d = numbers, numbers.d
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, Place], int] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.block, self.w = Numbers(), Numbers()
-        self.own: dict[str, np.ndarray] = {}
+        self.own: dict[str, np.ndarray | None] = {}
+        self.cuts = Cuts([], {}, [])
         self.carriers: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
         self.sections: dict[tuple[str, Place], int] = {(GROUND, ORIGIN): 0}
         self.axes: list[tuple[int, np.ndarray]] = []
@@ -114,18 +122,6 @@ class TreeBuilder(ABC):
         self.tree: dict[str, tuple[tuple[int, ...], int]] = {}
         self.speeds: list[tuple[str, str]] = []
         self.positions: list[tuple[str, str]] = []
-
-    @abstractmethod
-    def numbers_of_body(self, name: str) -> np.ndarray | None:
-        """Numbers of a body; None if it has neither mass nor inertia."""
-
-    @abstractmethod
-    def numbers_of_station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
-        """Numbers of a station by the shapes of its body there."""
-
-    @abstractmethod
-    def shape_names(self, body: str) -> tuple[Names, Names]:
-        """Speeds and coordinates of the shapes of a body."""
 
     def node(
         self, kind: int, parent: int, names: Names = (), positions: Names | None = None,
@@ -150,19 +146,18 @@ class TreeBuilder(ABC):
         section there turns relative to its floating axes.
         """
         self.numbers[node][SHIFT] = at
-        if name in self.flexible:
+        if name in self.of_bodies.flexible:
             node = self.deforming(name, node, held, freed)
         self.node_of[name] = node
         self.nodes[node][AXED] = 1
-        numbers = self.numbers_of_body(name)
+        self.own[name] = numbers = self.of_bodies.body(name, self.shapes.get(name))
         if numbers is not None:
-            self.own[name] = numbers
             self.nodes[node][BODY] = self.block.put(numbers)
 
     def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
         """Add the node of a body's axes and modal coordinates, joined at the place of its axes that is held."""
-        shapes = self.shapes[name] = self.flexible[name](held, freed)
-        node = self.node(SHAPES, frame, *self.shape_names(name))
+        shapes = self.shapes[name] = self.of_bodies.flexible[name](held, freed)
+        node = self.node(SHAPES, frame, *self.of_bodies.names(name, shapes))
         self.nodes[node][COUNT] = shapes.count
         if held is not None:
             place = shapes.carrier(held)
@@ -170,7 +165,7 @@ class TreeBuilder(ABC):
             self.numbers[frame][SHIFT] -= place
             self.numbers[node][SHIFT] = place
             if any(part.any() for part in shapes.at(place)):
-                self.nodes[node][AT] = self.block.put(self.numbers_of_station(name, *shapes.at(place)))
+                self.nodes[node][AT] = self.block.put(self.of_bodies.station(name, *shapes.at(place)))
         return node
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
@@ -190,7 +185,7 @@ class TreeBuilder(ABC):
         node = self.node(STATION, frame, place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        self.nodes[node][AT] = self.block.put(self.numbers_of_station(body, *shapes))
+        self.nodes[node][AT] = self.block.put(self.of_bodies.station(body, *shapes))
         return node
 
     def section(self, side: Side) -> int:
@@ -221,26 +216,27 @@ class TreeBuilder(ABC):
         return self.nodes[leading(self.nodes, self.tree[joint])][SPEED]
 
     def tables(
-        self, found: Interactions, gravity: Sequence[float] | np.ndarray, joints: Mapping[str, Side]
-    ) -> Tables:
+        self, acts: np.ndarray, ranges: tuple[int, ...], gravity: Sequence[float] | np.ndarray,
+        joints: Mapping[str, Side],
+    ) -> Tables:  # fmt: skip
         """Tables of all rows; ``joints``: all joints with their second sides."""
         rows, points = list[tuple[int, ...]](), list[tuple[int, np.ndarray]]()
         for name, side in joints.items():
             nodes, sign = self.tree.get(name, ((-1,), 1))
-            of_cut = found.cuts.get(name, slice(0, 0))
+            of_cut = self.cuts.rows.get(name, slice(0, 0))
             points.append(self.on(side))
             rows.append((nodes[-1], sign, points[-1][0], of_cut.start, of_cut.stop))
         bodies, frames = self._bodies()
         return Tables(
             whole(self.nodes, 10), np.array(self.numbers), bodies, frames, whole(rows, 5), _apart(points)[1],
-            self.block.whole, *_apart(self.carriers), *_apart(self.axes), found.acts, found.ranges,
+            self.block.whole, *_apart(self.carriers), *_apart(self.axes), acts, ranges,
             np.array([*gravity, 0.0][:3]),
         )  # fmt: skip
 
-    def layout(self, cuts: Mapping[str, slice], driven: Sequence[str]) -> Layout:
+    def layout(self, driven: Sequence[str]) -> Layout:
         """Names of the tables' entries."""
         nodes = {name: node for name, node in self.node_of.items() if name != GROUND}
-        return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, cuts, tuple(self.speeds),
+        return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, self.cuts.rows, tuple(self.speeds),
                       tuple(self.positions), tuple(driven))  # fmt: skip
 
     def _bodies(self) -> tuple[np.ndarray, np.ndarray]:

@@ -92,6 +92,8 @@ class Tables(NamedTuple):
 
 Place = tuple[float, ...]
 """Coordinates of a point in its body's axes [m]."""
+Names = Sequence[tuple[str, str]]
+"""Names and units of coordinates."""
 
 
 class Deformable(Protocol):
