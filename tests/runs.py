@@ -119,7 +119,7 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
     constraints = Constraints(replace(system.mechanism, joints=joints), drives)
     names = [row for joint in joints.values() for row, *_ in reactions(joint)]
     names += [f"{name}.drive" for name in joints if name in drives]
-    return dict(zip(names, constraints.residuals(poses, list(joints)).tolist(), strict=True))
+    return dict(zip(names, constraints.residuals(poses).tolist(), strict=True))
 
 
 def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:

@@ -13,7 +13,7 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.derive.equations import closure
 from kaneflex.mechanism import position_analysis
-from kaneflex.mechanism.closure_continuation import _Follower, _Place, seed_loops
+from kaneflex.mechanism.closure_continuation import _Follower, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
@@ -264,10 +264,10 @@ def test_what_it_refuses(change, message):
 def test_damping_leads_most_starts_to_an_assembly():
     """Levenberg's term: without it, or with the other sign, fewer than 90 of 400 random starts close the loops."""
     scene = scene_of(MECHANISMS["three rockers"])
-    constraints = position_analysis.Constraints(mechanism_of(scene), {"main": 0.0})
-    group, poses = ("rod", "left_rocker", "platform", "right_rocker"), place_bodies(scene).poses
-    known = {GROUND: np.zeros(3), "crank": poses["crank"]}
-    assert sum(1 for _ in position_analysis._assembled(constraints, known, group, [*scene.joints][1:], 400)) > 250
+    group, joints = ("rod", "left_rocker", "platform", "right_rocker"), [*scene.joints][1:]
+    constraints = position_analysis.Constraints(mechanism_of(scene), {"main": 0.0}, group, joints)
+    known = {GROUND: np.zeros(3), "crank": place_bodies(scene).poses["crank"]}
+    assert sum(1 for _ in position_analysis._assembled(constraints, known, 400)) > 250
 
 
 def test_near_of_a_dyad_names_a_body_of_its_loop():
@@ -283,7 +283,7 @@ def test_knots_found_all_at_once_are_those_that_steps_lead_to(turn, monkeypatch)
     xs, count, step = follower.start.drives["main"] + np.linspace(0.0, turn, 203), [], _Follower._step
 
     def followed() -> np.ndarray:
-        return follower.over(xs, lambda x: {"main": x}).poses
+        return np.array([*follower.over(xs, lambda x: {"main": x}).courses.values()])
 
     with monkeypatch.context() as alone:
         alone.setattr(_Follower, "_step", lambda *those: count.append(1) or step(*those))
@@ -297,21 +297,21 @@ def test_knots_that_no_step_would_lead_to_are_not_taken(monkeypatch):
     scene = scene_of(MECHANISMS["three rockers"])
     follower = _Follower(mechanism_of(scene), place_bodies(scene))
     xs, few = follower.start.drives["main"] + np.linspace(0.0, 0.5, 9), [0, 4, 8]
-    start = np.concatenate([follower.start.poses[name] for name in follower.bodies])
-    here = _Place(start, follower._jacobian(start))
-    side = np.linalg.slogdet(here.jacobian)[0]
+    start = follower.first.poses
 
     def drives(x):
         return {"main": x}
 
-    poses = follower._along(xs[few], here, drives, side)
-    assert follower._between(xs, few, poses, drives, side) is not None
-    assert follower._between(xs, few, poses, drives, -side) is None
-    assert follower._between(xs, few, poses + np.array([[0.0], [0.0], [1e9]]), drives, side) is None
+    poses = follower._along(xs[few], drives)
+    assert follower._between(xs, few, poses, drives) is not None
+    with monkeypatch.context() as other:
+        other.setattr(follower, "side", -follower.side)
+        assert follower._between(xs, few, poses, drives) is None
+    assert follower._between(xs, few, poses + np.array([[0.0], [0.0], [1e9]]), drives) is None
     turned = start + 2 * np.pi * (np.arange(len(start)) == 5)
-    assert follower._between(xs[[0, 0]], [0, 1], np.array([start, turned]), drives, side) is None
+    assert follower._between(xs[[0, 0]], [0, 1], np.array([start, turned]), drives) is None
     monkeypatch.setattr("kaneflex.mechanism.closure_continuation._ITERATIONS", 1)
-    assert follower._between(xs, few, poses, drives, side) is None
+    assert follower._between(xs, few, poses, drives) is None
 
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():

@@ -84,14 +84,13 @@ def count_freedom(mechanism: Mechanism) -> Freedom:
 def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
     """Degrees of freedom by rank, not counting drives: 3 bodies minus the largest rank of the constraints' Jacobian at
     some instants of a motion."""
-    bodies, joints = [*mechanism.bodies], [*mechanism.joints]
-    if not joints:
+    bodies = [*mechanism.bodies]
+    if not mechanism.joints:
         return 3 * len(bodies)
     count = courses[bodies[0]].shape[1]
     instants = sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)})
     poses = {name: course[:, instants] for name, course in courses.items()}
-    jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
-    jacobian = _scaled(jacobian, mechanism.size)
+    jacobian = _scaled(Constraints(mechanism, {}).jacobian(poses), mechanism.size)
     ranks = np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2, axis=(1, 2)))
     return 3 * len(bodies) - int(ranks.max())
 
@@ -162,12 +161,12 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     """
     if mechanism.frame:
         return ()
-    joints, bodies = [*mechanism.joints], [*mechanism.bodies]
+    bodies = [*mechanism.bodies]
     constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
     names = [f"{name}.{row}" for name, joint in mechanism.joints.items() for row in joint.rows]
     held = len(names)
-    names += [f"{drive}.drive" for drive in constraints.driven(joints)]
-    jacobian = constraints.jacobian(_by_chance(mechanism), bodies, joints)
+    names += [f"{drive}.drive" for drive in constraints.driven]
+    jacobian = constraints.jacobian(_by_chance(mechanism))
     for body in mechanism.floating:
         own = 3 * bodies.index(body)
         names += [f"{body}.free"] * 3

@@ -18,8 +18,8 @@ import numpy as np
 
 from kaneflex.mechanism.joints import Constraints, axes_of, course
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import Number, wrapped
-from kaneflex.mechanism.position_analysis import Placement, larger_group, place
+from kaneflex.mechanism.planar import Number
+from kaneflex.mechanism.position_analysis import Placement, is_same, larger_group, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
@@ -113,17 +113,11 @@ def with_tables(module: ModuleType, parameters: np.ndarray, blocks: Mapping[str,
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """Poses (n, bodies, 3) at x (n,); with a period they repeat."""
+    """Body -> its x, y and angle, (3, n), at x (n,); with a period they repeat."""
 
     x: np.ndarray
-    poses: np.ndarray
-    bodies: tuple[str, ...]
+    courses: Mapping[str, np.ndarray]
     period: float | None
-
-    @property
-    def courses(self) -> dict[str, np.ndarray]:
-        """Body -> its x, y and angle, (3, n)."""
-        return dict(zip(self.bodies, self.poses.transpose(1, 2, 0), strict=True))
 
 
 def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
@@ -136,9 +130,10 @@ def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, hori
             rigid = motion.at(t)
             return {name: float(rigid[f"{name}.angle"][0]) for name in drives}
 
-        steps = max(_KNOTS, math.ceil(_KNOTS * _turns(motion, drives, horizon)))
-        times = np.linspace(0.0, horizon, steps + 1)
-        return follower.over(times, at_time)
+        rigid = motion.at(np.linspace(0.0, horizon, _KNOTS + 1))
+        turns = max(np.ptp(rigid[f"{name}.angle"]) for name in drives) / (2 * math.pi)
+        steps = max(_KNOTS, math.ceil(_KNOTS * turns))
+        return follower.over(np.linspace(0.0, horizon, steps + 1), at_time)
     (drive,) = drives
     slides = mechanism.joints[drive].slides
 
@@ -150,9 +145,8 @@ def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, hori
     if not slides:
         try:
             turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi)
-            change = turn.poses[-1] - turn.poses[0]
-            change[:, 2] = wrapped(change[:, 2])
-            if abs(change).max() < 1e-6 * max(1.0, mechanism.size):
+            first, last = ({name: course[:, k] for name, course in turn.courses.items()} for k in (0, -1))
+            if is_same(first, last, mechanism.size):
                 return turn
         except SceneError as error:
             locked = error
@@ -168,12 +162,8 @@ def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, hori
     x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
     if len(x) == 1:  # a fixed drive: the table has one value
         x, first = x + np.array([-1.0, 0.0, 1.0, 2.0]), np.zeros(4, dtype=int)
-    return _Sweep(x, np.concatenate([back.poses[::-1], there.poses])[first], there.bodies, None)
-
-
-def _turns(motion: RigidKinematics, drives: list[str], horizon: float) -> float:
-    rigid = motion.at(np.linspace(0.0, horizon, _KNOTS + 1))
-    return max(np.ptp(rigid[f"{name}.angle"]) for name in drives) / (2 * math.pi)
+    both = {name: np.hstack([back.courses[name][:, ::-1], course]) for name, course in there.courses.items()}
+    return _Sweep(x, {name: course[:, first] for name, course in both.items()}, None)
 
 
 def follow(
@@ -186,7 +176,7 @@ def follow(
     SceneError
         If it locks on the way.
     """
-    return _Follower(mechanism, start).over(times, drives).courses
+    return dict(_Follower(mechanism, start).over(times, drives).courses)
 
 
 class _Place(NamedTuple):
@@ -197,24 +187,23 @@ class _Place(NamedTuple):
 
 
 class _Follower:
-    """Continuation of the assembly that a mechanism starts from."""
+    """Continuation of the assembly that a mechanism starts from, on the branch with the sign ``side`` of the Jacobian's
+    determinant."""
 
     def __init__(self, mechanism: NumericMechanism, start: Placement) -> None:
         self.mechanism, self.start = mechanism, start
-        self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
-        self.scale = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
+        self.constraints = Constraints(mechanism, start.drives)
+        self.first = self._place(np.concatenate([start.poses[name] for name in mechanism.bodies]))
+        self.side = np.linalg.slogdet(self.first.jacobian)[0]
 
     def over(self, xs: np.ndarray, drives: Coordinates, period: float | None = None) -> _Sweep:
         """Poses at all of ``xs``; the first is the start."""
-        start = np.array([self.start.poses[name] for name in self.bodies]).ravel()
-        first = _Place(start, self._jacobian(start))
-        side = np.linalg.slogdet(first.jacobian)[0]
         few = [*range(0, len(xs) - 1, _STRIDE), len(xs) - 1]
         try:
-            found = self._along(xs[few], first, drives, side)
+            found = self._along(xs[few], drives)
             if len(few) < len(xs):
-                between = self._between(xs, few, found, drives, side)
-                found = self._along(xs, first, drives, side) if between is None else between
+                between = self._between(xs, few, found, drives)
+                found = self._along(xs, drives) if between is None else between
         except _Locked as locked:
             raise SceneError(
                 f"joints.{locked.joint}", None,
@@ -222,19 +211,17 @@ class _Follower:
                 "would change its branch",
                 "Change the lengths, or limit the drive's range",
             ) from None  # fmt: skip
-        return _Sweep(np.array(xs), found.reshape(len(xs), -1, 3), self.bodies, period)
+        return _Sweep(np.array(xs), self.constraints.split(found.T), period)
 
-    def _along(self, xs: np.ndarray, place: _Place, drives: Coordinates, side: float) -> np.ndarray:
-        """Poses at some ``xs``, (n, 3 bodies), one after the other. Raises _Locked."""
-        found = [place.poses]
+    def _along(self, xs: np.ndarray, drives: Coordinates) -> np.ndarray:
+        """Poses at some ``xs`` from the start on, (n, 3 bodies), one after the other. Raises _Locked."""
+        place, found = self.first, [self.first.poses]
         for x, to in pairwise(xs):
-            place = place if x == to else self._step(place, x, to, drives, side, 0)
+            place = place if x == to else self._step(place, x, to, drives, 0)
             found.append(place.poses)
         return np.array(found)
 
-    def _between(
-        self, xs: np.ndarray, few: list[int], poses: np.ndarray, drives: Coordinates, side: float
-    ) -> np.ndarray | None:
+    def _between(self, xs: np.ndarray, few: list[int], poses: np.ndarray, drives: Coordinates) -> np.ndarray | None:
         """Poses at all ``xs`` from those at ``few`` of them, by Newton's method for all at once; None if :meth:`_step`
         would reject some of them."""
         each = [drives(x) for x in xs]
@@ -245,25 +232,25 @@ class _Follower:
             return None
         before, after = (_Place(found.poses[part], found.jacobian[part]) for part in (slice(-1), slice(1, None)))
         guess = self._predicted(before, {name: np.diff(values) for name, values in coordinates.items()})
-        return found.poses if self._continues(before, guess, after, side).all() else None
+        return found.poses if self._continues(before, guess, after).all() else None
 
-    def _step(self, start: _Place, x: float, to: float, drives: Coordinates, side: float, depth: int) -> _Place:
+    def _step(self, start: _Place, x: float, to: float, drives: Coordinates, depth: int) -> _Place:
         """Poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in two halves."""
         before, after = drives(x), drives(to)
         guess = self._predicted(start, {name: after[name] - before[name] for name in after})
         found = self._closed(after, guess)
-        if found is not None and self._continues(start, guess, found, side):
+        if found is not None and self._continues(start, guess, found):
             return found
         if depth == _HALVINGS:
             raise _Locked(x, self._locking(start))
         middle = 0.5 * (x + to)
-        half = self._step(start, x, middle, drives, side, depth + 1)
-        return self._step(half, middle, to, drives, side, depth + 1)
+        half = self._step(start, x, middle, drives, depth + 1)
+        return self._step(half, middle, to, drives, depth + 1)
 
     def _predicted(self, start: _Place, moved: Mapping[str, Number]) -> np.ndarray:
         """Poses along the tangent for small movements of the drives."""
         right = np.zeros_like(start.poses)
-        for row, name in enumerate(reversed(Constraints(self.mechanism, moved).driven(self.joints)), 1):
+        for row, name in enumerate(reversed(self.constraints.driven), 1):
             right[..., -row] = moved[name]
         return start.poses + np.linalg.solve(start.jacobian, right[..., None])[..., 0]
 
@@ -273,39 +260,30 @@ class _Follower:
         try:
             for _ in range(_ITERATIONS):
                 if last > _NEAR:
-                    jacobian = self._jacobian(poses)
-                residuals = constraints.residuals(self._by_body(poses), self.joints)
+                    jacobian = self._place(poses).jacobian
+                residuals = constraints.residuals(constraints.split(poses.T))
                 change = np.linalg.solve(jacobian, residuals[..., None])[..., 0]
-                poses, last = poses - change, abs(change / self.scale).max()
+                poses, last = poses - change, abs(change / constraints.scales).max()
                 if last < _SOLVED:
-                    return _Place(poses, self._jacobian(poses))
+                    return self._place(poses)
                 if not np.isfinite(last):
                     break
         except np.linalg.LinAlgError:
             pass
         return None
 
-    def _continues(self, start: _Place, guess: np.ndarray, found: _Place, side: float) -> np.ndarray:
+    def _continues(self, start: _Place, guess: np.ndarray, found: _Place) -> np.ndarray:
         """True if poses stay on the branch, along the tangent to a guess and corrected from it."""
         changes = guess - start.poses, found.poses - guess
-        step, bend = (abs(change / self.scale).max(axis=-1) for change in changes)
-        return (np.linalg.slogdet(found.jacobian)[0] == side) & (bend <= np.maximum(_BENT * step, _ROUNDING))
+        step, bend = (abs(change / self.constraints.scales).max(axis=-1) for change in changes)
+        return (np.linalg.slogdet(found.jacobian)[0] == self.side) & (bend <= np.maximum(_BENT * step, _ROUNDING))
 
-    def _by_body(self, poses: np.ndarray) -> dict[str, np.ndarray]:
-        """Poses by body, (3,) or (3, n), from all of them, (3 bodies,) or (n, 3 bodies)."""
-        return dict(zip(self.bodies, np.split(poses.T, len(self.bodies)), strict=True))
-
-    def _jacobian(self, poses: np.ndarray) -> np.ndarray:
-        """Jacobian of the constraints by the bodies' coordinates; it does not depend on the drives' positions."""
-        constraints = Constraints(self.mechanism, self.start.drives)
-        return constraints.jacobian(self._by_body(poses), self.bodies, self.joints)
+    def _place(self, poses: np.ndarray) -> _Place:
+        """Poses with the constraints' Jacobian, which does not depend on the drives' positions."""
+        return _Place(poses, self.constraints.jacobian(self.constraints.split(poses.T)))
 
     def _locking(self, place: _Place) -> str:
         """Joint that closes the loop near its limit: it has the largest share in the self-equilibrated forces."""
-        stress = abs(np.linalg.svd(place.jacobian)[0][:, -1])
-        counts = [len(joint.rows) for joint in self.mechanism.joints.values()]
-        ends = np.cumsum(counts)
-        strain = {
-            name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
-        }
-        return max(self.mechanism.loop_joints, key=strain.__getitem__)
+        stress, closing = abs(np.linalg.svd(place.jacobian)[0][:, -1]), self.mechanism.loop_joints
+        rows = [name for name, joint in self.mechanism.joints.items() for _ in joint.rows]
+        return max((row for row in zip(stress, rows, strict=False) if row[1] in closing), key=lambda row: row[0])[1]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.mechanism.closure import Courses, joint_course, turns_around
-from kaneflex.mechanism.joints import Constraints, axes_of
+from kaneflex.mechanism.joints import axes_of
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.planar import cross, dot
-from kaneflex.mechanism.position_analysis import Dyad, closing_groups
+from kaneflex.mechanism.position_analysis import Dyad, Group, closing_groups
 
 _NEAR = math.radians(10.0)
 """Transmission angle below which forces are more than five times amplified."""
@@ -80,28 +80,26 @@ def closings(mechanism: NumericMechanism, courses: Courses) -> list[Closing]:
     if mechanism.frame or not mechanism.joints:
         return []
     found = []
-    for group, joints, dyad in closing_groups(mechanism):
-        if len(group) == 1:
+    for group in closing_groups(mechanism):
+        if len(group.bodies) == 1:
             continue
-        values = None if dyad is None else _transmission(dyad, courses)
-        name, is_angle, every = ", ".join(group), values is not None, 1
+        values = None if group.dyad is None else _transmission(group.dyad, courses)
+        name, is_angle, every = ", ".join(group.bodies), values is not None, 1
         if values is None:
-            every = -(-courses[group[0]].shape[1] // _INSTANTS)
-            values = _smallest(mechanism, group, [joint.name for joint in joints], courses, every)
-        elif dyad is not None:
-            name = dyad.middle.name
+            every = -(-courses[group.bodies[0]].shape[1] // _INSTANTS)
+            values = _smallest(mechanism, group, courses, every)
+        elif group.dyad is not None:
+            name = group.dyad.middle.name
         found.append(Closing(name, is_angle, values, _position(mechanism, courses, every * int(values.argmin()))))
     return found
 
 
-def _smallest(
-    mechanism: NumericMechanism, group: tuple[str, ...], joints: list[str], courses: Courses, every: int
-) -> np.ndarray:
+def _smallest(mechanism: NumericMechanism, group: Group, courses: Courses, every: int) -> np.ndarray:
     """Smallest singular value of the constraints by joints and drives on a group, lengths in sizes of the mechanism; at
     every n-th instant."""
-    constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
+    constraints = group.constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
     poses = {name: course[:, ::every] for name, course in courses.items()}
-    return np.linalg.svd(constraints.scaled_jacobian(poses, group, joints), compute_uv=False)[:, -1]
+    return np.linalg.svd(constraints.scaled_jacobian(poses), compute_uv=False)[:, -1]
 
 
 def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:

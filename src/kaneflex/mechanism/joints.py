@@ -69,20 +69,36 @@ def drive_reaction(joint: Joint) -> tuple[str, str, str]:
 class Constraints:
     """Residuals of joints, then of drives, in the coordinates of rigid bodies; numerical.
 
-    ``drives`` holds the coordinates of the drives [rad or m], one number each or one per instant.
+    ``drives`` holds the coordinates of the drives [rad or m], one number each or one per instant; ``bodies`` move, and
+    ``joints`` act on them, by default all.
     """
 
-    def __init__(self, mechanism: NumericMechanism, drives: Mapping[str, Number]):
+    def __init__(
+        self, mechanism: NumericMechanism, drives: Mapping[str, Number], bodies: Sequence[str] | None = None,
+        joints: Sequence[str] | None = None,
+    ) -> None:  # fmt: skip
         self.mechanism, self.drives = mechanism, drives
+        self.bodies = tuple(mechanism.bodies if bodies is None else bodies)
+        self.joints = tuple(mechanism.joints if joints is None else joints)
 
-    def driven(self, joints: Sequence[str]) -> list[str]:
-        return [name for name in joints if name in self.drives]
+    @property
+    def driven(self) -> list[str]:
+        return [name for name in self.joints if name in self.drives]
 
-    def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
+    @property
+    def scales(self) -> np.ndarray:
+        """Scales of the coordinates: the mechanism's size [m], 1 rad for angles."""
+        return np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(self.bodies))
+
+    def split(self, coordinates: np.ndarray) -> dict[str, np.ndarray]:
+        """Poses by body from the coordinates of all, (3 bodies,), or (3 bodies, n) of n instants."""
+        return {name: coordinates[3 * k : 3 * k + 3] for k, name in enumerate(self.bodies)}
+
+    def residuals(self, poses: Poses) -> np.ndarray:
         """Residuals of all constraints, lengths [m] and angles [rad]: (rows,), or (n, rows) for n instants."""
         axes, coordinates = axes_of(poses), []
         constraints: list[Number] = []
-        for name in joints:
+        for name in self.joints:
             joint = self.mechanism.joints[name]
             sections = _sections(joint, axes)
             constraints += residuals(joint, *sections)
@@ -93,20 +109,21 @@ class Constraints:
             found[..., row] = value
         return found
 
-    def units(self, joints: Sequence[str]) -> np.ndarray:
+    @property
+    def units(self) -> np.ndarray:
         """Scales of the residuals: the mechanism's size [m], 1 rad for angles."""
-        parts, driven = self.mechanism.joints, self.driven(joints)
-        angles = [row == "moment" for name in joints for row in parts[name].rows]
-        angles += [not parts[name].slides for name in driven]
+        parts = self.mechanism.joints
+        angles = [row == "moment" for name in self.joints for row in parts[name].rows]
+        angles += [not parts[name].slides for name in self.driven]
         return np.where(angles, 1.0, self.mechanism.size)
 
-    def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Jacobian of the residuals by x, y, phi of some bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
-        axes, column = axes_of(poses), {name: 3 * k for k, name in enumerate(bodies)}
-        held = sum(len(self.mechanism.joints[name].rows) for name in joints)
-        found = np.zeros((*_instants(poses), held + len(self.driven(joints)), 3 * len(bodies)))
+    def jacobian(self, poses: Poses) -> np.ndarray:
+        """Jacobian of the residuals by x, y, phi of the bodies, (rows, 3 bodies), or (n, rows, 3 bodies)."""
+        axes, column = axes_of(poses), {name: 3 * k for k, name in enumerate(self.bodies)}
+        held = sum(len(self.mechanism.joints[name].rows) for name in self.joints)
+        found = np.zeros((*_instants(poses), held + len(self.driven), 3 * len(self.bodies)))
         row, drive = 0, held
-        for name in joints:
+        for name in self.joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
             rows = [*range(row, row + len(joint.rows)), *[drive] * driven]
             for body, derivatives in derivatives_of(joint, axes, driven, column):
@@ -116,10 +133,9 @@ class Constraints:
             row, drive = row + len(joint.rows), drive + driven
         return found
 
-    def scaled_jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
+    def scaled_jacobian(self, poses: Poses) -> np.ndarray:
         """The same with lengths in sizes of the mechanism."""
-        sizes = np.tile([self.mechanism.size, self.mechanism.size, 1.0], len(bodies))
-        return self.jacobian(poses, bodies, joints) * sizes / self.units(joints)[:, None]
+        return self.jacobian(poses) * self.scales / self.units[:, None]
 
 
 def derivatives_of(

@@ -83,10 +83,10 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     if scene.is_frame:
         return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
     drives = {name: float(drive.coordinate(0.0)) for name, drive in scene.drives.items()} | dict(at or {})
-    constraints = Constraints(mechanism_of(scene), drives)
-    poses = _standing(constraints.mechanism)
-    for group, around, dyad in closing_groups(constraints.mechanism):
-        poses |= _closed(constraints, poses, group, around, dyad)
+    mechanism = mechanism_of(scene)
+    poses = _standing(mechanism)
+    for group in closing_groups(mechanism):
+        poses |= _closed(group.constraints(mechanism, drives), poses, group)
     return Placement(poses, drives)
 
 
@@ -99,34 +99,17 @@ def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[
         If the scene's own linkage can't close there.
     """
     own = place(scene, at)
-    constraints = Constraints(mechanism_of(scene), own.drives)
-    mechanism, ways = constraints.mechanism, [("", _standing(constraints.mechanism))]
-
-    def chosen_by(poses: Poses, group: tuple[str, ...], closing: Joint | None, dyad: Dyad | None) -> str:
-        """The entry that chooses one closure of a group; empty where there is none to choose."""
-        if closing is None:
-            return ""
-        side = _side_of(dyad, poses)
-        if side is not None:
-            return f" joints.{closing.name}.branch={'+' if side >= 0.0 else '-'}"
-        return f" joints.{closing.name}.near.{group[0]}={math.degrees(float(wrapped(poses[group[0]][2]))):.0f}deg"
-
-    for group, around, dyad in closing_groups(mechanism):
-        found, closing = [], _closing(around)
+    mechanism = mechanism_of(scene)
+    ways = [("", _standing(mechanism))]
+    for group in closing_groups(mechanism):
+        found, constraints = [], group.constraints(mechanism, own.drives)
         for entries, poses in ways:
-            names = [joint.name for joint in mechanism.joints_of(poses, group)]
-            assemblies = _assemblies(constraints, poses, group, names) if closing \
-                else [_closed(constraints, poses, group, around, dyad)]  # fmt: skip
-            more = [poses | {name: each[name] for name in group} for each in assemblies]
-            found += [(entries + chosen_by(each, group, closing, dyad), each) for each in more]
+            assemblies = _assemblies(constraints, poses) if group.closing else [_closed(constraints, poses, group)]
+            found += [(entries + group.chosen_by(poses | each), poses | each) for each in assemblies]
         ways = found[:16]  # more small drawings are of no use
 
-    def is_own(poses: Poses) -> bool:
-        return _same(own.poses, poses, tuple(own.poses), mechanism.size)
-
-    ways.sort(key=lambda way: not is_own(way[1]))
-    others = [(entries.strip(), Placement({name: poses[name] for name in own.poses}, own.drives))
-              for entries, poses in ways]  # fmt: skip
+    ways.sort(key=lambda way: not is_same(way[1], own.poses, mechanism.size))
+    others = [(entries.strip(), Placement(poses, own.drives)) for entries, poses in ways]
     return [(others[0][0], own), *others[1:]]
 
 
@@ -142,19 +125,18 @@ def with_branches(scene: Scene) -> Scene:
         return scene
     mechanism = mechanism_of(scene)
     poses, joints = None, dict(scene.joints)
-    for group, around, dyad in closing_groups(mechanism):
-        closing = _closing(around)
-        if closing and closing.near and not _is_larger(group, around):
+    for group in closing_groups(mechanism):
+        closing = group.closing
+        if closing and closing.near and not group.is_larger:
             poses = poses or place(scene).poses
-            side = _side_of(dyad, poses)
-            ahead = side is None or side >= 0.0
-            joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": "+" if ahead else "-"})
+            branch = "-" if (group.side(poses) or 0.0) < 0.0 else "+"
+            joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": branch})
     return scene.model_copy(update={"joints": joints})
 
 
 def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
     """First group of bodies without a closed form (not driven, welded or a dyad); empty if none."""
-    return next((group for group, joints, _ in closing_groups(mechanism) if _is_larger(group, joints)), ())
+    return next((group.bodies for group in closing_groups(mechanism) if group.is_larger), ())
 
 
 def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
@@ -162,15 +144,11 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
 
     The same factors relate accelerations, apart from terms that depend on the speeds.
     """
-    constraints, names, joints = Constraints(mechanism, placement.drives), [*mechanism.bodies], [*mechanism.joints]
-    jacobian = constraints.jacobian(placement.poses, names, joints)
-    driven, rates = constraints.driven(joints), {}
-    for drive, row in zip(driven, range(len(jacobian) - len(driven), len(jacobian)), strict=True):
-        unit = np.zeros(len(jacobian))
-        unit[row] = 1.0
-        velocity = np.linalg.lstsq(jacobian, unit, rcond=None)[0]
-        rates[drive] = {name: velocity[3 * k : 3 * k + 3] for k, name in enumerate(names)}
-    return rates
+    constraints = Constraints(mechanism, placement.drives)
+    jacobian, driven = constraints.jacobian(placement.poses), constraints.driven
+    units = np.eye(len(jacobian))[:, len(jacobian) - len(driven) :]
+    rates = np.linalg.lstsq(jacobian, units, rcond=None)[0]
+    return {drive: constraints.split(velocity) for drive, velocity in zip(driven, rates.T, strict=True)}
 
 
 def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
@@ -210,46 +188,32 @@ def _holds_as(one: Joint, other: Joint) -> bool:
     return abs(across) <= _PARALLEL * math.hypot(*one.direction) * math.hypot(*direction)
 
 
-def _closing(joints: Sequence[Joint]) -> Joint | None:
-    """First of some joints that closes a loop."""
-    return next((joint for joint in joints if joint.closes_loop), None)
-
-
-def _closed(
-    constraints: Constraints, poses: Poses, group: tuple[str, ...], around: Sequence[Joint], dyad: Dyad | None
-) -> dict[str, np.ndarray]:
+def _closed(constraints: Constraints, poses: Poses, group: Group) -> dict[str, np.ndarray]:
     """Poses of a group by Newton's method from many starting values, until the scene's branch is found, or for larger
     groups all assemblies."""
-    mechanism = constraints.mechanism
-    joints = [joint.name for joint in mechanism.joints_of(poses, group)]
-    closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
-    assemblies: list[dict[str, np.ndarray]] = []
-    if _is_larger(group, around) or closing.near:
-        assemblies = _assemblies(constraints, poses, group, joints)
+    closing, assemblies = group.closing or group.joints[-1], list[dict[str, np.ndarray]]()
+    if group.is_larger or closing.near:
+        assemblies = _assemblies(constraints, poses)
     else:
-        for closed in islice(_assembled(constraints, poses, group, joints, 1), _IN_VAIN + 1):
-            first, side = _closing(around), _side_of(dyad, closed)
-            if first is None or side is None or side * first.branch >= 0.0:
-                return {name: closed[name] for name in group}
+        for closed in islice(_assembled(constraints, poses, 1), _IN_VAIN + 1):
+            if group.is_on_branch({**poses, **closed}):
+                return closed
     if assemblies:
-        _check_held(constraints, assemblies, group, joints, closing)
-        chosen = _nearest(closing, assemblies, group)
-        return {name: chosen[name] for name in group}
+        _check_held(constraints, poses, assemblies, closing)
+        return _nearest(closing, assemblies)
     raise SceneError(
         f"joints.{closing.name}.branch", closing.written_branch,
-        f"the loop cannot close at {mechanism.written(constraints.drives)}: {', '.join(group)}",
+        f"the loop cannot close at {constraints.mechanism.written(constraints.drives)}: {', '.join(group.bodies)}",
         "Change the lengths, or the positions of its drives",
     )  # fmt: skip
 
 
-def _assemblies(
-    constraints: Constraints, poses: Poses, group: tuple[str, ...], joints: Sequence[str]
-) -> list[dict[str, np.ndarray]]:
+def _assemblies(constraints: Constraints, poses: Poses) -> list[dict[str, np.ndarray]]:
     """All ways in which a group closes, as far as many starts find them."""
     found: list[dict[str, np.ndarray]] = []
     in_vain = 0
-    for closed in _assembled(constraints, poses, group, joints, _IN_VAIN):
-        if not any(_same(closed, other, group, constraints.mechanism.size) for other in found):
+    for closed in _assembled(constraints, poses, _IN_VAIN):
+        if not any(is_same(closed, other, constraints.mechanism.size) for other in found):
             found.append(closed)
             in_vain = 0
         in_vain += 1
@@ -258,78 +222,64 @@ def _assemblies(
     return found
 
 
-def _check_held(
-    constraints: Constraints, assemblies: Sequence[Poses], group: tuple[str, ...], joints: Sequence[str], closing: Joint
-) -> None:
+def _check_held(constraints: Constraints, placed: Poses, assemblies: Sequence[Poses], closing: Joint) -> None:
     """Raise SceneError for a loop whose assemblies are all singular, so that its bodies can still move."""
     if len(assemblies) <= _FEW:
         return
     for poses in assemblies[: _FEW + 1]:
-        sizes = np.linalg.svd(constraints.scaled_jacobian(poses, group, joints), compute_uv=False)
+        sizes = np.linalg.svd(constraints.scaled_jacobian({**placed, **poses}), compute_uv=False)
         if sizes[-1] > _OPEN * sizes[0]:
             return
     raise SceneError(
         f"joints.{closing.name}", None,
-        f"singular position: with the loop closed and all drives fixed {', '.join(group)} can still move together, as "
-        "with a cylinder between two points of constant distance",
+        f"singular position: with the loop closed and all drives fixed {', '.join(constraints.bodies)} can still move "
+        "together, as with a cylinder between two points of constant distance",
         "Move an end of the cylinder, or another joint of the loop",
     )  # fmt: skip
 
 
-def _assembled(
-    constraints: Constraints, poses: Poses, group: tuple[str, ...], joints: Sequence[str], at_once: int
-) -> Iterator[dict[str, np.ndarray]]:
-    """Poses at which a group closes, together with those of the other bodies, from many random starts at once.
+def _assembled(constraints: Constraints, placed: Poses, at_once: int) -> Iterator[dict[str, np.ndarray]]:
+    """Poses at which a group closes, from many random starts at once.
 
     The sum of squares is minimised by the method of Levenberg (1944) and Marquardt (1963).
     """
-    size = constraints.mechanism.size
-    scale, units = np.tile([size, size, 1.0], len(group)), constraints.units(joints)
-
-    def with_group(x: np.ndarray) -> dict[str, np.ndarray]:
-        return {**poses, **{name: x[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
-
+    size, count, units = constraints.mechanism.size, len(constraints.bodies), constraints.units
+    low, high = np.array([-size, -size, -math.pi]), np.array([size, size, math.pi])
     random = np.random.default_rng(0)
     for first in range(0, _STARTS, at_once):
-        count = min(at_once, _STARTS - first)
-        low, high = np.array([-size, -size, -math.pi]), np.array([size, size, math.pi])
-        x = random.uniform(low, high, (count, len(group), 3)).reshape(count, -1).T
-        damping, residuals = np.full(count, 1e-2), constraints.residuals(with_group(x), joints) / units
+        starts = min(at_once, _STARTS - first)
+        x = random.uniform(low, high, (starts, count, 3)).reshape(starts, -1).T
+        damping, residuals = np.full(starts, 1e-2), constraints.residuals({**placed, **constraints.split(x)}) / units
         for _ in range(_ITERATIONS):
-            J = constraints.scaled_jacobian(with_group(x), group, joints)
+            J = constraints.scaled_jacobian({**placed, **constraints.split(x)})
             A = np.swapaxes(J, 1, 2) @ J
             lifted = damping * np.trace(A, axis1=1, axis2=2) / len(x)
             A += lifted[:, None, None] * np.eye(len(x))
             step = np.linalg.solve(A, np.einsum("nrc,nr->nc", J, residuals)[..., None])[..., 0]
-            nearer = x - (scale * step).T
-            left = constraints.residuals(with_group(nearer), joints) / units
+            nearer = x - (constraints.scales * step).T
+            left = constraints.residuals({**placed, **constraints.split(nearer)}) / units
             better = (left**2).sum(axis=1) < (residuals**2).sum(axis=1)
             x, residuals = np.where(better, nearer, x), np.where(better[:, None], left, residuals)
             damping = np.clip(np.where(better, 0.1, 10.0) * damping, _LEAST_DAMPING, 1e3)
             if not (better & (abs(residuals).max(axis=1) > _ROUNDING)).any():
                 break
         closed = abs(residuals).max(axis=1) <= _CLOSED
-        yield from (with_group(place) for place in x.T[closed])
+        yield from map(constraints.split, x.T[closed])
 
 
-def _is_larger(group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
-    """True if a group is not a driven or welded body or a dyad, and may have more than two assemblies."""
-    return len(group) > 2 or (len(group) == 2 and len(joints) != 3)
-
-
-def _same(one: Poses, other: Poses, group: tuple[str, ...], size: float) -> bool:
+def is_same(one: Poses, other: Poses, size: float) -> bool:
     """True if two assemblies are equal up to whole turns."""
-    change = np.array([one[name] - other[name] for name in group])
+    change = np.array([one[name] - pose for name, pose in other.items()])
     change[:, 2] = wrapped(change[:, 2])
     return bool((abs(change) < 1e-6 * np.array([size, size, 1.0])).all())
 
 
-def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tuple[str, ...]) -> Poses:
+def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Assembly whose bodies' angles are nearest to those at the closing joint.
 
     Raises SceneError if there are several and the joint gives no angles.
     """
-    near = closing.near
+    near, group = closing.near, [*assemblies[0]]
 
     def off(poses: Poses) -> float:
         turns = np.array([poses[name][2] - angle for name, angle in near.items() if name in group])
@@ -402,14 +352,62 @@ class Dyad:
         return (y, -x), link
 
 
-def closing_groups(mechanism: NumericMechanism) -> Iterator[tuple[tuple[str, ...], list[Joint], Dyad | None]]:
-    """Groups of bodies in the order of placing, with their joints, and their dyad if they form one."""
+@dataclass(frozen=True)
+class Group:
+    """Bodies that joints and drives determine, given the bodies placed before.
+
+    ``acting``: all joints that act on them; ``joints``: one of redundant guides; ``dyad``: if they form one.
+    """
+
+    bodies: tuple[str, ...]
+    acting: tuple[str, ...]
+    joints: list[Joint]
+    dyad: Dyad | None
+
+    @property
+    def is_larger(self) -> bool:
+        """True if it is not a driven or welded body or a dyad, and may have more than two assemblies."""
+        return len(self.bodies) > 2 or (len(self.bodies) == 2 and len(self.joints) != 3)
+
+    @property
+    def closing(self) -> Joint | None:
+        """Joint whose ``branch`` or ``near`` chooses the assembly: the first that closes a dyad, else the last."""
+        found = [joint for joint in self.joints if joint.closes_loop]
+        return found[-1 if self.is_larger else 0] if found else None
+
+    def constraints(self, mechanism: NumericMechanism, drives: Mapping[str, float]) -> Constraints:
+        """Constraints of its bodies by all joints and by drives at some coordinates."""
+        return Constraints(mechanism, drives, self.bodies, self.acting)
+
+    def side(self, poses: Poses) -> float | None:
+        """Number whose sign is the branch of a dyad (see kaneflex.derive.equations.closure); None for others."""
+        vectors = None if self.dyad is None else self.dyad.vectors(axes_of(poses))
+        return None if vectors is None else cross(*vectors)
+
+    def is_on_branch(self, poses: Poses) -> bool:
+        """True if a dyad is on the branch that the scene chooses, or has none."""
+        side = self.side(poses)
+        return side is None or self.closing is None or side * self.closing.branch >= 0.0
+
+    def chosen_by(self, poses: Poses) -> str:
+        """Setting that chooses an assembly; empty where there is none to choose."""
+        side, name = self.side(poses), self.bodies[0]
+        if self.closing is None:
+            return ""
+        if side is not None:
+            return f" joints.{self.closing.name}.branch={'+' if side >= 0.0 else '-'}"
+        return f" joints.{self.closing.name}.near.{name}={math.degrees(float(wrapped(poses[name][2]))):.0f}deg"
+
+
+def closing_groups(mechanism: NumericMechanism) -> Iterator[Group]:
+    """Groups of bodies in the order of placing."""
     placed = _standing(mechanism)
     while len(placed) < len(mechanism.bodies):
-        group = _next_group(mechanism, placed)
-        joints = _joints_of(mechanism, placed, group)
-        yield group, joints, _dyad_of(group, joints)
-        placed |= dict.fromkeys(group, np.zeros(3))
+        bodies = _next_group(mechanism, placed)
+        acting = tuple(joint.name for joint in mechanism.joints_of(placed, bodies))
+        joints = _joints_of(mechanism, placed, bodies)
+        yield Group(bodies, acting, joints, _dyad_of(bodies, joints))
+        placed |= dict.fromkeys(bodies, np.zeros(3))
 
 
 def _dyad_of(group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
@@ -421,9 +419,3 @@ def _dyad_of(group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
     first, last = sorted(outer, key=lambda joint: middle.first.body not in joint.bodies)
     start, end = (next(side for side in joint.sides if side.body not in group) for joint in (first, last))
     return Dyad(middle, (first, last), (start, end))
-
-
-def _side_of(dyad: Dyad | None, poses: Poses) -> float | None:
-    """Number whose sign is the branch of a dyad (see kaneflex.derive.equations.closure); None for others."""
-    vectors = None if dyad is None else dyad.vectors(axes_of(poses))
-    return None if vectors is None else cross(*vectors)
