@@ -22,9 +22,8 @@ from scipy.io import mmwrite
 from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 
-from kaneflex.fem.craig_bampton import foreign_data
+from kaneflex.fem.foreign_data import foreign_data
 from kaneflex.fem.foreign_files import read_foreign
-from kaneflex.fem.spatial_foreign import spatial_foreign_data
 from kaneflex.support.errors import Fault
 
 STRANGE = (*map(repr, NUMBERS), "1.0D+05", "1.0E", "--1", "1_0", "\N{FULLWIDTH DIGIT ONE}", "0x1", "1e999", "", "1 2")
@@ -156,7 +155,7 @@ def examine(given: tuple[str, tuple[str, ...], bool, bool]) -> object:
     points = {name: str(folder / f"{name}.txt") for name in ("start", "end")}
     try:
         link = read_foreign(*files, points, spatial=spatial)
-        data: Any = (spatial_foreign_data if spatial else foreign_data)(link, 2, rigid)
+        data: Any = foreign_data(link, 2, rigid)
     except Fault as fault:
         assert fault.reason and fault.cure and len(str(fault)) < 2000
         return fault

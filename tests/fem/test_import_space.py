@@ -13,8 +13,8 @@ from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
 import kaneflex
+from kaneflex.fem.foreign_data import foreign_data
 from kaneflex.fem.foreign_files import read_foreign
-from kaneflex.fem.spatial_foreign import spatial_foreign_data
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
@@ -57,7 +57,7 @@ def test_modes_of_the_free_mesh(mesh, rigid):
     ones meet five to 0.6 %: bending either way, torsion and stretch, never from below (Ritz 1909)."""
     K, M = (mmread(name).tocsc() for name in (FILES[1], FILES[0]))
     squares = np.sort(eigsh(K, 12, M, sigma=-1e6, v0=np.ones(K.shape[0]))[0])[6:]
-    data = spatial_foreign_data(mesh, 12, rigid)
+    data = foreign_data(mesh, 12, rigid)
     found = data.arrays["stiffness"] / np.einsum("aajj->j", data.arrays["mass_N_N"])
     away = np.sqrt(found[:5] / squares[:5]) - 1.0
     assert (away > -1e-9).all() and (away < 6e-3).all()
@@ -170,7 +170,7 @@ def test_a_point_of_one_node_turns_as_the_sections_do():
     numbers = np.loadtxt("rod-nodes.txt")
     middle = abs(numbers[:, 1:] - [L, 0.0, 0.0]).max(axis=1).argmin()
     np.savetxt("middle.txt", numbers[[middle], 0], fmt="%d")
-    alone = spatial_foreign_data(read_foreign(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
+    alone = foreign_data(read_foreign(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
     rows = held_shapes(alone, (0.0, 0.0, 0.0)).rows[alone.points.index("end")]
     found = rows @ (rows / alone.arrays["stiffness"]).T
     assert found[5, 1] == pytest.approx(L**2 / (2 * E * I_Z), rel=3e-2)
@@ -209,7 +209,7 @@ def test_solid_elements_beside_some_that_bend(mesh):
     count = len(numbers)
     link = read_foreign(*files, ENDS, spatial=True)
     assert np.flatnonzero(link.turning).tolist() == [*sorted(feet), count]
-    mixed, plain = (spatial_foreign_data(each, 4) for each in (link, mesh))
+    mixed, plain = (foreign_data(each, 4) for each in (link, mesh))
     squares = [of.arrays["stiffness"] / np.einsum("aajj->j", of.arrays["mass_N_N"]) for of in (mixed, plain)]
     np.testing.assert_allclose(*(np.sort(each)[:5] for each in squares), rtol=1e-5)
     for name in ("mass", "mass_r", "mass_r_r"):

@@ -82,16 +82,14 @@ def import_mesh(
     SceneError
         It names the file and what is wrong with it.
     """
-    from kaneflex.fem.craig_bampton import foreign_data
+    from kaneflex.fem.foreign_data import foreign_data
     from kaneflex.fem.missing_flexibility import missing_flexibility
-    from kaneflex.fem.spatial_foreign import spatial_foreign_data
 
     with told("import", None):
         if coupling not in ("rigid", "averaged"):
             raise Fault(f"{coupling!r} is not a coupling", "Choose 'rigid' or 'averaged'")
         link = _link((mass, stiffness, nodes), points, options)
-        made = spatial_foreign_data if link.spatial else foreign_data
-        data = made(link, modes, coupling == "rigid", damping)
+        data = foreign_data(link, modes, coupling == "rigid", damping)
         missing = missing_flexibility(link)
     doubts = [f"{doubt}. Check the units of the files: --units gives them" for doubt in link.doubts]
     if missing is not None:
