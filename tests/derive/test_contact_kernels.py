@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from test_joint_kernels import TINY, Motion
 
 from kaneflex.generated import contact
-from kaneflex.mechanism.contacts import CHI, CIRCLES, chi_that_returns, hysteresis, returned
+from kaneflex.mechanism.contacts import CHI, chi_that_returns, hysteresis, returned
+from kaneflex.mechanism.parts import CIRCLES
 
 ASKED = (0.9, 0.7, 0.5, 0.3, 0.1)
 RETURNED = {

@@ -131,7 +131,7 @@ def test_friction_bends_an_elastic_bar_as_in_the_plane():
     for sensor in ("angle", "root_force"):
         assert abs(space[sensor].values - plane[sensor].values).max() < 1e-6 * abs(plane[sensor].values).max()
     moving = plane.motion.moving
-    balance = Balance(moving, "bar", lambda: LinkForces(moving.scene, moving, moving.section_frame).wrenches("bar"))
+    balance = Balance(moving, "bar", lambda: LinkForces(moving.scene, moving).wrenches("bar"))
     moment = balance.section(0.25)[2]
     assert space["moment"].values == pytest.approx(moment, abs=1e-6 * abs(moment).max())
     stuck = one.mode[:, 0] == STICKING

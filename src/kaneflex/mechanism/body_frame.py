@@ -1,10 +1,10 @@
-"""Planar kinematics: rotation of vectors with a body, and motion of a body's points.
+"""Kinematics of bodies: rotation of vectors with a body, and motion of its points, in the plane and in space.
 
-Vectors have shape (2, n_times); S p = (-y, x) is a vector rotated by a right angle. A point p in the axes of a body
-with angular velocity omega and acceleration epsilon, which moves in these axes by p', p'', has the velocity and
-acceleration relative to the body's start, in the body's axes,
+Vectors have shape (D, n_times), D = 2 or 3; in the plane an angular velocity is (n_times,), about z. A point p in the
+axes of a body with angular velocity omega and acceleration epsilon, which moves in these axes by p', p'', has the
+velocity and acceleration relative to the body's start, in the body's axes,
 
-    p' + omega S p,   p'' + 2 omega S p' + epsilon S p - omega^2 p
+    p' + omega x p,   p'' + 2 omega x p' + epsilon x p + omega x (omega x p)
 
 (Kane & Levinson, Dynamics: Theory and Applications, 1985, sec. 2.8: one point moving on a rigid body). With -omega and
 -epsilon the same formulas give the rates of a vector's components in rotating axes from its global rates.
@@ -12,19 +12,16 @@ acceleration relative to the body's start, in the body's axes,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
-from kaneflex.mechanism.planar import GROUND, Pose, carried_velocity, quarter_turn, relative_acceleration
+from kaneflex.mechanism.planar import GROUND, Pose, quarter_turn
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Quantity with its first and second rates, time along the last axis."""
-STILL = np.zeros((3, 1))
-"""Zero rate of a point that is fixed in its body, in the plane or in space."""
 
 
 def rotate(c, s, vector) -> np.ndarray:
@@ -42,14 +39,38 @@ def normal(vector) -> np.ndarray:
     return np.array(quarter_turn(vector))
 
 
-def velocity(omega, p, p_rate=STILL[:2]) -> np.ndarray:
-    """Relative velocity p' + omega S p."""
-    return p_rate + np.array(carried_velocity(p, omega))
+def turning(angle) -> np.ndarray:
+    """Axes rotated by an angle, as columns (2, 2, n_times)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
 
 
-def acceleration(omega, epsilon, p, p_rate=STILL[:2], p_accel=STILL[:2]) -> np.ndarray:
-    """Relative acceleration p'' + 2 omega S p' + epsilon S p - omega^2 p."""
-    return p_accel + np.array(relative_acceleration(p, p_rate, omega, epsilon))
+def applied(matrices: np.ndarray, vector) -> np.ndarray:
+    """Product of matrices (D, D, n_times) and a vector, (D,) or (D, n_times); einsum takes ten times as long."""
+    first, *others = np.asarray(vector).reshape(len(matrices), -1)
+    found = matrices[:, 0] * first
+    for k, part in enumerate(others, 1):
+        found += matrices[:, k] * part
+    return cast(np.ndarray, found)
+
+
+def cross(omega: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Cross product of vectors (3, n_times), or of an angular velocity about z with a vector (2, n_times); NumPy's
+    takes five times as long for few instants."""
+    if len(p) == 2:
+        return np.array([-omega * p[1], omega * p[0]])
+    (a, b, c), (x, y, z) = omega, p
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+def velocity(omega, p, p_rate=0.0) -> np.ndarray:
+    """Relative velocity p' + omega x p."""
+    return p_rate + cross(omega, p)
+
+
+def acceleration(omega, epsilon, p, p_rate=0.0, p_accel=0.0) -> np.ndarray:
+    """Relative acceleration p'' + 2 omega x p' + epsilon x p + omega x (omega x p)."""
+    return p_accel + cross(epsilon, p) + cross(omega, cross(omega, p) + 2.0 * p_rate)
 
 
 class Scalars(Protocol):
@@ -65,14 +86,12 @@ class Scalars(Protocol):
 class BodyFrame:
     """Axes of a body, or of the ground, in a motion, and its points.
 
-    Points p are given in these axes, shape (2,) or (2, n_times) [m]. Scalars are looked up on demand, since a module
+    Points p are given in these axes, shape (D,) or (D, n_times) [m]. Scalars are looked up on demand, since a module
     has only those that its scene requires.
     """
 
     motion: Scalars
     body: str
-    relative: ClassVar[tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = velocity, acceleration
-    """Velocity and acceleration relative to an origin, by the rotation."""
     letters: ClassVar[str] = "xy"
     """Components of vectors."""
 
@@ -92,6 +111,11 @@ class BodyFrame:
     def s(self) -> np.ndarray:
         return self._scalar("s")
 
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """Axes as columns, (D, D, n_times)."""
+        return np.array([[self.c, -self.s], [self.s, self.c]])
+
     @property
     def omega(self) -> np.ndarray:
         """Angular velocity [rad/s]."""
@@ -108,30 +132,30 @@ class BodyFrame:
         return self._vector(*self.letters)
 
     def to_global(self, vector) -> np.ndarray:
-        """Global components of a vector given in these axes, (2, n_times)."""
-        return rotate(self.c, self.s, vector)
+        """Global components of a vector given in these axes, (D, n_times)."""
+        return applied(self.axes, vector)
 
     def to_body(self, vector) -> np.ndarray:
-        """Components of a global vector in these axes, (2, n_times)."""
-        return rotate_back(self.c, self.s, vector)
+        """Components of a global vector in these axes, (D, n_times)."""
+        return applied(self.axes.swapaxes(0, 1), vector)
 
     def place(self, p) -> np.ndarray:
-        """Global position of a point [m], (2, n_times)."""
+        """Global position of a point [m], (D, n_times)."""
         return self.origin + self.to_global(p)
 
-    def velocity(self, p, p_rate=STILL) -> np.ndarray:
-        """Global velocity of a point that moves by p' in these axes [m/s], (2 or 3, n_times)."""
+    def velocity(self, p, *rate) -> np.ndarray:
+        """Global velocity of a point that may move by a rate p' in these axes [m/s], (D, n_times)."""
         start = self._vector(*(f"v_{axis}" for axis in self.letters))
-        return start + self.relative[0](self.omega, self.to_global(p), self.to_global(p_rate))
+        return start + velocity(self.omega, *map(self.to_global, (p, *rate)))
 
-    def acceleration(self, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
-        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2], (2 or 3, n_times)."""
-        start, moved = self._vector(*(f"a_{axis}" for axis in self.letters)), map(self.to_global, (p, p_rate, p_accel))
-        return start + self.relative[1](self.omega, self.epsilon, *moved)
+    def acceleration(self, p, *rates) -> np.ndarray:
+        """Global acceleration of a point that may move by p', p'' in these axes [m/s^2], (D, n_times)."""
+        start = self._vector(*(f"a_{axis}" for axis in self.letters))
+        return start + acceleration(self.omega, self.epsilon, *map(self.to_global, (p, *rates)))
 
     def components(self, d: np.ndarray, d_rate: np.ndarray, d_accel: np.ndarray) -> Rates:
         """Components of a global vector in these axes, and the rates of these components, from its global rates."""
-        omega, epsilon, (velocity, acceleration) = self.omega, self.epsilon, self.relative
+        omega, epsilon = self.omega, self.epsilon
         return (
             self.to_body(d),
             self.to_body(velocity(-omega, d, d_rate)),

@@ -145,8 +145,8 @@ def _swept(follower: _Follower, module: ModuleType, parameters: np.ndarray, hori
     if not slides:
         try:
             turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi)
-            first, last = ({name: course[:, k] for name, course in turn.courses.items()} for k in (0, -1))
-            if is_same(first, last, mechanism.size):
+            begin, end = ({name: course[:, k] for name, course in turn.courses.items()} for k in (0, -1))
+            if is_same(begin, end, mechanism.size):
                 return turn
         except SceneError as error:
             locked = error

@@ -14,13 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from kaneflex.mechanism.parts import Contact
+from kaneflex.mechanism.parts import CIRCLES, Contact
 from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
 
 KINDS = ("point-line", "circles", "angle")
 """Geometries, in the order of their numbers in kernels."""
-CIRCLES = {"circle-circle": 1.0, "circle-in-circle": -1.0}
-"""Kinds of contacts of circles -> sign of the force on the second: away from the first centre (1) or towards it."""
 LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact", "newton")
 """Laws, in the order of their numbers in kernels."""
 NEWTON = LAWS.index("newton")

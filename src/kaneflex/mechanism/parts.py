@@ -14,6 +14,8 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
 
 ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment")}
 """Kind of a joint -> its constraints in order, named by their multipliers."""
+CIRCLES = {"circle-circle": 1.0, "circle-in-circle": -1.0}
+"""Kinds of contacts of circles -> sign of the force on the second: away from the first centre (1) or towards it."""
 
 
 def floating_coordinates(body: str) -> tuple[str, str, str]:

@@ -103,9 +103,3 @@ def carried_acceleration(arm: Vector, omega: Number, epsilon: Number) -> Vector:
     """Relative acceleration epsilon S r - omega^2 r (Kane & Levinson 1985, sec. 2.7: two points of a body)."""
     square = omega**2
     return -epsilon * arm[1] - square * arm[0], epsilon * arm[0] - square * arm[1]
-
-
-def relative_acceleration(arm: Vector, arm_rate: Vector, omega: Number, epsilon: Number) -> Vector:
-    """Relative acceleration 2 omega S r' + epsilon S r - omega^2 r of a point in rotating axes (ibid., sec. 2.8)."""
-    x, y = carried_acceleration(arm, omega, epsilon)
-    return x - 2 * omega * arm_rate[1], y + 2 * omega * arm_rate[0]

@@ -117,6 +117,10 @@ class RigidMotion:
         """Axes of a body, or of the ground."""
         return BodyFrame(self, body)
 
+    def section_frame(self, side: Any) -> tuple[Any, Any]:
+        """Axes that a point of a body rotates with, and the point in these."""
+        return self.frame(side.body), side
+
     def monomial(self, names: Monomial) -> np.ndarray:
         """Product of scalars, shape (n_times,)."""
         if names not in self._products:

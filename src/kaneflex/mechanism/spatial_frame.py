@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import STILL, BodyFrame, Rates
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, cross
 from kaneflex.mechanism.planar import GROUND
 
 if TYPE_CHECKING:
@@ -19,21 +19,10 @@ _SMALL = 1e-2
 """Square of an angle below which a series, exact to 1e-12, avoids the difference of nearly equal numbers."""
 
 
-def velocity(omega, p, p_rate=STILL) -> np.ndarray:
-    """Relative velocity p' + omega x p."""
-    return p_rate + cross(omega, p)
-
-
-def acceleration(omega, epsilon, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
-    """Relative acceleration p'' + 2 omega x p' + epsilon x p + omega x (omega x p)."""
-    return p_accel + cross(epsilon, p) + cross(omega, cross(omega, p) + 2.0 * p_rate)
-
-
 class SpatialFrame(BodyFrame):
     """Axes of a body, or of the ground, in a motion in space: points p are given in these axes, (3,) or (3, n_times)
     [m]; vectors are (3, n_times)."""
 
-    relative = velocity, acceleration
     letters = "xyz"
 
     @cached_property
@@ -52,14 +41,6 @@ class SpatialFrame(BodyFrame):
     def epsilon(self) -> np.ndarray:
         """Angular acceleration, global [rad/s^2], (3, n_times)."""
         return self._vector("epsilon_x", "epsilon_y", "epsilon_z")
-
-    def to_global(self, vector) -> np.ndarray:
-        """Global components of a vector given in these axes."""
-        return applied(self.axes, vector)
-
-    def to_body(self, vector) -> np.ndarray:
-        """Components of a global vector in these axes."""
-        return applied(self.axes.swapaxes(0, 1), vector)
 
     def turned(self, other: BodyFrame) -> Rates:
         """Rotation vector of other axes relative to these, the angular velocity and its rate, (3, n_times) each."""
@@ -118,22 +99,8 @@ def rotation_matrix(theta: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sinc(angle) * tilde + 0.5 * np.sinc(0.5 * angle) ** 2 * tilde @ tilde
 
 
-def applied(matrices: np.ndarray, vector) -> np.ndarray:
-    """Product of matrices (3, 3, n_times) and a vector, (3,) or (3, n_times); einsum takes ten times as long."""
-    x, y, z = np.asarray(vector).reshape(3, -1)
-    found = matrices[:, 0] * x
-    found += matrices[:, 1] * y
-    found += matrices[:, 2] * z
-    return cast(np.ndarray, found)
-
-
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(axis=0)
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product of vectors (3, n_times); NumPy's takes five times as long for few instants."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def skew(v: np.ndarray) -> np.ndarray:

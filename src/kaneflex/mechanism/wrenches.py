@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import BodyFrame, normal
+from kaneflex.mechanism import planar
+from kaneflex.mechanism.body_frame import BodyFrame, cross, normal
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.planar import BodyPoint, cross
+from kaneflex.mechanism.parts import CIRCLES
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 
@@ -21,8 +23,6 @@ if TYPE_CHECKING:
     Point = Side | BodyPoint
     Reactions = Callable[[str], np.ndarray]
     """Function from the name of a reaction to its series (n_times,)."""
-    Carried = Callable[[Any], tuple[BodyFrame, Point]]
-    """Function from a point of a body to the axes that it rotates with, and its position in them."""
 _SIGNS = (-1.0, 1.0)
 """Signs of what a joint, spring or contact exerts on its first and second body."""
 
@@ -79,19 +79,13 @@ def joint_moment(mechanism: Parts, name: str, reaction: Reactions) -> np.ndarray
 
 def moment_of(arm: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Moment of a force at an arm: arm x force, in the plane about z."""
-    if len(force) == 2:
-        return np.asarray(cross(arm, force))
-    from kaneflex.mechanism import spatial_frame
-
-    return spatial_frame.cross(arm, force)
+    return cross(arm, force) if len(force) == 3 else np.asarray(planar.cross(arm, force))
 
 
-def wrenches_on(
-    mechanism: Parts, motion: RigidMotion, body: str, carried: Carried | None = None
-) -> Iterator[Wrench]:
-    """Wrenches on a body except inertia and weight; ``carried`` gives points of deformed bodies."""
+def wrenches_on(mechanism: Parts, motion: RigidMotion, body: str) -> Iterator[Wrench]:
+    """Wrenches on a body except inertia and weight."""
     parts: Any = mechanism
-    on = _Body(mechanism, motion, body, carried or (lambda side: (motion.frame(side.body), side)))
+    on = _Body(mechanism, motion, body)
     for name, joint in parts.joints.items():
         for side, sign in zip(joint.sides, _SIGNS, strict=True):
             if side.body == body:
@@ -103,7 +97,7 @@ def wrenches_on(
         for side, share in load.pushes:
             if side.body == body:
                 force = np.outer(load.direction, share * motion[name])
-                yield on.wrench(name, side, on.carried(side)[0].to_global(force) if load.in_body else force)
+                yield on.wrench(name, side, on.axes(side).to_global(force) if load.in_body else force)
         if load.joint is not None:
             yield from on.torque(name, load.joint, motion[name])
     for name, spring in parts.springs.items():
@@ -113,29 +107,22 @@ def wrenches_on(
         for side, sign in zip(spring.sides, _SIGNS, strict=True):
             if side.body == body:
                 yield on.of_spring(name, spring, side, sign)
-    if isinstance(mechanism, NumericMechanism):
-        for name, contact in mechanism.contacts.items():
-            force = np.array([motion[f"{name}.force_x"], motion[f"{name}.force_y"]])
-            for side, sign, turns in zip(contact.sides, _SIGNS, ("moment", "moment_second"), strict=True):
-                if side.body == body:
-                    yield on.wrench(name, side, sign * force, motion[f"{name}.{turns}"])
-        return
     for name, contact in parts.contacts.items():
         if contact.kind == "angle":
             yield from on.torque(name, contact.joint, contact.direction[0] * motion[f"{name}.force"])
             continue
-        if contact.kind == "circle-in-circle":
-            back = on.place(contact.first) - on.place(contact.second)
-            direction = back / np.maximum(np.linalg.norm(back, axis=0), np.finfo(float).tiny)
+        if contact.kind in CIRCLES:
+            gap = on.place(contact.second) - on.place(contact.first)
+            direction = CIRCLES[contact.kind] * gap / np.maximum(np.linalg.norm(gap, axis=0), np.finfo(float).tiny)
         else:
-            direction = on.carried(contact.first)[0].to_global(np.array(contact.direction))
-        push, moment = motion[f"{name}.force"] * direction, np.zeros_like(direction)
+            direction = on.axes(contact.first).to_global(contact.direction)
+        push, drag = motion[f"{name}.force"] * direction, np.zeros_like(direction)
         if name in parts.frictions:
-            drag = np.array([motion[f"{name}.friction_{axis}"] for axis in "xyz"])
-            push, moment = push + drag, np.cross(-contact.radius * direction, drag, axis=0)
+            drag = on.drag(name, direction)
+        moment = moment_of(-contact.radius * direction, drag)
         for side, sign in zip(contact.sides, _SIGNS, strict=True):
             if side.body == body:
-                yield on.wrench(name, side, sign * push, sign * moment, at=contact.second)
+                yield on.wrench(name, side, sign * (push + drag), sign * moment, at=contact.second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,16 +132,25 @@ class _Body:
     mechanism: Parts
     motion: RigidMotion
     body: str
-    carried: Carried
 
     @property
     def frame(self) -> BodyFrame:
         return self.motion.frame(self.body)
 
+    def axes(self, side: Point) -> BodyFrame:
+        """Axes that a point of a body rotates with."""
+        return self.motion.section_frame(side)[0]
+
     def place(self, side: Point) -> np.ndarray:
         """Global position of a point."""
-        axes, there = self.carried(side)
+        axes, there = self.motion.section_frame(side)
         return axes.place(there.at)
+
+    def drag(self, contact: str, direction: np.ndarray) -> np.ndarray:
+        """Global friction force of a contact on its second side, in the plane along its normal turned by 90 deg."""
+        if isinstance(self.mechanism, NumericMechanism):
+            return self.motion[f"{contact}.friction"] * normal(direction)
+        return np.array([self.motion[f"{contact}.friction_{axis}"] for axis in "xyz"])
 
     def wrench(
         self, by: str, side: Point, force: np.ndarray, moment: np.ndarray | None = None, at: Point | None = None
@@ -169,7 +165,7 @@ class _Body:
         of: Any = self.mechanism.joints[joint]
         moment = torque
         if not isinstance(self.mechanism, NumericMechanism):
-            moment = torque * self.carried(of.sides[0])[0].to_global(of.axes[0])
+            moment = torque * self.axes(of.sides[0]).to_global(of.axes[0])
         for side, sign in zip(of.sides, _SIGNS, strict=True):
             if side.body == self.body:
                 yield self.wrench(by, side, np.zeros_like(self.frame.origin), sign * moment)
@@ -180,7 +176,7 @@ class _Body:
         if isinstance(self.mechanism, NumericMechanism):
             return self.wrench(name, side, sign * np.array([motion[f"{name}.force_x"], motion[f"{name}.force_y"]]))
         if spring.is_bushing:
-            axes = self.carried(first)[0]
+            axes = self.axes(first)
             force, moment = (axes.to_global(np.array([motion[f"{name}.{part}_{axis}"] for axis in "xyz"]))
                              for part in ("force", "moment"))  # fmt: skip
             return self.wrench(name, side, -sign * force, -sign * moment, second)  # at the second point, as of a guide

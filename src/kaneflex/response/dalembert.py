@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.mechanism.body_frame import rotate
-from kaneflex.mechanism.spatial_frame import applied, rotation_matrix
+from kaneflex.mechanism.body_frame import acceleration, applied
+from kaneflex.mechanism.spatial_frame import rotation_matrix
 from kaneflex.mechanism.wrenches import Wrench, moment_of
 from kaneflex.response.section_forces import LinkForces, carried, rate_of_momentum, spread_loads
 
@@ -95,7 +95,7 @@ class Balance:
         part, own, (force, omega, epsilon) = self._at(x), self._link, self._carried
         (place, rate, accel), (turning, faster) = part.moved, part.turning
         place = np.vstack([x + place[0], place[1:]])
-        force = force + self.motion.frame(self.link).relative[1](omega, epsilon, place, rate, accel)
+        force = force + acceleration(omega, epsilon, place, rate, accel)
         if len(place) == 2:
             share = (x - own.nodes[e]) / own.length_of(e) - 0.5
             rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
@@ -111,8 +111,7 @@ class Balance:
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Distributed loads in the link's axes: load at its start [N/m], and its slope [N/m^2]."""
-        turned = self._at(0.0).turned
-        to_body = partial(applied, turned) if turned.ndim == 3 else partial(rotate, np.cos(turned), np.sin(turned))
+        to_body = partial(applied, self._at(0.0).turned)
         return list(spread_loads(self.motion.scene, self.motion, self.link, to_body))
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
@@ -191,6 +190,6 @@ def balanced(motion: DeformingMotion) -> dict[str, Balance] | dict[str, Balanced
 
 def _balances(motion: DeformingMotion) -> dict[str, Balance]:
     """Equilibria of the elastic links with all forces on them."""
-    forces = LinkForces(motion.scene, motion, motion.section_frame)
+    forces = LinkForces(motion.scene, motion)
     links = [name for name in motion.shapes if motion.scene.bodies[name].elastic]
     return {name: Balance(motion, name, partial(forces.wrenches, name)) for name in links}

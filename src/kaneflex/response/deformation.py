@@ -13,11 +13,11 @@ from kaneflex.fem.assembly import in_own_axes, load_on_link, spin_or_euler
 from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.mechanism.affine import Affine, Monomial, solve
-from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.body_frame import Rates, acceleration
 from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model, keep_terms
-from kaneflex.response.section_forces import carried, growing, rate_of_momentum, spread_loads
+from kaneflex.response.section_forces import carried, rate_of_momentum, spread_loads
 from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
@@ -148,8 +148,9 @@ class Deformation:
 
     def _needed(self, e: int, reach: float) -> np.ndarray:
         """Force, and moment about its end, that an element of the rigid link needs up to `reach` [m] from its node."""
-        specific_force, *turning = carried(self.model.scene, self.rigid, self.link.name)
-        grows, along = growing(*turning), np.eye(len(specific_force))[0]
+        specific_force, omega, epsilon = carried(self.model.scene, self.rigid, self.link.name)
+        along = np.eye(len(specific_force))[0]
+        grows = acceleration(omega, epsilon, along[:, None])
         spread = list(spread_loads(self.model.scene, self.rigid, self.link.name))
 
         def sliced(x: float) -> tuple[np.ndarray, np.ndarray]:

@@ -14,10 +14,9 @@ import numpy as np
 
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.body_frame import Rates, rotate
-from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.planar import GROUND, BodyPoint, cross, wrapped
+from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.system import BODY, CoupledSystem
@@ -80,8 +79,8 @@ class FloatingMotion(DeformingMotion):
             return self.reactions[name]
         if owner in self.scene.springs:
             return self._spring(owner, key)
-        if owner in self.scene.contacts:
-            return self._contact(owner)[key]
+        if owner in self.scene.contacts:  # of single states it counts as open
+            return self.contact(owner)[1] if self.trajectory.contacts else np.zeros(len(self.times))
         if owner in self.system.start and key in _FRAME:
             order, row = _FRAME[key]
             return self.body(owner)[order][row]
@@ -116,22 +115,6 @@ class FloatingMotion(DeformingMotion):
             return tension
         return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
 
-    def _contact(self, name: str) -> dict[str, np.ndarray]:
-        """Global force of a contact on its second side, and its moments on both sides about their points."""
-        record, contact = self.trajectory.contacts, mechanism_of(self.scene).contacts[name]
-        force = np.zeros(len(self.times)) if record is None else record.force[:, record.names.index(name)]
-        if contact.kind == "angle":
-            turn, none = contact.direction[0] * force, np.zeros(len(self.times))
-            return {"force_x": none, "force_y": none, "moment": -turn, "moment_second": turn}
-        (x, y, angle), second = (self.moving_place(side.body, side.at)[0] for side in contact.sides)
-        gap = second[0] - x, second[1] - y
-        direction = rotate(np.cos(angle), np.sin(angle), contact.direction)
-        _, normal = apart(contact.kind, gap, np.hypot(*gap) + np.finfo(float).tiny, direction, contact.reach)
-        own = self.reactions.get(f"{name}.friction", 0.0 * force)
-        push = force * normal[0] - own * normal[1], force * normal[1] + own * normal[0]
-        arm = contact.radius * own  # friction acts at the contact point on the second side's circle
-        return {"force_x": push[0], "force_y": push[1], "moment": arm - cross(gap, push), "moment_second": -arm}
-
     @cached_property
     def _load_sizes(self) -> dict[str, np.ndarray]:
         """Magnitudes of the loads."""
@@ -154,7 +137,7 @@ class FloatingMotion(DeformingMotion):
             still = np.zeros((3, len(self.times)))
             return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
         phi = self[f"{body}.phi"]
-        angle = phi + frame.deformed.turned if isinstance(frame, PlanarSection) else phi
+        angle = phi + frame.deformed.angle[0] if isinstance(frame, PlanarSection) else phi
         turned, p = (angle, frame.omega, frame.epsilon), np.reshape(side.at, (2, 1)) + np.zeros((2, len(phi)))
         moved = frame.place(p), frame.velocity(p), frame.acceleration(p)
         return cast(Rates, tuple(np.vstack([part, own]) for part, own in zip(moved, turned, strict=True)))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.fem.links import GAUSS, Link
+from kaneflex.mechanism.body_frame import acceleration
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.wrenches import Wrench, moment_of, parts_of, wrenches_on
@@ -15,17 +15,12 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sections import Inertia
 
-if TYPE_CHECKING:
-    from kaneflex.mechanism.wrenches import Carried
-
 
 class LinkForces:
-    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars; ``carried`` gives
-    points of deformed bodies."""
+    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars."""
 
-    def __init__(self, scene: Scene, rigid: RigidMotion, carried: Carried | None = None):
+    def __init__(self, scene: Scene, rigid: RigidMotion):
         self.scene, self.rigid = scene, rigid
-        self.carried: Carried = carried or (lambda side: (rigid.frame(side.body), side))
 
     def section(self, name: str, x: float, after: bool = False) -> np.ndarray:
         """Section forces of the rigid link at x, from the equilibrium of the part before x under inertia, weight and
@@ -37,7 +32,8 @@ class LinkForces:
         body, before = self.scene.bodies[name], self.scene.bodies[name].profile.inertia(x)
         assert body.beam is not None and body.length is not None  # only beams have sections
         specific_force, omega, epsilon = carried(self.scene, self.rigid, name)
-        grows, along = growing(omega, epsilon), np.eye(len(specific_force))[0]
+        along = np.eye(len(specific_force))[0]
+        grows = acceleration(omega, epsilon, along[:, None])
         force = before.mass * specific_force + before.first * grows
         first, second = before.first - x * before.mass, before.second - x * before.first  # about x
         moment = moment_of(along, first * specific_force + second * grows)
@@ -56,21 +52,21 @@ class LinkForces:
     def wrenches(self, link: str) -> Iterator[Wrench]:
         """All that acts at points of a link, lumped masses of the plane included; in space these are bodies."""
         scene, rigid = self.scene, self.rigid
-        for each in wrenches_on(parts_of(scene), rigid, link, self.carried):
+        for each in wrenches_on(parts_of(scene), rigid, link):
             if each.by not in scene.spreads:
                 yield each
         for name, mass in scene.masses.items() if not scene.is_spatial else ():
             if mass.at.body == link:
                 x, y, epsilon = self.specific_force(mass.at)
                 side, frame = BodyPoint(link, mass.at.point, scene.point(mass.at)), rigid.frame(link)
-                axes, there = self.carried(side)
+                axes, there = rigid.section_frame(side)
                 at = frame.to_body(axes.place(there.at) - frame.origin)
                 force = -mass.mass * frame.to_body(np.array([x, y]))
                 yield Wrench(name, side.at, at, force, -mass.inertia * epsilon)
 
     def specific_force(self, address: Address) -> np.ndarray:
         """Acceleration a - g of a planar point, global, and angular acceleration, (3, n_times)."""
-        axes, there = self.carried(BodyPoint(address.body, address.point, self.scene.point(address)))
+        axes, there = self.rigid.section_frame(BodyPoint(address.body, address.point, self.scene.point(address)))
         return np.vstack([axes.acceleration(there.at) - np.array(self.scene.gravity)[:, None], axes.epsilon])
 
 
@@ -86,15 +82,6 @@ def carried(scene: Scene, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np
     frame, gravity = rigid.frame(link), np.reshape(scene.vector(scene.gravity), (3, 1))
     of = frame.acceleration(np.zeros(3)) - gravity, frame.omega, frame.epsilon
     return frame.to_body(of[0]), frame.to_body(of[1]), frame.to_body(of[2])
-
-
-def growing(omega: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
-    """Gradient (epsilon~ + omega~ omega~) e_x of the acceleration along a link, in its axes."""
-    if omega.ndim == 1:
-        return np.array([-(omega**2), epsilon])
-    return np.array([
-        -(omega[1] ** 2 + omega[2] ** 2), epsilon[2] + omega[0] * omega[1], omega[0] * omega[2] - epsilon[1]
-    ])  # fmt: skip
 
 
 def rate_of_momentum(

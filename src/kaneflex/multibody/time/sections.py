@@ -12,9 +12,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.generated import spatial_shapes as shape_laws
-from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, acceleration, applied, cross, turning, velocity
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.mechanism.spatial_frame import SpatialFrame, applied, cross
+from kaneflex.mechanism.spatial_frame import SpatialFrame
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.scene import Scene
 from kaneflex.support.fingerprint import made_of
@@ -29,13 +29,16 @@ class Deformed:
     ----------
     moved : Rates
         Its displacement.
+    angle : ndarray
+        Rotation of its section: in the plane (1, n_times), in space a vector (3, n_times).
     turned : ndarray
-        Rotation of its section: the angle (n_times,), in space the axes as columns (3, 3, n_times).
+        Axes of its section as columns, (D, D, n_times).
     turning : tuple of two ndarray
         Angular velocity and its rate.
     """
 
     moved: Rates
+    angle: np.ndarray
     turned: np.ndarray
     turning: tuple[np.ndarray, np.ndarray]
 
@@ -51,19 +54,14 @@ def deformed(shapes: Any, at: np.ndarray, amplitudes: Rates) -> Deformed:
         d[k] += 0.5 * np.einsum("jt,jt->t", q, by_q)
         d_rate[k] += np.einsum("jt,jt->t", u, by_q)
         d_accel[k] += np.einsum("jt,jt->t", b, by_q) + np.einsum("jt,jt->t", u, G[k] @ u)
-    turned, *turning = (_turn_in_space if n == 3 else _turn_in_plane)(*(rows[n:] @ of for of in (q, u, b)))
+    theta, rate, accel = (rows[n:] @ of for of in (q, u, b))
+    turned, omega, epsilon = _turn_in_space(theta, rate, accel) if n == 3 else (turning(theta[0]), rate[0], accel[0])
     if arm.any():
-        velocity, acceleration = (SpatialFrame if n == 3 else BodyFrame).relative
-        carried = applied(turned, arm) if n == 3 else rotate(np.cos(turned), np.sin(turned), arm)
+        carried = applied(turned, arm)
         d += carried - arm[:, None]
-        d_rate += velocity(turning[0], carried)
-        d_accel += acceleration(*turning, carried)
-    return Deformed((d, d_rate, d_accel), turned, (turning[0], turning[1]))
-
-
-def _turn_in_plane(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
-    """Angle of a section, its angular velocity and acceleration."""
-    return [theta[0], rate[0], accel[0]]
+        d_rate += velocity(omega, carried)
+        d_accel += acceleration(omega, epsilon, carried)
+    return Deformed((d, d_rate, d_accel), theta, turned, (omega, epsilon))
 
 
 def _turn_in_space(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
@@ -135,9 +133,9 @@ class DeformingMotion(RigidMotion, ABC):
 
     def section_frame(self, side: Any) -> tuple[Any, Any]:
         """Axes of the section at a point, and the point in these."""
-        frame = self.frame(side.body)
         if side.body not in self.shapes:
-            return frame, side
+            return super().section_frame(side)
+        frame = self.frame(side.body)
         at = np.asarray(side.at, float)
         kind = PlanarSection if len(at) == 2 else SpatialSection
         return kind(self, side.body, frame, at, self.deformed(side.body, at)), replace(side, at=tuple(0.0 * at))
@@ -169,22 +167,22 @@ class SectionFrame(BodyFrame):
         return self.frame.acceleration(place, *moved[1:])
 
 
+    @cached_property
+    def axes(self) -> np.ndarray:
+        return np.einsum("ijt,jkt->ikt", self.frame.axes, self.deformed.turned)
+
+
 class PlanarSection(SectionFrame):
     """Section of a planar body."""
 
     def _scalar(self, key: str) -> np.ndarray:
-        frame, turned = self.frame, self.deformed.turned
-        if key in ("omega", "epsilon"):
-            return getattr(frame, key) + self.deformed.turning[key == "epsilon"]
-        return frame.to_global((np.cos(turned), np.sin(turned)))["cs".index(key)]
+        if key in ("c", "s"):
+            return self.axes["cs".index(key), 0]
+        return getattr(self.frame, key) + self.deformed.turning[key == "epsilon"]
 
 
 class SpatialSection(SectionFrame, SpatialFrame):
     """Section of a body in space."""
-
-    @cached_property
-    def axes(self) -> np.ndarray:
-        return np.einsum("ijt,jkt->ikt", self.frame.axes, self.deformed.turned)
 
     @property
     def omega(self) -> np.ndarray:
