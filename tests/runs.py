@@ -20,7 +20,7 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import tree_layout as of
 from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_builder import side_of
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.solve.simulation import solve
@@ -57,7 +57,7 @@ def short(scene: str) -> Model:
     return model(scene, *SHORT.get(scene, ()))
 
 
-def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> State:
+def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
     """State of a planar system at t [s] by frames and shapes of its bodies, (size,); loops are not closed. The tables
     have the sections by these frames."""
     engine, bodies = system.engine, system.engine.tables.bodies
@@ -86,7 +86,7 @@ def folded(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Sta
     return engine.state(t, engine.choice)
 
 
-def _section(system: CoupledSystem, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
+def _section(system: System, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
     """Pose and twist of a section by its body's frame, (size,), as it is deformed; vectors are complex numbers."""
     (node, place), arrays, body = system.engine.layout.on(side), system.engine.arrays, side.body
     if node < 0:
@@ -105,7 +105,7 @@ def _section(system: CoupledSystem, side: Side, q: np.ndarray, v: np.ndarray) ->
     return at_point.real, at_point.imag, q[start + 2] + pose[2], moving.real, moving.imag, omega + twist[2]
 
 
-def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
+def gaps(system: System, t: float, q: np.ndarray) -> dict[str, float]:
     """By how much frames and shapes q (size,) of a planar system violate every joint's rows and every prescribed drive
     [m or rad] at t [s]: by name."""
     folded(system, t, q, 0.0 * q)
@@ -122,7 +122,7 @@ def gaps(system: CoupledSystem, t: float, q: np.ndarray) -> dict[str, float]:
     return dict(zip(names, constraints.residuals(poses).tolist(), strict=True))
 
 
-def closed(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
+def closed(system: System, t: float, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
     """The nearest state of a planar system with closed loops, with accelerations and reactions."""
     folded(system, t, q, v)
     return by_themselves(system, system.states(system.engine.row(t)[None]))

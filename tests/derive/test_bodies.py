@@ -19,9 +19,10 @@ from kaneflex.derive.bodies import proof, space_proof
 from kaneflex.derive.bodies.proof import NotKane
 from kaneflex.generated import body, spatial, spatial_shapes
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.shape_moments import ShapeMoments
-from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.topology import build_tables
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -308,23 +309,23 @@ loads.on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
 
 
 @pytest.fixture(scope="module")
-def blocks() -> Blocks:
-    """Those of a slider-crank with an elastic rod, with loads spread over rod and crank."""
+def rod() -> Shapes:
+    """Shapes of the elastic rod of a slider-crank."""
     system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
-    return Blocks(scene_of(LOADED), system.counts, system.shapes)
+    return system.shapes["rod"]
 
 
-def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
+def test_the_weight_of_a_rod_is_a_load_spread_over_it(rod):
     """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
-    counts = blocks.counts["rod"]
-    q = np.random.default_rng(4).standard_normal(sum(counts)) * 1e-2
+    blocks, scene = Blocks(rod.scene, {}), rod.scene
+    q = np.random.default_rng(4).standard_normal(rod.count) * 1e-2
     gravity, none = np.array([3.0, -9.81]), np.zeros(len(q))
     c, s = np.cos(0.7), np.sin(0.7)
-    p, weight = blocks.body("rod"), np.zeros(3 + len(q))
-    force = blocks.scene.bodies["rod"].rho_A * blocks.scene.bodies["rod"].length / 2 * gravity
+    p, weight = blocks.body("rod", rod), np.zeros(3 + len(q))
+    force = scene.bodies["rod"].rho_A * scene.bodies["rod"].length / 2 * gravity
     for weights in ((1.0, 0.0), (0.0, 1.0)):
-        share, x, rows, G = blocks.shapes["rod"].spread(*weights)
-        x, numbers = x / share, blocks.station("rod", rows / share, G / share)
+        share, x, rows, G = rod.spread(*weights)
+        x, numbers = x / share, blocks.station(rod, rows / share, G / share)
         twists = np.zeros(3 * len(q))
         moved = body.displace(numbers, 0, q, 0, twists, 0)
         along, across = c * force[0] + s * force[1], c * force[1] - s * force[0]
@@ -335,16 +336,16 @@ def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
     stiffness = [*body.inverse(p, 0, q, none, none, 0, c, s, 0.0, 0.0, 0.0, 0.0, shapes[1], 0), *shapes[1]]
     terms = abs(np.array(held)) + abs(np.array(stiffness))
     assert (abs(weight + held - stiffness) <= 1e-12 * terms.max()).all()
-    assert weight[:2] == pytest.approx(blocks.scene.bodies["rod"].mass * gravity, rel=1e-12)
+    assert weight[:2] == pytest.approx(scene.bodies["rod"].mass * gravity, rel=1e-12)
 
 
-def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(blocks):
-    scene, length = blocks.scene, blocks.scene.bodies["crank"].length
+def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(rod):
+    scene = scene_of(LOADED)
+    length, blocks = scene.bodies["crank"].length, Blocks(scene, {"rod": lambda held, freed: rod})
     sections = build_tables(mechanism_of(scene), blocks).layout.sections
     assert {("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
-    rod = blocks.shapes["rod"]
-    middle = blocks.station("rod", *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))
-    axial, transverse = blocks.counts["rod"]
+    middle = blocks.station(rod, *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))
+    axial, transverse = rod.counts
     assert middle[:2].tolist() == [axial, axial + transverse]
     assert len(middle) == 2 + axial + transverse * (2 + transverse)
 

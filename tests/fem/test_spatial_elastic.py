@@ -18,10 +18,10 @@ from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import at_point
+from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.bound_model import keep_terms
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.multibody.model.tree_layout import COORDINATE, SPEED
 from kaneflex.plots.sensors import grouped
 
@@ -466,7 +466,7 @@ solve.preset = "rigid"
     found = matrices(load(scene_of(f'{elastic}[bodies.stub]\nlength = "1 m"\nrotation.x = [1, 0, 0]\n{stiff}')), t)
     lowest = eig(found["K"], found["M"], right=False).real.min()
     free = scene_of(rigid)
-    system = build_spatial_system(free, find_laws_module(free, lambda stage: None)[0])
+    system = rigid_system(free, find_laws_module(free, lambda stage: None)[0])
     start = start_of(system)
     at, speed = (int(system.columns(["hinge"], what)[0]) for what in (COORDINATE, SPEED))
     rates = []

@@ -13,9 +13,9 @@ import kaneflex
 from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.body_parameters import SpatialBlocks
 from kaneflex.multibody.model.layout import WHAT
-from kaneflex.multibody.model.spatial_system import build_spatial_system
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import spatial_curves
@@ -96,7 +96,7 @@ solve.duration = 1
     tables = build_tables(mechanism, SpatialBlocks(mechanism, RIGID)).tables
     cuts = tables.acts[: tables.ranges[1], WHAT]
     assert sum(len(ANGLES[what]) for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
-    system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
+    system = rigid_system(scene, find_laws_module(scene, lambda stage: None)[0])
     rng = np.random.default_rng(SEED)
     for _ in range(4):
         q = rng.normal(size=len(system.engine.layout.positions))
@@ -184,7 +184,7 @@ def joint_by_hand(kind, q):
 def test_rows_of_joints_by_hand(kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
     scene = scene_of(GUIDED % (kind, AXES[kind]))
-    system = build_spatial_system(scene, find_laws_module(scene, lambda stage: None)[0])
+    system = rigid_system(scene, find_laws_module(scene, lambda stage: None)[0])
     assert len(system.engine.layout.positions) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
         system.place(q)

@@ -15,10 +15,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.assembly import build_engine
-from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.assembly import rigid_system
+from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.run import Run
@@ -49,12 +47,11 @@ def scenes():
 
 def system_of(scene, *contacts, gravity=(0.0, -G), hinged=False):
     """The bodies of a scene with contacts; free, unless hinged."""
-    (module, _), none = find_laws_module(scene, lambda stage: None), dict.fromkeys(scene.bodies, (0, 0))
+    module, _ = find_laws_module(scene, lambda stage: None)
     mechanism = replace(mechanism_of(scene), contacts={each.name: each for each in contacts}, gravity=gravity)
     if not hinged:
         mechanism = replace(mechanism, joints={}, drives={})
-    engine = build_engine(mechanism, module, Blocks(scene, none, {}), bind_parameters(scene, module))
-    return CoupledSystem(module, engine, mechanism, {}, {}, none)
+    return rigid_system(scene, module, mechanism=mechanism)
 
 
 def body(k=0, point="start", at=ZERO):

@@ -38,10 +38,11 @@ def moved(engine):
 def inertia_forces(model, q, v, a):
     """M a - f of every body by itself, what holds, damps and weighs it included, by the body's kernel."""
     system, found = model.coupled, np.zeros(model.coupled.size)
-    blocks = Blocks(model.scene, system.counts, system.shapes)
+    blocks = Blocks(model.scene, {})
     for name, k in system.start.items():
         turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]
-        found[k : k + 3] += body.inverse.py_func(blocks.body(name), 0, q, v, a, k + 3, *turn, *frame, found, k + 3)
+        p = blocks.body(name, system.shapes.get(name))
+        found[k : k + 3] += body.inverse.py_func(p, 0, q, v, a, k + 3, *turn, *frame, found, k + 3)
     return found
 
 

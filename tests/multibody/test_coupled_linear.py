@@ -14,7 +14,7 @@ import kaneflex
 from kaneflex import SceneError, modes, read_scene, scene_of, with_settings
 from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time import linearisation
 from kaneflex.multibody.time.linearisation import Equations, spin_of
 from kaneflex.solve.coupled import undeformed
@@ -315,7 +315,7 @@ def test_linear_equations_take_the_forces_of_neighbours_and_not_their_accelerati
     model = kaneflex.load(scene_of(BLADE.format(speed=3.0) + SHORT.format(6)))
     expected = linear_about(model, 0.0).K
     monkeypatch.setattr(linearisation, "STEP", 1e-3)
-    monkeypatch.delattr(SpatialSystem, "near")
+    monkeypatch.delattr(System, "near")
     assert linear_about(model, 0.0).K == pytest.approx(expected, abs=1e-9 * abs(expected).max())
 
 

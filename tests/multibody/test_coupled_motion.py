@@ -11,7 +11,7 @@ from runs import STENCIL, gaps, model, run, solved
 
 from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.floating_motion import FloatingMotion
@@ -20,7 +20,7 @@ from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result
 
 
-def path(system: CoupledSystem, *parts: np.ndarray) -> CoupledTrajectory:
+def path(system: System, *parts: np.ndarray) -> CoupledTrajectory:
     """Coordinates of frames and shapes, and their rates, zero by default; without forces, all at t = 0."""
     q = parts[0]
     rows, record = np.zeros((len(q), len(system.engine.row(0.0)))), np.zeros((len(q), len(system.engine.work.kept)))
@@ -75,7 +75,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     shapes = {"strip": replace(given.coupled.shapes["strip"], link=own)}
     engine = given.coupled.engine
     engine = replace(engine, layout=replace(engine.layout, shapes=shapes))
-    system = replace(given.coupled, engine=engine, links={"strip": own}, shapes=shapes)
+    system = replace(given.coupled, engine=engine, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
     trajectory = path(system, q, v, a)

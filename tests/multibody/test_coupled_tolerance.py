@@ -11,7 +11,7 @@ from runs import derived_on_the_fly, folded
 from scipy.linalg import eigh
 
 from kaneflex import scene_of, with_settings
-from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.scene.options import resolve_options

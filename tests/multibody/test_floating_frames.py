@@ -11,8 +11,8 @@ from scipy.linalg import eigh
 
 import kaneflex
 from kaneflex.fem.links import link_of_scene
+from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.shape_bases import link_shapes
-from kaneflex.multibody.model.system import build_system
 from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.scene.read import _validated
 

@@ -16,7 +16,7 @@ from runs import alike, solved
 
 import kaneflex
 from kaneflex import SceneError, scene_of, shipped_scenes, with_settings
-from kaneflex.multibody.model.spatial_system import SpatialSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.report.checked import description
 from kaneflex.scene.sections import torsion_constant
@@ -309,9 +309,9 @@ def test_a_round_link_turns_freely_whatever_axes_its_section_is_given(askew, clo
 
 def test_turns_of_a_joint_in_the_tree_take_no_further_evaluations(monkeypatch):
     """The mechanism is evaluated at the requested instants alone, and all joints that close loops count at once."""
-    solution, near, evaluated = _solution(_pendulum("")), SpatialSystem.near, []
+    solution, near, evaluated = _solution(_pendulum("")), System.near, []
     angle = pytest.approx(solution["angle"].values, abs=1e-12)
-    monkeypatch.setattr(SpatialSystem, "near", lambda *args: (evaluated.extend(args[2]), near(*args)))
+    monkeypatch.setattr(System, "near", lambda *args: (evaluated.extend(args[2]), near(*args)))
     motion = replace(solution.model.motion)
     assert motion.at(solution.times)["hinge.angle"] == angle
     assert evaluated == solution.times.tolist()

@@ -23,7 +23,7 @@ from kaneflex_peers.buildable import stiffness_damping
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
+    from kaneflex.multibody.model.system import System
     from kaneflex.solve.curves import Resolution
 
 _HELD = {
@@ -348,7 +348,7 @@ class Bodies:
 class _State(Bodies):
     """States of Exudyn's bodies at the current instant of its run."""
 
-    def __init__(self, built: Built, system: SpatialSystem):
+    def __init__(self, built: Built, system: System):
         super().__init__(np.zeros(1))
         self.built, self.system, self.mechanism = built, system, system.mechanism
         self.angles: dict[str, float] = {}

@@ -32,8 +32,8 @@ from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
+from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.layout import Kind
-from kaneflex.multibody.model.system import build_system
 from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.support import inner
 from kaneflex.support.inner import PART
@@ -260,7 +260,7 @@ from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.time.rigid_reference import rigid_reference
-from kaneflex.multibody.model.system import build_system
+from kaneflex.multibody.model.assembly import build_system
 
 
 @numba.njit

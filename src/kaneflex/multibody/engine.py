@@ -39,8 +39,8 @@ class Engine(Views):
         Values of the module's PARAMETERS with its tables.
     real, pair : ndarray
         Workspace of factors.
-    shared : Kind, optional
-        Kind of mechanism whose library it uses, if not its own.
+    kind : Kind
+        Kind of mechanism that its library is compiled for.
     integrates : bool
         True if it uses the library that integrates motions.
     light : bool
@@ -53,7 +53,7 @@ class Engine(Views):
     p: np.ndarray
     real: np.ndarray
     pair: np.ndarray
-    shared: at.Kind | None = None
+    kind: at.Kind = at.Kind.PLAIN
     integrates: bool = True
     light: bool = False
     chosen: list[Choice] = field(default_factory=lambda: [NONE])
@@ -261,17 +261,6 @@ class Engine(Views):
     def call(self, function: str, *values: Any) -> Any:
         """Call a function of :mod:`.compile.entries` with this engine; arrays and handles are passed by address."""
         return self._entries[function](self._handle.address, *map(by_address, values))
-
-    @property
-    def kind(self) -> at.Kind:
-        """Kind of mechanism that its library is compiled for."""
-        if self.shared is not None:
-            return self.shared
-        if len(self.holds):
-            return at.Kind.HOLDS
-        if self.count(at.RIGID):
-            return at.Kind.IMPACTS
-        return at.Kind.CONTACTS if len(self.contacts) else at.Kind.PLAIN
 
     @cached_property
     def _entries(self) -> Mapping[str, Callable[..., Any]]:

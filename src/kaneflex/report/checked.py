@@ -98,15 +98,15 @@ def _times(model: Model) -> np.ndarray:
 
 def _mobility(model: Model) -> Blocks:
     if model.scene.is_spatial:
+        from kaneflex.multibody.model.assembly import rigid_system
         from kaneflex.multibody.model.independent_speeds import choose
         from kaneflex.multibody.model.spatial_initial_state import start_of
-        from kaneflex.multibody.model.spatial_system import build_spatial_system
         from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
         assert isinstance(model.motion, SpatialKinematics)
         system = model.motion.module.system
         if system.engine.shapes.any():  # shapes are no freedoms of joints
-            system = build_spatial_system(system.scene, system.module)
+            system = rigid_system(system.scene, system.module)
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.engine.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))

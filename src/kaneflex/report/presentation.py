@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
     from kaneflex.multibody.model.state import Choice
+    from kaneflex.multibody.model.system import System
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.contact_law import Friction
@@ -90,7 +90,7 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     return found
 
 
-def spatial_mobility(system: SpatialSystem, choice: Choice) -> Blocks:
+def spatial_mobility(system: System, choice: Choice) -> Blocks:
     """Degrees of freedom of a mechanism in space, by the rank of its joints' constraints."""
     left, tied = len(choice.independent), len(choice.dependent)
     rows, speeds = len(system.work.row_measure), system.engine.size

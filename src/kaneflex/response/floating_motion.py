@@ -19,7 +19,7 @@ from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
 from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.scene import Scene
@@ -42,19 +42,19 @@ class FloatingMotion(DeformingMotion):
     Attributes
     ----------
     scene : Scene
-    system : CoupledSystem
+    system : System
     rigid : RigidMotion
         Rigid mechanism at these instants, which knows drives and loads.
     trajectory : CoupledTrajectory
     """
 
     scene: Scene
-    system: CoupledSystem
+    system: System
     rigid: RigidMotion
     trajectory: CoupledTrajectory
 
     @classmethod
-    def of(cls, scene: Scene, system: CoupledSystem, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
+    def of(cls, scene: Scene, system: System, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
         """Motion of a trajectory."""
         return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), scene, system, rigid, trajectory)
 

@@ -11,11 +11,9 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.fem.recovery import IN_PLANE, padded, section_forces
+from kaneflex.multibody.model.assembly import bound_system, build_system
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_laws_module
-from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.spatial_coupled import build_coupled_system
-from kaneflex.multibody.model.system import build_system
 from kaneflex.response.stresses import section_at
 from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
@@ -29,11 +27,10 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
     if scene.is_spatial:
         module, _ = find_laws_module(scene, progress)
         options = replace(resolve_options(scene), modes=modes_of(scene))
-        shapes = build_coupled_system(scene, module, options).layout.shapes
+        shapes = bound_system(scene, module, options).shapes
     else:
         shapes = build_system(scene, progress)[0].shapes
-    of = {name: each for name, each in shapes.items() if isinstance(each, Shapes)}
-    return {name: recovering(scene, each.link, each.basis, link_data(each)) for name, each in of.items()}
+    return {name: recovering(scene, each.link, each.basis, link_data(each)) for name, each in shapes.items()}
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:

@@ -20,7 +20,7 @@ from kaneflex.multibody.model.building import reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, prepare
@@ -201,7 +201,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 
 
-def free_courses(scene: Scene, system: CoupledSystem, motion: RigidKinematics, rows: np.ndarray) -> Courses:
+def free_courses(scene: Scene, system: System, motion: RigidKinematics, rows: np.ndarray) -> Courses:
     """Courses of the FREE coordinates of a planar motion at rows of the engine."""
     parts = [by_themselves(system, rows[k : k + _AT_ONCE]) for k in range(0, len(rows), _AT_ONCE)]
     moved = (FloatingMotion.of(scene, system, LaterMotion(motion, part.times), part) for part in parts)

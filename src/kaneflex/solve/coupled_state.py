@@ -18,8 +18,7 @@ from kaneflex.support.labelled import read_labelled
 from kaneflex.support.units import ANGLE, LENGTH
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
-    from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.multibody.model.system import System
     from kaneflex.scene.start import Start
     from kaneflex.solve.run_result import RunResult
 
@@ -72,7 +71,7 @@ def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str
             raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 
-def laid_state(given: Start, system: CoupledSystem | SpatialSystem, start: State) -> State:
+def laid_state(given: Start, system: System, start: State) -> State:
     """Start with the coordinates and rates that a scene gives; loops are not closed.
 
     Raises SceneError as :func:`kaneflex.solve.initial.laid_over`, and for a quaternion that is not of unit length.
@@ -84,7 +83,7 @@ def laid_state(given: Start, system: CoupledSystem | SpatialSystem, start: State
     return replace(start, q=q, u=speeds_of(engine, q[None], v[None])[0])
 
 
-def closed_state(tables: Start, system: CoupledSystem | SpatialSystem, given: State, choice: Choice) -> State:
+def closed_state(tables: Start, system: System, given: State, choice: Choice) -> State:
     """State that a scene's tables give with closed loops, by the independent speeds of a choice.
 
     Raises SceneError if joints or drives change given coordinates or rates, or shapes.
@@ -119,7 +118,7 @@ def closed_state(tables: Start, system: CoupledSystem | SpatialSystem, given: St
 
 
 def state_after(
-    system: CoupledSystem | SpatialSystem, after: SavedState, choose: Callable[[State], Choice]
+    system: System, after: SavedState, choose: Callable[[State], Choice]
 ) -> tuple[State, dict[str, float]]:
     """Initial state of a run that continues another one, and the angles of joints that close loops, with whole turns.
 
@@ -139,7 +138,7 @@ def state_after(
     return found, {joints[name]: angle for name, angle in known if name in joints and name not in names}
 
 
-def _normalise(system: CoupledSystem | SpatialSystem, q: np.ndarray, key: str, source: str) -> None:
+def _normalise(system: System, q: np.ndarray, key: str, source: str) -> None:
     """Scale the quaternions of a state to unit length, which it may miss by rounding.
 
     Raises SceneError (of ``key`` and ``source``) if one misses it by more.

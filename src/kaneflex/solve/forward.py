@@ -21,7 +21,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import CURE, Run
@@ -52,13 +52,13 @@ class StartKinematics(RigidKinematics):
     """
 
     given: np.ndarray
-    system: CoupledSystem
+    system: System
     state: State
 
     is_start = True
 
     @property
-    def initial(self) -> tuple[CoupledSystem, State]:
+    def initial(self) -> tuple[System, State]:
         """Equations of the motion, and its initial state."""
         return self.system, self.state
 
@@ -68,7 +68,7 @@ class StartKinematics(RigidKinematics):
         return super().table(times)
 
 
-def at_start(scene: Scene, system: CoupledSystem, motion: RigidKinematics) -> StartKinematics:
+def at_start(scene: Scene, system: System, motion: RigidKinematics) -> StartKinematics:
     """Rigid motion at the start of the free joints; ``motion``: that of the module, without courses of these joints.
 
     Raises SceneError if it can't start: the linkage can't close, the mass matrix is singular, or forces are not finite.
@@ -138,7 +138,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     return motion
 
 
-def _left(motion: RigidKinematics, found: CoupledTrajectory, system: CoupledSystem) -> int:
+def _left(motion: RigidKinematics, found: CoupledTrajectory, system: System) -> int:
     """First stored instant, after the start, at which a body is not where the run has it, which continues where
     branches of a loop's motion meet; -1 without one."""
     rigid, apart = motion.at(found.times), np.zeros(len(found.times))

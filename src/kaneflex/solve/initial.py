@@ -15,8 +15,7 @@ from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimensio
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
-    from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.multibody.model.system import System
     from kaneflex.scene import Scene
     from kaneflex.scene.drives import Drive
 
@@ -50,7 +49,7 @@ def start_dimensions(model: Model) -> dict[str, Dimension]:
     }
 
 
-def state_dimensions(system: CoupledSystem | SpatialSystem) -> dict[str, Dimension]:
+def state_dimensions(system: System) -> dict[str, Dimension]:
     """Dimension of each coordinate of a coupled system, in its order."""
     return {name: _OF_UNIT[unit] for name, unit in system.engine.layout.positions}
 

@@ -117,7 +117,7 @@ def _bind_one_way(
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE:
-        from kaneflex.multibody.model.system import rigid_system
+        from kaneflex.multibody.model.assembly import rigid_system
         from kaneflex.solve.forward import at_start
 
         laws, more = find_laws_module(scene, progress)
@@ -189,8 +189,8 @@ def _bind_coupled(
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     """Variant of :func:`_bind_one_way` for preset coupled, which needs the laws of drives and loads only."""
     from kaneflex.mechanism.position_analysis import place
+    from kaneflex.multibody.model.assembly import build_system, with_stretch
     from kaneflex.multibody.model.determinacy import check_freedoms, check_sensors, undetermined
-    from kaneflex.multibody.model.system import build_system, with_stretch
     from kaneflex.multibody.time.rigid_reference import rigid_reference
     from kaneflex.solve.contact_lines import check_lines
 
@@ -282,11 +282,11 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     if model.coupled is None:
         return build_model(scene, options, _moved(model, scene, options.duration), like)
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.system import bound_system, with_stretch
+    from kaneflex.multibody.model.assembly import bound_system, with_stretch
     from kaneflex.multibody.time.rigid_reference import rigid_reference
 
     own = model.coupled
-    system = bound_system(scene, own.module, own if alike else None, frozen)
+    system = bound_system(scene, own.module, like=own if alike else None, frozen=frozen)
     scene = with_stretch(scene)
     motion = rigid_reference(scene, system, place(scene))
     found = build_model(scene, options, motion, like, bare=model.bare)

@@ -11,16 +11,17 @@ import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
+from kaneflex.multibody.model.assembly import bound_system, rigid_system
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
 from kaneflex.multibody.model.determinacy import check_bearings, check_sensors, open_reactions
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run, build_coupled_system
+from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.spatial_curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
@@ -50,9 +51,9 @@ def bind_in_space(
     coupled = options.dynamics == "coupled"
     if coupled:  # before its shapes are computed
         check_memory(scene, options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
-        system = build_coupled_system(scene, generated, options)
+        system = bound_system(scene, generated, options)
     else:
-        system = build_spatial_system(scene, generated)
+        system = rigid_system(scene, generated)
         check_memory(scene, options, len(SpatialModule(system).SCALARS))
     compiled = compiled_by(progress, system.engine.compile)
     motion = _bound(system, options)
@@ -63,7 +64,7 @@ def bind_in_space(
     return model, tuple(_beyond(system) if coupled else ()), {"derive": derived, "compile": compiled}
 
 
-def _beyond(system: SpatialSystem) -> list[str]:
+def _beyond(system: System) -> list[str]:
     """Warning for each link whose elements have fewer modes than the scene requests."""
     solve = system.scene.solve
     asked = solve.modes
@@ -84,19 +85,19 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 
 
 def beside_in_space(
-    model: Model, scene: Scene, options: Options, like: SpatialSystem | None = None, frozen: bool = False
+    model: Model, scene: Scene, options: Options, like: System | None = None, frozen: bool = False
 ) -> Model:
     """Variant of :func:`kaneflex.solve.loading.neighbour` for mechanisms in space, with a system that its own is
     like."""
     scene, module = acting(scene, options), model.module.system.module
     if options.dynamics == "coupled":
-        system = build_coupled_system(scene, module, options, like, frozen)
+        system = bound_system(scene, module, options, like, frozen)
         return _coupled_model(scene, options, _bound(system, options))
-    motion = _bound(build_spatial_system(scene, module), options)
+    motion = _bound(rigid_system(scene, module), options)
     return build_model(scene, options, motion, model if frozen else None)
 
 
-def _bound(system: SpatialSystem, options: Options) -> SpatialKinematics:
+def _bound(system: System, options: Options) -> SpatialKinematics:
     """Motion of a system before a run: as the drives prescribe it, else its start."""
     module, start = SpatialModule(system), start_of(system)
     check_bearings(system, start)
@@ -121,9 +122,9 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
             raise SceneError(f"springs.{far[0]}.bushing", None, far[1], cure)
 
 
-def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
+def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[System, State, SpatialMotion]:
     """Mechanism in space, its initial state, and its motion at that instant."""
-    system = build_spatial_system(scene, find_laws_module(scene, progress)[0])
+    system = rigid_system(scene, find_laws_module(scene, progress)[0])
     start = start_of(system)
     return system, start, _standing(SpatialModule(system), start).at(0.0)
 
@@ -168,7 +169,7 @@ def _before(scene: Scene, sensor: Sensor) -> Iterator[str]:
             yield from (f"{name}.force", f"{name}.moment")
 
 
-def given_state(system: SpatialSystem, start: State) -> State:
+def given_state(system: System, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives; whole turns of drives are removed.
 
     Raises SceneError as :func:`kaneflex.solve.coupled_state.closed_state`.

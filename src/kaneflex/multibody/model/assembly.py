@@ -1,27 +1,164 @@
-"""Engine of a mechanism from its tables, in the plane and in space."""
+"""Assembly of a scene's system: its mechanism, the shapes of its elastic bodies, tables, and the engine."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.fem.links import link_of_scene
+from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.body_parameters import Blocks, PointShapes, SpatialBlocks
+from kaneflex.multibody.model.layout import Kind
+from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
 from kaneflex.multibody.model.places import Counts, assign, assign_rows
+from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned, spatial_shapes
+from kaneflex.multibody.model.shape_families import check_family
+from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.system import System, has_slopes
 from kaneflex.multibody.model.topology import build_tables
-from kaneflex.multibody.model.tree_builder import Built, Numbers
-from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SHIFT, SPEED
+from kaneflex.multibody.model.tree_builder import AnyMechanism, Built, Numbers
+from kaneflex.multibody.model.tree_layout import (
+    BALL,
+    COORDINATE,
+    KIND,
+    SHIFT,
+    SPEED,
+    Deformable,
+    Flexible,
+    Place,
+)  # fmt: skip
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
 
 
-def build_engine(mechanism: NumericMechanism, module: Any, blocks: Blocks, p: np.ndarray) -> Engine:
-    """Engine of a planar mechanism with its structure's module and the module's parameters."""
-    given = sorted((name for name, drive in mechanism.drives.items() if not drive.free),
-                   key=lambda name: mechanism.drives[name].kind == "given")  # fmt: skip
-    in_laws, switches = (*mechanism.drives, *mechanism.observed), len(getattr(module, "SWITCHES", ()))
-    return engine_of(build_tables(mechanism, blocks, in_laws, given, switches), module, p)
+def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[System, float]:
+    """Find or derive the module of a planar scene's laws, and bind its numbers.
+
+    Returns the system and the seconds spent on deriving its module.
+    """
+    for name, body in scene.bodies.items():
+        if body.elastic:
+            check_modes(scene, name)
+    module, seconds = find_laws_module(scene, progress)
+    return bound_system(scene, module), seconds
+
+
+def bound_system(
+    scene: Scene, module: ModuleType, options: Options | None = None, like: System | None = None, frozen: bool = False
+) -> System:
+    """System of a scene with its module, with deforming bodies.
+
+    ``options``: in space, of its links' elements and modes; ``like``: system of a scene that differs in numbers only,
+    and whose links' shapes have the same signs and scales; ``frozen`` keeps the space spanned by them.
+    """
+
+    def shapes(name: str, held: Place | None, freed: str) -> Any:
+        body, before = scene.bodies[name], None if like is None else like.shapes.get(name)
+        if body.modal is not None and options is None:
+            return PointShapes(body.modal)
+        if body.modal is not None:  # a local import lets others start faster
+            from kaneflex.multibody.model.held_shapes import held_shapes
+
+            return held_shapes(body.modal, held, freed)
+        assert body.beam is not None
+        if options is None:
+            link = link_of_scene(with_stretch(scene), name, body.beam.elements, element_of(scene))
+        else:
+            link = link_of_scene(scene, name, options.elements or body.beam.elements)
+        if frozen and before is not None:
+            return alike(spanned(scene, before, link, held[0] if options and held else None), before)
+        if options is None:
+            found = link_shapes(scene, link, link_modes(scene, name))
+        else:
+            found = spatial_shapes(scene, link, int(options.modes), held, freed)
+        return found if before is None else alike(found, before)
+
+    flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
+    if options is not None:
+        return _system(scene, module, flexible)
+    made = {name: each(None, "") for name, each in flexible.items()}  # wherever the tree holds them
+    return _system(scene, module, {name: partial(_as_made, each) for name, each in made.items() if each.count}, made)
+
+
+def rigid_system(
+    scene: Scene, module: ModuleType, coupled: bool = False, rubs: bool = True, mechanism: AnyMechanism | None = None
+) -> System:
+    """System of a scene with its module whose bodies are all rigid.
+
+    ``coupled``: see :class:`System`; ``rubs``: with friction; ``mechanism``: if other than the scene's.
+    """
+    return _system(scene, module, {}, {}, coupled, rubs, mechanism)
+
+
+def _system(
+    scene: Scene, module: ModuleType, flexible: Flexible, made: Mapping[str, Deformable] | None = None,
+    coupled: bool = True, rubs: bool = True, mechanism: AnyMechanism | None = None,
+) -> System:  # fmt: skip
+    """System of a scene with the shapes of its deforming bodies; ``made``: those that do not depend on the tree."""
+    if mechanism is None:
+        mechanism = spatial_mechanism_of(scene) if scene.is_spatial else mechanism_of(scene)
+    space, switches = isinstance(mechanism, SpatialMechanism), len(getattr(module, "SWITCHES", ()))
+    of: Any = scene if space else mechanism
+    in_laws, free = (*of.drives, *of.observed), [name for name, drive in of.drives.items() if drive.kind == "free"]
+    driven = sorted((name for name in of.drives if name not in free), key=lambda name: of.drives[name].kind == "given")
+    integrates = coupled or not space or bool(free or mechanism.floating)
+    numbers = SpatialBlocks(mechanism, flexible) if isinstance(mechanism, SpatialMechanism) else Blocks(scene, flexible)
+    built = build_tables(mechanism, numbers, in_laws, driven, switches, rubs)
+    kind = _kind(mechanism, switches, coupled or (integrates and has_slopes(mechanism, in_laws)))
+    engine = engine_of(built, module, bind_parameters(scene, module), kind=kind, integrates=integrates)
+    shapes = engine.layout.shapes if made is None else made
+    links = {name: each for name, each in shapes.items() if isinstance(each, Shapes)}
+    return System(scene, module, mechanism, engine, links, coupled)
+
+
+def _as_made(shapes: Deformable, held: Place | None, freed: str) -> Deformable:
+    """Shapes of a body, wherever they are held."""
+    return shapes
+
+
+def _kind(mechanism: AnyMechanism, switches: int, stiff: bool) -> Kind:
+    """Kind of a mechanism, also of the one whose joints with friction do not close loops; ``stiff``: with derivatives
+    of springs, loads or shapes in the matrix of a step."""
+    if isinstance(mechanism, SpatialMechanism):
+        if mechanism.frictions or mechanism.contacts:
+            return Kind.HOLD_SPACE if mechanism.frictions else Kind.CONTACT_SPACE
+        return Kind.SWITCHED_SPACE if switches else Kind.SPACE if stiff else Kind.RIGID_SPACE
+    if mechanism.frictions:
+        return Kind.HOLDS
+    if any(contact.law == "newton" for contact in mechanism.contacts.values()):
+        return Kind.IMPACTS
+    return Kind.CONTACTS if mechanism.contacts or switches else Kind.PLAIN
+
+
+def check_modes(scene: Scene, name: str) -> None:
+    """Check that a link's elements have the requested modes, before deriving equations."""
+    modes, limit = link_modes(scene, name), most_modes(scene, name)
+    check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
+    if modes > limit:
+        raise SceneError(
+            "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
+            "Use fewer modes, or more elements",
+        )  # fmt: skip
+
+
+def with_stretch(scene: Scene) -> Scene:
+    """Scene with axially flexible beams: their finite elements have all coordinates, whatever shapes are kept."""
+    bodies = {
+        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
+        if body.elastic
+        else body
+        for name, body in scene.bodies.items()
+    }
+    return scene.seen(bodies=bodies)
 
 
 def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:

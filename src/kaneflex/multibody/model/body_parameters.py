@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from kaneflex.generated.body import BODY, POINT
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
+from kaneflex.multibody.model.inertia_integrals import body_moments, link_data
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names, Place
 from kaneflex.scene import Scene
@@ -28,48 +27,32 @@ class Blocks:
 
     Attributes
     ----------
-    counts : mapping
-        Body -> numbers of axial and transverse shapes, by default none.
-    shapes : mapping
-        Shapes of links; other elastic bodies have modal data from a file.
+    flexible : mapping
+        Shapes of the deforming bodies: of links, or of modal data from a file.
     """
 
     d: ClassVar[int] = 3
     scene: Scene
-    counts: Mapping[str, Sequence[int]]
-    shapes: Mapping[str, Shapes]
-
-    def _counts(self, body: str) -> Sequence[int]:
-        return self.counts.get(body, (0, 0))
+    flexible: Flexible
 
     def body(self, name: str, shapes: Deformable | None = None) -> np.ndarray:
         """Numbers of a body."""
-        moments = body_moments(self.scene, name, body_data(self.scene, name, self.shapes))
-        return body_block(moments, *self._counts(name))
+        data = link_data(shapes) if isinstance(shapes, Shapes) else self.scene.bodies[name].modal
+        return body_block(body_moments(self.scene, name, data), *_counts(shapes))
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""
         return numbers is None or bool(numbers[0] <= 0.0 or numbers[3] <= 0.0)
 
-    @cached_property
-    def flexible(self) -> Flexible:
-        """Bodies that deform with their shapes, wherever these are held."""
-        found: dict[str, Any] = {}
-        for name, counts in self.counts.items():
-            if any(counts):
-                data, link = self.scene.bodies[name].modal, self.shapes.get(name)
-                found[name] = PointShapes(data) if data is not None else link
-        return {name: partial(_as_given, shapes) for name, shapes in found.items()}
-
-    def station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+    def station(self, shapes: Deformable, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Numbers of a section by the rows u, v, theta of its body's shapes (3, count), and G (3, count, count)."""
-        axial, transverse = self._counts(body)
+        axial, transverse = _counts(shapes)
         s, w = slice(axial), slice(axial, None)
         return point_block({"s": rows[0, s], "w": rows[1, w], "psi": rows[2, w], "H": -G[0, w, w]}, axial, transverse)
 
     def names(self, body: str, shapes: Deformable) -> tuple[Names, Names]:
         """Speeds and coordinates of the shapes of a body."""
-        kinds = zip(("axial", "transverse"), self._counts(body), strict=True)
+        kinds = zip(("axial", "transverse"), _counts(shapes), strict=True)
         names = [(f"{body}.{kind}_{k}", "m") for kind, count in kinds for k in range(count)]
         return names, names
 
@@ -93,7 +76,7 @@ class SpatialBlocks:
     def is_light(self, numbers: np.ndarray | None) -> bool:
         return numbers is None or bool(numbers[0] <= 0.0 or min(numbers[4:7]) <= _LIGHT * max(numbers[4:7]))
 
-    def station(self, body: str, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
+    def station(self, shapes: Deformable, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Rows of the shapes, and the columns of G that are not zero."""
         i, j = np.nonzero(np.tril(G.any(axis=0)))
         return np.concatenate([np.ravel(rows), [len(i)], np.column_stack([i, j, G[:, i, j].T]).ravel()])
@@ -104,9 +87,10 @@ class SpatialBlocks:
                 [(f"{body}.shape_{k}", unit) for k, unit in enumerate(units)])  # fmt: skip
 
 
-def _as_given(shapes: Any, held: Place | None, freed: str) -> Any:
-    """Shapes of a body, wherever they are held."""
-    return shapes
+def _counts(shapes: Deformable | None) -> tuple[int, int]:
+    """Numbers of axial and transverse shapes of a body."""
+    axial, transverse = (0, 0) if shapes is None else shapes.counts
+    return axial, transverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +100,13 @@ class PointShapes:
     data: ModalData
 
     @property
+    def counts(self) -> tuple[int, ...]:
+        """Numbers of axial and transverse shapes."""
+        return self.data.counts
+
+    @property
     def count(self) -> int:
-        return sum(self.data.counts)
+        return sum(self.counts)
 
     @property
     def stiffness(self) -> np.ndarray:

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
     from kaneflex.mechanism.kernels import Kernels
     from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
-    from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.multibody.model.system import System
     from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
 
@@ -97,7 +96,7 @@ class Model:
         Modes of the whole mechanism in columns, if the motion is computed in them.
     reference_time : float
         Instant [s] at which the first drive is at ``options.mode_angle``; 0 if it never is.
-    coupled : CoupledSystem or None
+    coupled : System or None
         The coupled equations, under preset ``coupled``.
     energy : Energy or None
         Energies of a motion that was integrated before the elastic equations: of the rigid mechanism with free joints.
@@ -124,7 +123,7 @@ class Model:
     reduced: ElasticEquations
     modal_basis: np.ndarray | None
     reference_time: float
-    coupled: CoupledSystem | None = None
+    coupled: System | None = None
     energy: Energy | None = None
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -174,7 +173,7 @@ class Model:
         return cast("CoupledKinematics", self.in_space) if self.options.dynamics == "coupled" else None
 
     @property
-    def coupled_system(self) -> CoupledSystem | SpatialSystem:
+    def coupled_system(self) -> System:
         """System of the equations of motion: of preset ``coupled``, in space of all presets."""
         return self.coupled or cast("SpatialKinematics", self.motion).module.system
 

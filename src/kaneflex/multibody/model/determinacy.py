@@ -21,8 +21,7 @@ from kaneflex.support.errors import SceneError
 if TYPE_CHECKING:
     from kaneflex.mechanism.position_analysis import Placement
     from kaneflex.multibody.engine import Engine
-    from kaneflex.multibody.model.spatial_system import SpatialSystem
-    from kaneflex.multibody.model.system import CoupledSystem
+    from kaneflex.multibody.model.system import System
 
 COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
 """Components of a joint's force and moment in space, global."""
@@ -33,7 +32,7 @@ _MASSLESS = 1e-13
 """Inertia of a freedom, as a share of its own without others or of all bodies', below which it counts as zero."""
 
 
-def undetermined(system: CoupledSystem, state: State) -> tuple[str, ...]:
+def undetermined(system: System, state: State) -> tuple[str, ...]:
     """Names of a planar system's ``constraints`` with statically indeterminate reactions at a state.
 
     A combination of the cuts' rows that acts on no free coordinate is balanced by the joints of the tree.
@@ -80,7 +79,7 @@ def self_equilibrated_names(wrenches: Mapping[str, np.ndarray], drives: Mapping[
     return found
 
 
-def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
+def open_reactions(system: System, states: Iterable[State]) -> frozenset[str]:
     """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states."""
     found: set[str] = set()
     for state in states:
@@ -91,7 +90,7 @@ def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[
     return frozenset(found)
 
 
-def check_bearings(system: SpatialSystem, state: State) -> None:
+def check_bearings(system: System, state: State) -> None:
     """Check that friction depends on no statically indeterminate reaction. Raises SceneError."""
     mechanism = system.mechanism
     for multipliers in without_work(system, state) if mechanism.frictions else ():
@@ -115,7 +114,7 @@ def check_bearings(system: SpatialSystem, state: State) -> None:
                 )  # fmt: skip
 
 
-def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
+def without_work(system: System, state: State) -> Iterator[np.ndarray]:
     """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
     system.place(state.q)
     yield from combinations(system.engine)
@@ -167,7 +166,7 @@ def _of_joint(sensor: Sensor) -> Iterator[str]:
         yield f"{sensor.target}.normal"
 
 
-def check_freedoms(system: CoupledSystem, placement: Placement) -> None:
+def check_freedoms(system: System, placement: Placement) -> None:
     """Check that every freedom of a planar mechanism moves some inertia at the start of its bodies."""
     mechanism, q = system.mechanism, np.concatenate([placement.poses[body] for body in system.start])[None]
     (state,) = system.undeformed(np.zeros(1), q, 0.0 * q)

@@ -40,6 +40,11 @@ class HeldShapes:
     def count(self) -> int:
         return self.rows.shape[2]
 
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Shapes of each kind of a link: none."""
+        return 0, 0, 0, 0
+
     @cached_property
     def twisting(self) -> np.ndarray:
         """True for each shape that displaces none of the points and rotates some."""
@@ -59,7 +64,7 @@ class HeldShapes:
         return self.data.arrays["damping"]
 
     def numbers(self) -> np.ndarray:
-        return self.moments.numbers((0, 0, 0, 0), self.stiffness, self.damping, self.data.arrays["cubic"])
+        return self.moments.numbers(self.counts, self.stiffness, self.damping, self.data.arrays["cubic"])
 
     def carrier(self, at: Place) -> Place:
         """Nearest point of the data."""

@@ -9,14 +9,14 @@ import numpy as np
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint
 from kaneflex.multibody.model.codes import GIVEN, NAMED
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import Choice
+from kaneflex.multibody.model.system import System
 
 _RANK = 1e-9
 """Share of the largest singular value below which a row is redundant."""
 
 
-def given_speeds(system: SpatialSystem) -> dict[int, float]:
+def given_speeds(system: System) -> dict[int, float]:
     """Initial speeds of free joints and bodies from the scene, by their numbers, at the position of ``work``."""
     found: dict[int, float] = {}
     number = {name: k for k, name in enumerate(system.layout.speeds)}
@@ -37,7 +37,7 @@ def given_speeds(system: SpatialSystem) -> dict[int, float]:
     return found
 
 
-def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] | np.ndarray) -> np.ndarray:
+def _as_ball(system: System, joint: SpatialJoint, omega: Sequence[float] | np.ndarray) -> np.ndarray:
     """Speeds of a ball from the angular velocity of a joint's second body against its first, in the second's axes.
 
     Where the tree goes from the second body to the first it is the opposite, in the first's.
@@ -48,20 +48,20 @@ def _as_ball(system: SpatialSystem, joint: SpatialJoint, omega: Sequence[float] 
     return -first.T @ second @ np.asarray(omega)
 
 
-def _standing(system: SpatialSystem, joint: SpatialJoint) -> list[np.ndarray]:
+def _standing(system: System, joint: SpatialJoint) -> list[np.ndarray]:
     """Axes of a joint's bodies at the position of ``work``."""
     return [system.work.R[system.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
             for side in joint.sides]  # fmt: skip
 
 
-def named_speeds(system: SpatialSystem) -> list[int]:
+def named_speeds(system: System) -> list[int]:
     """Numbers of the speeds of free joints, free bodies and shapes."""
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
     return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
             *system.engine.modal[1].tolist()]  # fmt: skip
 
 
-def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> np.ndarray:
+def least_singular_values(system: System, rows: Iterable[np.ndarray]) -> np.ndarray:
     """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
     the measures of both, without redundant rows."""
     sizes = [np.linalg.svd(system.jacobian(q)[:, system.engine.open_speeds], compute_uv=False) for q in rows]
@@ -69,7 +69,7 @@ def least_singular_values(system: SpatialSystem, rows: Iterable[np.ndarray]) -> 
     return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 
 
-def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice:
+def choose(system: System, q: np.ndarray, prefer: bool = False) -> Choice:
     """Independent rows and speeds at a position; ``prefer``: named speeds are independent."""
     system.place(q)
     level = system.engine.levels.copy()
@@ -79,7 +79,7 @@ def choose(system: SpatialSystem, q: np.ndarray, prefer: bool = False) -> Choice
     return system.engine.chosen_by(level)[0]
 
 
-def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
+def choose_for_all(system: System, positions: np.ndarray) -> Choice:
     """Choice that is regular at several positions, if there is one, by QR with common pivots for all of them.
 
     Joints' speeds come first, then the most compliant shapes, in units of equal strain energy. Each pivot is the column
@@ -102,7 +102,7 @@ def choose_for_all(system: SpatialSystem, positions: np.ndarray) -> Choice:
     return system.engine.choice_of(first.rows, np.array(dependent, np.int64))
 
 
-def choose_anew(system: SpatialSystem, q: np.ndarray, choice: Choice) -> Choice:
+def choose_anew(system: System, q: np.ndarray, choice: Choice) -> Choice:
     """Other speeds at a position if they keep the rank; else the given choice: near a singular position fewer rows
     would leave a freedom unconstrained."""
     other = choose(system, q)

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from types import ModuleType
 
 import numpy as np
 
-from kaneflex.fem.links import link_of_scene
-from kaneflex.multibody.model.held_shapes import held_shapes
+from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.independent_speeds import choose
-from kaneflex.multibody.model.shape_bases import alike, spanned, spatial_shapes
-from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_initial_state import start_of
-from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Place
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.scene import Scene
-from kaneflex.scene.options import Options
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +29,14 @@ class CoupledKinematics(SpatialKinematics):
         beside = _Beside(moved, rigid.module.system, rigid.curve.start)
         return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
 
-    def states(self, system: SpatialSystem, times: np.ndarray) -> list[State]:
+    def states(self, system: System, times: np.ndarray) -> list[State]:
         """States at ``times`` [s] with zero shapes at rest: by the drives if these prescribe them, else by the motion.
         """
         if not self.module.FREE:
             return list(map(Followed(system, start_of(system)), times.tolist()))
         return [self._at_rest(system, self.curve(t)) for t in times.tolist()]
 
-    def _at_rest(self, system: SpatialSystem, found: State) -> State:
+    def _at_rest(self, system: System, found: State) -> State:
         """State with zero shapes at rest."""
         q, u = found.q.copy(), found.u.copy()
         coordinates, speeds = system.engine.modal
@@ -52,35 +44,10 @@ class CoupledKinematics(SpatialKinematics):
         return system.project(found.t, q, u, choose(system, q, prefer=True))
 
 
-def build_coupled_system(
-    scene: Scene, module: ModuleType, options: Options, like: SpatialSystem | None = None, frozen: bool = False
-) -> SpatialSystem:
-    """A scene in space whose bodies deform.
-
-    ``like``: system of a scene that differs in numbers only, and whose links' shapes have the same signs and scales;
-    ``frozen`` keeps the space spanned by them.
-    """
-
-    def shapes(name: str, held: Place | None, freed: str) -> Deformable:
-        body, before = scene.bodies[name], None if like is None else like.layout.shapes[name]
-        if body.modal is not None:
-            return held_shapes(body.modal, held, freed)
-        assert body.beam is not None
-        link = link_of_scene(scene, name, options.elements or body.beam.elements)
-        if not isinstance(before, Shapes):
-            return spatial_shapes(scene, link, int(options.modes), held, freed)
-        hung = None if held is None else held[0]
-        kept = frozen and spanned(scene, before, link, hung)
-        return alike(kept or spatial_shapes(scene, link, int(options.modes), held, freed), before)
-
-    flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
-    return build_spatial_system(scene, module, flexible, coupled=True)
-
-
 def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
     """Motion of a coupled system, at ``first`` at the start, as far as it is known before a run."""
     system = module.system
-    alone = build_spatial_system(system.scene, system.module, coupled=True)
+    alone = rigid_system(system.scene, system.module, coupled=True)
     start = start_of(alone)
     rigid = SpatialKinematics(SpatialModule(alone), alone.parameters, Followed(alone, start))
     if not module.FREE:
@@ -95,7 +62,7 @@ class _Beside(Curve):
     NaN if its loops don't close.
     """
 
-    def __init__(self, coupled: SpatialKinematics, system: SpatialSystem, start: State) -> None:
+    def __init__(self, coupled: SpatialKinematics, system: System, start: State) -> None:
         self.coupled, self.system, self.start = coupled, system, replace(start, t=coupled.begin)
         of, self.turned = coupled.module.system, coupled.curve.turned
         coordinates, speeds = of.engine.modal

@@ -7,10 +7,11 @@ import numpy as np
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.determinacy import check_inertia, self_equilibrated
 from kaneflex.multibody.model.independent_speeds import choose, given_speeds, named_speeds
-from kaneflex.multibody.model.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
@@ -18,7 +19,7 @@ from kaneflex.support.errors import SceneError
 _RANK = 1e-9
 
 
-def start_of(system: SpatialSystem) -> State:
+def start_of(system: System) -> State:
     """Initial state: drives at their initial positions, loops closed, speeds as given.
 
     Raises
@@ -54,11 +55,11 @@ def start_of(system: SpatialSystem) -> State:
     return state
 
 
-def _in_loops(system: SpatialSystem) -> State:
+def _in_loops(system: System) -> State:
     """The same with joints with friction, which close loops, from the state where they are joints of the tree."""
     from scipy.spatial.transform import Rotation
 
-    other = build_spatial_system(system.scene, system.module, coupled=system.coupled, rubs=False)
+    other = rigid_system(system.scene, system.module, coupled=system.coupled, rubs=False)
     state, work, (own, known) = start_of(other), other.work, (system.layout, other.layout)
     positions = dict(zip((name for name, _ in known.positions), state.q.tolist(), strict=True))
     speeds = dict(zip(known.speeds, state.u.tolist(), strict=True))
@@ -81,12 +82,12 @@ def _in_loops(system: SpatialSystem) -> State:
         raise SceneError("drives", None, f"at the start {reason}", cure) from None
 
 
-def _key(system: SpatialSystem, owner: str) -> str:
+def _key(system: System, owner: str) -> str:
     """Entry of the scene for the initial state of a free joint or body."""
     return f"bodies.{owner}.free" if owner in system.mechanism.floating else f"drives.{owner}"
 
 
-def _check_drives(system: SpatialSystem, choice: Choice) -> None:
+def _check_drives(system: System, choice: Choice) -> None:
     """Check that prescribed drives are independent of the loops."""
     J = system.engine.jacobian
     if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
@@ -96,7 +97,7 @@ def _check_drives(system: SpatialSystem, choice: Choice) -> None:
         )  # fmt: skip
 
 
-def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
+def _check_closing(system: System, q: np.ndarray) -> None:
     """Check that redundant rows hold, too."""
     system.place(q)
     off = abs(system.work.rows[: len(system.work.row_measure), 0]) / system.work.row_measure
@@ -109,7 +110,7 @@ def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
         )  # fmt: skip
 
 
-def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
+def _check_free(system: System, q: np.ndarray) -> None:
     """Check that free joints start at their given coordinates."""
     for name, drive in system.scene.drives.items():
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
@@ -123,10 +124,10 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
             )  # fmt: skip
 
 
-def _check_springs(system: SpatialSystem) -> None:
+def _check_springs(system: System) -> None:
     """Check that springs with a direction have one, at the position of ``work``."""
     between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
-    acts, (first, end) = system.tables.acts, system.tables.ranges[4:6]
+    acts, (first, end) = system.engine.tables.acts, map(system.engine.count, (at.SPRINGS, at.CONTACTS))
     straight = (row for row in acts[first:end] if row[at.WHAT] == at.STRAIGHT)
     for (name, spring), (_, first, second, *_) in zip(between.items(), straight, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
@@ -134,7 +135,7 @@ def _check_springs(system: SpatialSystem) -> None:
             raise points_meet(name, spring.ends, " at the start")
 
 
-def _check_named(system: SpatialSystem, choice: Choice) -> None:
+def _check_named(system: System, choice: Choice) -> None:
     """Check that every freedom is driven or free."""
     named = np.array(named_speeds(system), int)
     free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
@@ -157,7 +158,7 @@ def _check_named(system: SpatialSystem, choice: Choice) -> None:
         )  # fmt: skip
 
 
-def _check_speeds(system: SpatialSystem, state: State) -> None:
+def _check_speeds(system: System, state: State) -> None:
     """Check that given initial speeds are consistent."""
     for k, wanted in given_speeds(system).items():
         if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):

@@ -1,72 +1,139 @@
-"""A scene bound to the module of its laws: tables of the engine, parameters, and the layout of the state."""
+"""A scene bound to the module of its laws, in the plane or in space: engine, mechanism, and the layout of the state."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
-from kaneflex.fem.links import Link, link_of_scene
-from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
+from kaneflex.fem.links import Link
 from kaneflex.mechanism.joints import course, drive_reaction, reactions
-from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.dynamics.arrays import Columns
+from kaneflex.multibody.dynamics.arrays import Columns, Work
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.assembly import build_engine
-from kaneflex.multibody.model.body_parameters import Blocks
-from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
-from kaneflex.multibody.model.shape_bases import alike, link_shapes, spanned
-from kaneflex.multibody.model.shape_families import check_family
+from kaneflex.multibody.model.codes import DONE, check
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.tree_layout import SIGN
+from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SIGN, SPEED, Layout, leading
 from kaneflex.scene import Scene
-from kaneflex.support.errors import SceneError
 
 BODY = 3
-"""Coordinates x, y, phi of every body, before its modal ones."""
+"""Coordinates x, y, phi of every body in the plane, before its modal ones."""
 _STEP = 1e-30
 """Complex step [s] that gives rates: so small that it changes no position."""
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledSystem:
-    """Coupled equations of a scene with its numbers.
+class System:
+    """Equations of motion of a scene with its numbers.
 
-    States have the coordinates of the engine: of the joints of a tree, and of shapes. Motions read from them have the
-    frames and shapes of the bodies: q, v (size,) in the order of ``coordinates``.
+    States have the coordinates of the engine: of the joints of a tree, and of shapes. In the plane, motions read from
+    them have the frames and shapes of the bodies: q, v (size,) in the order of ``coordinates``.
 
     Attributes
     ----------
     module : ModuleType
         Generated: courses of drives and sizes of loads.
+    mechanism : NumericMechanism or SpatialMechanism
     engine : Engine
-    mechanism : NumericMechanism
-    links, shapes : mapping of str
-        Finite elements and modal coordinates of every elastic link.
-    counts : mapping of str
-        Body -> numbers of its axial and transverse shapes.
+    shapes : mapping of str
+        Modal coordinates of every elastic link.
+    coupled : bool
+        True if it deforms, or belongs to a deforming one and shares its compiled functions.
     undetermined : tuple of str
-        Names among ``constraints`` of statically indeterminate reactions, which are NaN.
+        In the plane names among ``constraints`` of statically indeterminate reactions, which are NaN.
     """
 
+    scene: Scene
     module: ModuleType
+    mechanism: Any
     engine: Engine
-    mechanism: NumericMechanism
-    links: Mapping[str, Link]
     shapes: Mapping[str, Shapes]
-    counts: Mapping[str, tuple[int, ...]]
+    coupled: bool
     undetermined: tuple[str, ...] = ()
+
+    @property
+    def links(self) -> dict[str, Link]:
+        """Finite elements of every elastic link."""
+        return {name: each.link for name, each in self.shapes.items()}
+
+    @property
+    def layout(self) -> Layout:
+        return self.engine.layout
+
+    @property
+    def work(self) -> Work:
+        """Working arrays of this system."""
+        return self.engine.work
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Argument p of the module's kernels."""
+        return self.engine.p
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Joints whose courses are prescribed, in the order of the module's."""
+        return self.layout.driven
 
     @property
     def freedom(self) -> str:
         """Entry of the scene that lets the mechanism move by forces."""
-        return f"drives.{self.mechanism.free_joints[0]}"
+        free, floating = self.scene.free_joints, self.mechanism.floating
+        return f"drives.{free[0]}" if free else f"bodies.{floating[0]}.free" if floating else "solve.preset"
+
+    @property
+    def in_space(self) -> bool:
+        return self.engine.in_space
+
+    def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
+        """State at t [s] near coordinates q with the independent ones of the speeds u; ``work`` has it, too.
+
+        Sets prescribed drives, closes loops, and determines dependent speeds, then loads and all rates. Contacts are
+        closed where their sides overlap.
+
+        Raises
+        ------
+        ArithmeticError
+            If a loop does not close, or the rates are not determined; it says which.
+        """
+        engine = self.engine
+        engine.choose_speeds(choice)
+        if self.in_space:
+            check(engine.call("project", t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
+            return engine.state(t, choice)
+        engine.part()
+        engine.motion[0][:], engine.motion[1][:] = q, u
+        if not engine.project(t):
+            raise ArithmeticError(f"the loops don't close near t = {t:.6g} s")
+        return engine.state(t, choice)
+
+    @cached_property
+    def record(self) -> Columns:
+        """Columns of the record: in the plane as ``coordinates`` and ``constraints`` name them, in space coordinates of
+        the bodies in the order of the tree, forces and moments of the joints, and forces of the drives."""
+        layout, kept, place = self.layout, self.engine.numbered, dict[str, int]()
+        if self.in_space:
+            forces = [kept.exerted.ravel(), kept.along[0, self.engine.prescribed]]
+            return self.engine.recorded(layout.node_of, forces)
+        for k, (name, joint) in enumerate(self.mechanism.joints.items()):
+            names = [*(row for row, *_ in reactions(joint)), f"{name}.drive"]
+            own = kept.exerted[0, k] if name in layout.tree else kept.multipliers[0, layout.cuts[name]]
+            place |= dict(zip(names, own.tolist(), strict=False))
+        return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
+
+    # ---- in the plane: frames of the bodies -----------------------------------------------------------------------
+
+    @cached_property
+    def counts(self) -> dict[str, tuple[int, ...]]:
+        """Body -> numbers of its axial and transverse shapes."""
+        shapes = self.layout.shapes
+        return {name: shapes[name].counts if name in shapes else (0, 0) for name in self.scene.bodies}
 
     @property
     def size(self) -> int:
@@ -79,7 +146,7 @@ class CoupledSystem:
         found: list[tuple[str, str]] = []
         for body in self.counts:
             found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
-            found += [self.engine.layout.positions[k] for k in self.engine.amplitudes(body)[0]]
+            found += [self.layout.positions[k] for k in self.engine.amplitudes(body)[0]]
         return tuple(found)
 
     @cached_property
@@ -109,20 +176,10 @@ class CoupledSystem:
         first = self.start[body] + BODY
         return slice(first, first + sum(self.counts[body]))
 
-    @cached_property
-    def record(self) -> Columns:
-        """Columns of the record, as ``coordinates`` and ``constraints`` name them."""
-        layout, kept, place = self.engine.layout, self.engine.numbered, dict[str, int]()
-        for k, (name, joint) in enumerate(self.mechanism.joints.items()):
-            names = [*(row for row, *_ in reactions(joint)), f"{name}.drive"]
-            own = kept.exerted[0, k] if name in layout.tree else kept.multipliers[0, layout.cuts[name]]
-            place |= dict(zip(names, own.tolist(), strict=False))
-        return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
-
     def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
         """States at ``times`` [s] by frames x, y, phi of undeformed bodies, and their rates, (n_times, 3 bodies);
         loops are not closed."""
-        engine, layout, joints = self.engine, self.engine.layout, self.mechanism.joints
+        engine, layout, joints = self.engine, self.layout, self.mechanism.joints
         found, moved = np.zeros((len(times), engine.size), complex), q + 1j * _STEP * v
         poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.start)}
         for body, name, fields in zip(layout.node_of, layout.inboard, engine.tables.bodies, strict=True):
@@ -150,23 +207,6 @@ class CoupledSystem:
             q[self.start[body] + 2] += turned[body]
         return q, found[of.v]
 
-    def project(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
-        """State at t [s] near coordinates q of the tree with the independent ones of the speeds u; contacts are closed
-        where their sides overlap.
-
-        Raises
-        ------
-        ArithmeticError
-            If a loop does not close, or the state is singular.
-        """
-        engine = self.engine
-        engine.choose_speeds(choice)
-        engine.part()
-        engine.motion[0][:], engine.motion[1][:] = q, u
-        if not engine.project(t):
-            raise ArithmeticError(f"the loops don't close near t = {t:.6g} s")
-        return engine.state(t, choice)
-
     def unfold(self, rows: np.ndarray) -> np.ndarray:
         """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the engine with closed loops,
         (n_times, kept)."""
@@ -184,65 +224,117 @@ class CoupledSystem:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return found
 
+    # ---- in space: positions near which records are computed ------------------------------------------------------
 
-def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
-    """Find or derive the module of a scene's laws, and bind its numbers.
+    def place(self, q: np.ndarray) -> None:
+        """Positions, axes and directions in ``work``."""
+        self.engine.call("place", np.ascontiguousarray(q))
 
-    Returns the system and the seconds spent on deriving its module.
-    """
-    for name, body in scene.bodies.items():
-        if body.elastic:
-            check_modes(scene, name)
-    module, seconds = find_laws_module(scene, progress)
-    return bound_system(scene, module), seconds
+    def close(self, q: np.ndarray, choice: Choice) -> bool:
+        """Close the loops by the dependent coordinates, in place; True if they close."""
+        self.engine.choose_speeds(choice)
+        closes = self.engine.call("close", q)
+        q[:] = self.work.q
+        return bool(closes)
+
+    def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
+        """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
+        :func:`kaneflex.multibody.dynamics.spatial_entries.follow`; returns their number, the time of ``work`` then, and
+        its outcome."""
+        self.engine.choose_speeds(choice)
+        self.work.now[:2] = begin, DONE
+        count = self.engine.call("follow", np.ascontiguousarray(times, float), len(times), out)
+        t, outcome, _ = self.work.now.tolist()
+        return count, t, int(outcome)
+
+    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray) -> None:
+        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
+        u' and ``engine.additions``.
+
+        Raises
+        ------
+        ArithmeticError
+            As :meth:`project` does; it has the time for a second argument.
+        """
+        self.engine.choose_speeds(choice)
+        times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
+        asked = times, len(times), given, given.shape[1], out
+        try:
+            count = self.engine.call("near", *asked)
+        finally:
+            if given.shape[1] > len(self.layout.positions) + self.engine.size:
+                self.engine.additions[:] = 0.0
+        if count < len(times):
+            t, outcome, _ = self.work.now.tolist()
+            check(int(outcome), t)
+
+    def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
+        """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
+        self.work.multipliers[:] = 0.0
+        self.work.multipliers[: len(multipliers)] = multipliers
+        self.engine.call("pass_on")
+        return dict(zip(self.mechanism.joints, self.work.exerted.copy(), strict=True))
+
+    @cached_property
+    def known_joints(self) -> tuple[str, ...]:
+        """Joints whose coordinates and speeds may occur in laws."""
+        return (*self.scene.drives, *self.scene.observed)
+
+    def node(self, joint: str) -> int:
+        """Number of the node with a joint's first coordinate; of a cylindrical joint, its rotation."""
+        return leading(self.engine.parts["nodes"], self.layout.tree[joint])
+
+    def columns(self, names: Sequence[str], what: int) -> np.ndarray:
+        """Places of the first coordinates (COORDINATE) or speeds (SPEED) of joints."""
+        return np.array([self.engine.parts["nodes"][self.node(name), what] for name in names], int)
+
+    def speeds_of(self, owner: str) -> list[int]:
+        """Numbers of the speeds of a joint of the tree, or of a body that moves freely."""
+        return [k for k, name in enumerate(self.layout.speeds) if name.rpartition(".")[0] == owner]
+
+    def courses(self, t: float) -> np.ndarray:
+        """Coordinate, speed and acceleration of every prescribed drive, (drives, 3)."""
+        return self.engine.courses(np.array([t])).reshape(-1, 3)
+
+    def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Sizes of all loads at many instants, (n_times, loads)."""
+        states = np.zeros((len(times), len(self.known_joints), 3))
+        where = [self.known_joints.index(name) for name in self.told_joints]
+        states[:, where, 0], states[:, where, 1] = coordinates, speeds
+        return self.engine.magnitudes(times, states)
+
+    @cached_property
+    def told_joints(self) -> tuple[str, ...]:
+        """Known joints with one coordinate."""
+        return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
+
+    @property
+    def has_slopes(self) -> bool:
+        """True if springs, or loads by the motion of joints, add to a step's matrix."""
+        return has_slopes(self.mechanism, self.known_joints)
+
+    @cached_property
+    def at_zero(self) -> np.ndarray:
+        """Coordinates with all joints at zero and free bodies at their given positions."""
+        q = np.zeros(len(self.layout.positions))
+        nodes = self.engine.parts["nodes"]
+        q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
+        for name, drive in self.scene.drives.items():
+            if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1 and name in self.layout.tree:
+                q[self.columns([name], COORDINATE)[0]] = drive.start
+        for body in self.mechanism.floating:
+            first = self.speeds_of(body)[0]
+            place = nodes[:, COORDINATE][nodes[:, SPEED] == first][0]
+            q[place : place + 3] = self.scene.vector(self.scene.floating[body].at)
+        return q
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Jacobian J of the rows by the speeds, both in their measures, at a position."""
+        self.place(q)
+        return self.engine.jacobian
 
 
-def bound_system(
-    scene: Scene, module: ModuleType, like: CoupledSystem | None = None, frozen: bool = False
-) -> CoupledSystem:
-    """System of a scene with its module.
-
-    ``like``: system of a scene that differs in numbers only, and whose links' shapes have the same signs and scales;
-    ``frozen`` keeps the space spanned by them.
-    """
-    stretching, element, links, shapes = with_stretch(scene), element_of(scene), dict[str, Link](), dict[str, Shapes]()
-    for name, body in scene.bodies.items():
-        if body.elastic:
-            link = link_of_scene(stretching, name, body.beam.elements, element)
-            kept = None if like is None or not frozen else spanned(scene, like.shapes[name], link)
-            found = kept or link_shapes(scene, link, link_modes(scene, name))
-            links[name], shapes[name] = link, found if like is None else alike(found, like.shapes[name])
-    mechanism = mechanism_of(scene)
-    counts = {name: shapes[name].counts if name in shapes else (0, 0) if body.modal is None else body.modal.counts
-              for name, body in scene.bodies.items()}  # fmt: skip
-    engine = build_engine(mechanism, module, Blocks(scene, counts, shapes), bind_parameters(scene, module))
-    return CoupledSystem(module, engine, mechanism, links, shapes, counts)
-
-
-def rigid_system(scene: Scene, module: ModuleType) -> CoupledSystem:
-    """System of a scene with its module whose bodies are all rigid."""
-    mechanism, counts = mechanism_of(scene), dict.fromkeys(scene.bodies, (0, 0))
-    engine = build_engine(mechanism, module, Blocks(scene, counts, {}), bind_parameters(scene, module))
-    return CoupledSystem(module, engine, mechanism, {}, {}, counts)
-
-
-def check_modes(scene: Scene, name: str) -> None:
-    """Check that a link's elements have the requested modes, before deriving equations."""
-    modes, limit = link_modes(scene, name), most_modes(scene, name)
-    check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
-    if modes > limit:
-        raise SceneError(
-            "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
-            "Use fewer modes, or more elements",
-        )  # fmt: skip
-
-
-def with_stretch(scene: Scene) -> Scene:
-    """Scene with axially flexible beams: their finite elements have all coordinates, whatever shapes are kept."""
-    bodies = {
-        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
-        if body.elastic
-        else body
-        for name, body in scene.bodies.items()
-    }
-    return scene.seen(bodies=bodies)
+def has_slopes(mechanism: Any, in_laws: Sequence[str]) -> bool:
+    """True if springs, or loads by the motion of joints in laws, add to the matrix of a step in space."""
+    sloped = any(mechanism.joints[name].kind in ("revolute", "prismatic") for name in in_laws)
+    return bool(mechanism.springs or (mechanism.loads and sloped))

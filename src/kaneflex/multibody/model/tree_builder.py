@@ -165,7 +165,7 @@ class TreeBuilder:
             self.numbers[frame][SHIFT] -= place
             self.numbers[node][SHIFT] = place
             if any(part.any() for part in shapes.at(place)):
-                self.nodes[node][AT] = self.block.put(self.of_bodies.station(name, *shapes.at(place)))
+                self.nodes[node][AT] = self.block.put(self.of_bodies.station(shapes, *shapes.at(place)))
         return node
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
@@ -185,7 +185,7 @@ class TreeBuilder:
         node = self.node(STATION, frame, place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        self.nodes[node][AT] = self.block.put(self.of_bodies.station(body, *shapes))
+        self.nodes[node][AT] = self.block.put(self.of_bodies.station(self.shapes[body], *shapes))
         return node
 
     def section(self, side: Side) -> int:

@@ -105,6 +105,10 @@ class Deformable(Protocol):
         """Number of shapes."""
 
     @property
+    def counts(self) -> tuple[int, ...]:
+        """Shapes of each kind: axial and transverse ones, in space of links more."""
+
+    @property
     def twisting(self) -> np.ndarray:
         """True for each shape of twist, whose coordinate is an angle."""
 

@@ -16,7 +16,7 @@ from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral.results import RowRecord
 
@@ -168,7 +168,7 @@ def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> Co
 
 
 def _modes(
-    system: CoupledSystem, path: CoupledTrajectory, piece: Pieces, k: np.ndarray, times: np.ndarray
+    system: System, path: CoupledTrajectory, piece: Pieces, k: np.ndarray, times: np.ndarray
 ) -> np.ndarray:
     """Modes of contacts and frictions at ``times`` [s], whose last knots are ``k``."""
     modes, rows = path.rows[:, system.engine.columns["modes"]], len(system.engine.rows)

@@ -80,7 +80,7 @@ class Equations:
 
     Attributes
     ----------
-    system : CoupledSystem or SpatialSystem
+    system : System
     choice : Choice
         Its n independent speeds y'.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import LARGEST_JUMP
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
 _PART_OF_A_DRIFT = 0.02
@@ -23,7 +23,7 @@ _INSTANTS, _BETWEEN = 20, 9
 """Instants of a run for the regularity of its loops; instants between two stored ones to find a singular position."""
 
 
-def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_JUMP) -> tuple[int, float] | None:
+def jump(system: System, path: CoupledTrajectory, share: float = LARGEST_JUMP) -> tuple[int, float] | None:
     """Last stored instant before a jump at a singular position, and its time [s]; None without one.
 
     ``share``: jump of the energy balance, relative to the exchanged energy.
@@ -45,13 +45,13 @@ def jump(system: CoupledSystem, path: CoupledTrajectory, share: float = LARGEST_
     return None
 
 
-def _free(system: CoupledSystem) -> list[int]:
+def _free(system: System) -> list[int]:
     """Coordinates of joints without prescribed drive."""
     engine = system.engine
     return [k for k in (*engine.choice.independent.tolist(), *engine.choice.dependent.tolist()) if not engine.shapes[k]]
 
 
-def _loops(system: CoupledSystem, path: np.ndarray) -> np.ndarray:
+def _loops(system: System, path: np.ndarray) -> np.ndarray:
     """Derivatives of the cut joints' rows by the joints' free coordinates at rows of a path, (n_times, rows,
     coordinates)."""
     engine, free, found = system.engine, _free(system), []
@@ -62,13 +62,13 @@ def _loops(system: CoupledSystem, path: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def _least(system: CoupledSystem, loops: np.ndarray) -> np.ndarray:
+def _least(system: System, loops: np.ndarray) -> np.ndarray:
     """Least singular value of the independent rows, (n_times,)."""
     values = np.linalg.svd(loops, compute_uv=False)
     return values[:, min(system.engine.count(at.KEPT), values.shape[1]) - 1]
 
 
-def cause(system: CoupledSystem, path: CoupledTrajectory) -> str:
+def cause(system: System, path: CoupledTrajectory) -> str:
     """Advice for a run with an energy jump at a singular position; empty otherwise."""
     found = jump(system, path, _PART_OF_A_DRIFT * path.energy.drift)
     if found is None:
@@ -79,7 +79,7 @@ def cause(system: CoupledSystem, path: CoupledTrajectory) -> str:
     )
 
 
-def departure(system: CoupledSystem, path: CoupledTrajectory, integrator: str) -> tuple[int, str] | None:
+def departure(system: System, path: CoupledTrajectory, integrator: str) -> tuple[int, str] | None:
     """Last stored instant on the run's branch, and a message, if it left its branch; None otherwise."""
     left = jump(system, path)
     if left is None:

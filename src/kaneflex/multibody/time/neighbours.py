@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.spatial_curves import Curve
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 
@@ -20,7 +19,7 @@ def instants(base: State, count: int) -> np.ndarray:
     return base.t + _APART * max(1.0, abs(base.t)) * np.arange(count)
 
 
-def probes(system: CoupledSystem, base: State, given: np.ndarray) -> CoupledTrajectory:
+def probes(system: System, base: State, given: np.ndarray) -> CoupledTrajectory:
     """States near an instant by rows of coordinates, speeds, accelerations and inputs."""
     engine, rows, records = system.engine, list[np.ndarray](), list[np.ndarray]()
     inputs = engine.additions
@@ -44,7 +43,7 @@ class Neighbours(Curve):
     inputs, (k, coordinates + 2 speeds + inputs).
     """
 
-    def __init__(self, system: SpatialSystem, start: State, given: np.ndarray) -> None:
+    def __init__(self, system: System, start: State, given: np.ndarray) -> None:
         self.system, self.start, self.given, self.times = system, start, given, instants(start, len(given))
 
     def rows(self, times: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.model.system import CoupledSystem
+from kaneflex.multibody.model.system import System
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -17,7 +17,7 @@ _FAR = 1.0
 
 
 def unwrapped(
-    scene: Scene, system: CoupledSystem, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
+    scene: Scene, system: System, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
 ) -> np.ndarray:
     """State q with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
 
@@ -32,7 +32,7 @@ def unwrapped(
     return q
 
 
-def check_turns_kept(scene: Scene, system: CoupledSystem, before: np.ndarray, q: np.ndarray) -> None:
+def check_turns_kept(scene: Scene, system: System, before: np.ndarray, q: np.ndarray) -> None:
     """Raise SceneError if springs and laws have other turns in q than in the given state ``before``."""
     was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
     now = _between(scene, now, system.start)

@@ -19,12 +19,11 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.assembly import build_engine
-from kaneflex.multibody.model.body_parameters import Blocks
+from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY, CoupledSystem
+from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
@@ -69,7 +68,7 @@ class RigidReference(ComputedModule):
 
     Attributes
     ----------
-    system : CoupledSystem
+    system : System
         Of the rigid bodies, with given courses of free joints.
     start : Placement
         Position from which the loops are followed.
@@ -79,7 +78,7 @@ class RigidReference(ComputedModule):
         Elastic links of the coupled mechanism.
     """
 
-    system: CoupledSystem
+    system: System
     start: Placement
     first: Courses
     links: Mapping[str, Link]
@@ -212,7 +211,7 @@ class ReferenceKinematics(RigidKinematics):
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
-    def states(self, system: CoupledSystem, times: np.ndarray) -> list[State]:
+    def states(self, system: System, times: np.ndarray) -> list[State]:
         """States of a coupled system with undeformed bodies at ``times`` [s], with the full turns since the start."""
         found = by_themselves(self.module.system, self.module.rows(times, self.free))
         return system.undeformed(times, found.q, found.v)
@@ -254,22 +253,23 @@ class _Placed(LaterMotion):
         return self.motion.module.known(self.times, self.motion.free)
 
 
-def rigid_reference(scene: Scene, system: CoupledSystem, start: Placement) -> ReferenceKinematics:
+def rigid_reference(scene: Scene, system: System, start: Placement) -> ReferenceKinematics:
     """Motion of the rigid mechanism of a scene from the initial position of its bodies, with its free joints and bodies
     at their initial speeds."""
-    mechanism, none = system.mechanism, dict.fromkeys(system.counts, (0, 0))
+    mechanism = system.mechanism
     given = {name: Drive("given", None) if drive.free else drive for name, drive in mechanism.drives.items()}
     rigid = replace(mechanism, drives=given, contacts={}, frictions={})
-    engine = build_engine(rigid, system.module, Blocks(scene, none, {}), system.engine.p)
-    engine = replace(engine, shared=system.engine.kind)  # one library for both: compiling another takes as long again
+    undeformed = rigid_system(scene, system.module, mechanism=rigid)
+    # one library for both: compiling another takes as long again
+    engine = replace(undeformed.engine, kind=system.engine.kind)
     plan, count = engine.tables.plan, sum(drive.free for drive in mechanism.drives.values())
     laws = len(engine.layout.driven) - count
     plan[plan[at.PRESCRIBED] + laws : plan[at.PRESCRIBED] + laws + count] = -1  # rows give these coordinates
-    undeformed = CoupledSystem(system.module, engine, rigid, {}, {}, none)
-    frames = np.array([start.poses[body] for body in none])
+    undeformed = replace(undeformed, engine=engine)
+    frames = np.array([start.poses[body] for body in scene.bodies])
     frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
     frames = unwrapped(scene, undeformed, frames.ravel(), start.drives).reshape(-1, BODY)
-    poses = dict(zip(none, frames, strict=True))
+    poses = dict(zip(scene.bodies, frames, strict=True))
     places = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
     for body, free in scene.floating.items():
         places |= dict(zip(floating_coordinates(body), zip(poses[body], free.rates, strict=True), strict=True))

@@ -11,8 +11,8 @@ import numpy as np
 from kaneflex.mechanism.rigid_motion import not_integrated
 from kaneflex.multibody.model.codes import GROWN, check
 from kaneflex.multibody.model.independent_speeds import choose_anew
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import System
 from kaneflex.support.errors import SceneError
 
 _STUCK = 1e-9
@@ -22,7 +22,7 @@ _STUCK = 1e-9
 class Curve(ABC):
     """States of a mechanism by the time [s], from its start on; ``work`` of the system then has the last one."""
 
-    system: SpatialSystem
+    system: System
     start: State
     turned: Mapping[str, float] | None = None
     """Angles [rad] with whole turns at the start, of joints that close loops, from the run that this one continues;
@@ -52,7 +52,7 @@ class Curve(ABC):
 class Standing(Curve):
     """Start of a mechanism, before free joints or shapes are integrated."""
 
-    def __init__(self, system: SpatialSystem, start: State) -> None:
+    def __init__(self, system: System, start: State) -> None:
         self.system, self.start = system, start
 
     def rows(self, times: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ class Followed(Curve):
     Raises SceneError if they do not close; it names the time.
     """
 
-    def __init__(self, system: SpatialSystem, start: State) -> None:
+    def __init__(self, system: System, start: State) -> None:
         self.system, self.start, self.track, self.last = system, start, [start], start
 
     def rows(self, times: np.ndarray) -> np.ndarray:

@@ -18,8 +18,8 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.codes import CASCADE, DAMPED, PARADOX, TOO_SMALL
 from kaneflex.multibody.model.layout import STORED_AT as STORED
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time import run
 from kaneflex.multibody.time.dense_output import Steps
 from kaneflex.multibody.time.error_bounds import Method
@@ -38,7 +38,7 @@ class SpatialRun(run.Run, Curve):
     whole = True
 
     def __init__(
-        self, system: SpatialSystem, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
+        self, system: System, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
     ) -> None:
         self.start = start
         super().__init__(system, start, times, method, given)
@@ -48,7 +48,7 @@ class SpatialRun(run.Run, Curve):
         """Attributes that readers of the run need, without its system; see :meth:`of`."""
         return {name: getattr(self, name) for name in ("start", "turned", "times", "here", "pieces", "counts")}
 
-    def of(self, system: SpatialSystem) -> Self:
+    def of(self, system: System) -> Self:
         """The run, pickled and restored, of its system loaded again."""
         self.system, self.engine = system, system.engine
         return self

@@ -16,8 +16,8 @@ from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.layout import FORCE_AT
-from kaneflex.multibody.model.spatial_system import SpatialSystem
 from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
@@ -47,14 +47,14 @@ class SpatialModule(ComputedModule):
 
     Attributes
     ----------
-    system : SpatialSystem
+    system : System
     open_reactions : frozenset of str
         Statically indeterminate reactions, which are NaN.
     more : tuple
         Name, unit and meaning of further scalars for elastic bodies.
     """
 
-    system: SpatialSystem
+    system: System
     open_reactions: frozenset[str] = frozenset()
     more: tuple[tuple[str, str, str], ...] = ()
     determined: ClassVar[bool] = False
@@ -130,7 +130,7 @@ class SpatialKinematics(RigidKinematics):
         return isinstance(self.curve, Standing)
 
     @property
-    def initial(self) -> tuple[SpatialSystem, State]:
+    def initial(self) -> tuple[System, State]:
         """Equations of the motion, and its initial state."""
         return self.module.system, self.curve.start
 
@@ -282,7 +282,7 @@ class SpatialMotion(DeformingMotion):
         return self.record
 
     @property
-    def system(self) -> SpatialSystem:  # type: ignore[override]
+    def system(self) -> System:  # type: ignore[override]
         return self.motion.module.system
 
     @property
