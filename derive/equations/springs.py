@@ -44,7 +44,7 @@ def _between_points(spring: Spring, poses, values: Values, elastic: bool, steps:
     length = steps.assign(f"{name}_now", sm.sqrt(d[0] ** 2 + d[1] ** 2))
     more = []
     tension = springs.tension(spring, length)
-    if springs.is_directed(spring):
+    if spring.is_directed:
         d_rate = minus(*rates_of[::-1])
         rate = springs.rate_of_length(d, d_rate, length)
         tension = steps.assign(f"{name}_pull", springs.tension(spring, length, rate))

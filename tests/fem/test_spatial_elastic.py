@@ -367,7 +367,7 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
         for end, x in (("start", 0.0), ("end", body.length)) if body.elastic else ():
             here = [(joint, k) for joint in mechanism.joints.values() for k, side in enumerate(joint.sides)
                     if side.body == link and side.at[0] == x]  # fmt: skip
-            loaded = any(load.at is not None and (load.at.body, load.at.at[0]) == (link, x)
+            loaded = any(load.point is not None and (load.point.body, load.point.at[0]) == (link, x)
                          for load in mechanism.loads.values())  # fmt: skip
             if len(here) != 1 or loaded or (preset == "rigid" and lost):
                 continue

@@ -280,10 +280,11 @@ class _Builder:
         def size(t: float) -> float:
             return float(self.state.sizes(t)[number])
 
-        for at, share in load.pushes:
+        for at, share in load.parts:
+            push = share * np.array(load.direction)
             self.system.AddLoad(self.items.LoadForceVector(
                 markerNumber=self._marker(at), bodyFixed=load.in_body,
-                loadVectorUserFunction=lambda system, t, vector, share=share: [*(size(t) * share * load.direction)],
+                loadVectorUserFunction=lambda system, t, vector, push=push: [*(size(t) * push)],
             ))  # fmt: skip
         if load.joint is None:
             return
@@ -302,10 +303,10 @@ class _Builder:
             stand = np.eye(3), self.mechanism.relative(spring).T
             self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorRigidBodySpringDamper(
                 markerNumbers=[self._marker(side, own) for side, own in zip(spring.sides, stand, strict=True)],
-                stiffness=np.diag(spring.numbers[:6]), damping=np.diag(spring.numbers[6:]),
+                stiffness=np.diag(spring.stiffness), damping=np.diag(spring.damping),
             ))  # fmt: skip
             return
-        stiffness, damping, free = spring.numbers
+        stiffness, damping, free = spring.stiffness, spring.damping, spring.free
         if spring.joint is None:
             self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorSpringDamper(
                 markerNumbers=[self._marker(side) for side in spring.sides],

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
 
@@ -131,14 +132,14 @@ class Load:
     """
 
     name: str
-    point: BodyPoint | None
-    direction: Vector | None
+    point: Any
+    direction: Any
     axes: str | None
     joint: str | None
     kind: str
     against: str | None
     law: str | None
-    spread: tuple[BodyPoint, BodyPoint, Number, Number] | None = None
+    spread: tuple[Any, Any, Number, Number] | None = None
 
     @property
     def unit(self) -> str:
@@ -150,7 +151,18 @@ class Load:
         return self.axes == "body"
 
     @property
-    def pushes(self) -> tuple[tuple[BodyPoint, Number], ...]:
+    def parts(self) -> tuple[tuple[Any, Number], ...]:
+        """Points of forces and shares of the magnitude, none for a torque; a distributed force has two parts, one that
+        falls linearly to zero at the body's end, and one that rises from zero at its start."""
+        if self.spread is None:
+            return () if self.point is None else ((self.point, 1.0),)
+        _, end, *factors = self.spread
+        third, half = (tuple(part / n for part in end.at) for n in (3, 2))
+        return tuple((replace(end, at=tuple(k * part for part in third)), factor * half[0])
+                     for k, factor in enumerate(factors, start=1))  # fmt: skip
+
+    @property
+    def pushes(self) -> tuple[tuple[Any, Number], ...]:
         """Statically equivalent point forces: position and share of the magnitude; none for a torque.
 
         A linear distribution gives l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the body's ends.
@@ -165,25 +177,45 @@ class Load:
 class Spring:
     """Spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
 
-    ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first.
+    ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first. Of a
+    bushing in space stiffness and damping are six numbers each, along and about the axes of its first body.
     """
 
     name: str
-    first: BodyPoint
-    second: BodyPoint
+    first: Any
+    second: Any
     joint: str | None
     stiffness: Number
     damping: Number
-    free: Number
+    free: Number = 0.0
 
     @property
-    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+    def sides(self) -> tuple[Any, Any]:
         return self.first, self.second
 
     @property
-    def ends(self) -> tuple[BodyPoint, ...]:
+    def ends(self) -> tuple[Any, ...]:
         """Points that the spring joins; none for a torsional spring."""
         return self.sides if self.joint is None else ()
+
+    @property
+    def is_bushing(self) -> bool:
+        return isinstance(self.stiffness, tuple)
+
+    @property
+    def is_directed(self) -> bool:
+        """True if the force needs the direction between the points, which coinciding points do not have.
+
+        Without free length and damper the force is -k d.
+        """
+        return self.joint is None and not self.is_bushing and not (self.free == 0 and self.damping == 0)
+
+    @property
+    def scalars(self) -> tuple[tuple[str, str], ...]:
+        """Names and units of its tabulated values; for a bushing the forces and moments in its first body's axes."""
+        if self.is_bushing:
+            return (*((f"force_{axis}", "N") for axis in "xyz"), *((f"moment_{axis}", "N m") for axis in "xyz"))
+        return (("tension", "N") if self.joint is None else ("torque", "N m"),)
 
 
 @dataclass(frozen=True)
@@ -193,7 +225,8 @@ class Contact:
     Attributes
     ----------
     kind : str
-        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first), in space "point-plane";
+        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first), in space "point-plane" and
+        "circle-in-circle" of spheres;
         "angle": two rotating flanks, with angles [rad] for lengths and torques [N m] for forces.
     direction : tuple
         Unit normal of a line or a plane, in the first body's axes, towards the second side; (0, 0) for circles; (1, 0)
@@ -215,10 +248,10 @@ class Contact:
     """
 
     name: str
-    first: BodyPoint
-    second: BodyPoint
+    first: Any
+    second: Any
     kind: str
-    direction: Vector
+    direction: Sequence[Number]
     reach: Number
     radius: Number
     stiffness: Number
@@ -229,7 +262,7 @@ class Contact:
     joint: str | None = None
 
     @property
-    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+    def sides(self) -> tuple[Any, Any]:
         return self.first, self.second
 
 

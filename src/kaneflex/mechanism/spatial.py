@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.mechanism.mechanism import frictions_of
-from kaneflex.mechanism.parts import Contact, Friction
+from kaneflex.mechanism.parts import Contact, Friction, Load, Spring
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -100,67 +100,12 @@ class SpatialJoint:
         return []
 
 
-@dataclass(frozen=True)
-class SpatialContact(Contact):
-    """Contact in space: of a point or a sphere with a plane, of two spheres, or of two flanks."""
-
-    first: Side  # type: ignore[assignment]
-    second: Side  # type: ignore[assignment]
-
-    @property
-    def sides(self) -> tuple[Side, Side]:  # type: ignore[override]
-        return self.first, self.second
-
-
 def across(axis: np.ndarray) -> list[np.ndarray]:
     """Two unit vectors perpendicular to a unit vector and to each other."""
     least = np.eye(3)[np.argmin(abs(axis))]
     first = np.cross(axis, least)
     first /= np.linalg.norm(first)
     return [first, np.cross(axis, first)]
-
-
-@dataclass(frozen=True, eq=False)
-class SpatialLoad:
-    """Load: force along a direction, global or in the body's axes, or torque at a joint about its axis.
-
-    ``at``: point of action; None for a torque and a distributed force. ``pushes``: statically equivalent forces at
-    points of a body, with their shares of the magnitude; for a distributed force, of the part that falls linearly to
-    zero at the body's end and of the part that rises from zero at its start.
-    """
-
-    at: Side | None
-    direction: np.ndarray
-    in_body: bool
-    joint: str | None
-    pushes: tuple[tuple[Side, float], ...] = ()
-
-    @property
-    def is_spread(self) -> bool:
-        return self.at is None and self.joint is None
-
-
-@dataclass(frozen=True, eq=False)
-class SpatialSpring:
-    """Stiffness, damping and free length or angle of a spring between two points, or at a joint; of a bushing between
-    two points six stiffnesses and six dampings, along and about the axes of its first body."""
-
-    sides: tuple[Side, ...]
-    joint: str | None
-    numbers: tuple[float, ...]
-    is_bushing: bool = False
-
-    @property
-    def is_directed(self) -> bool:
-        """True if the force needs the direction between the points; without free length and damper it is k d."""
-        return self.joint is None and not self.is_bushing and any(self.numbers[1:])
-
-    @property
-    def scalars(self) -> tuple[tuple[str, str], ...]:
-        """Names and units of its tabulated values; for a bushing the forces and moments in its first body's axes."""
-        if self.is_bushing:
-            return (*((f"force_{axis}", "N") for axis in "xyz"), *((f"moment_{axis}", "N m") for axis in "xyz"))
-        return (("tension", "N") if self.joint is None else ("torque", "N m"),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +120,9 @@ class SpatialMechanism:
 
     bodies: Mapping[str, SpatialBody]
     joints: Mapping[str, SpatialJoint]
-    loads: Mapping[str, SpatialLoad]
-    springs: Mapping[str, SpatialSpring]
-    contacts: Mapping[str, SpatialContact]
+    loads: Mapping[str, Load]
+    springs: Mapping[str, Spring]
+    contacts: Mapping[str, Contact]
     frictions: Mapping[str, Friction]
     floating: tuple[str, ...]
     asked: frozenset[str]
@@ -191,7 +136,7 @@ class SpatialMechanism:
         """Axes of a body at zero joint coordinates, (3, 3)."""
         return np.eye(3) if body == GROUND else self.bodies[body].rotation
 
-    def relative(self, of: SpatialJoint | SpatialSpring) -> np.ndarray:
+    def relative(self, of: SpatialJoint | Spring) -> np.ndarray:
         """Axes of a second body in those of the first, at zero joint coordinates, (3, 3)."""
         first, second = (self.stands(side.body) for side in of.sides)
         return first.T @ second
@@ -227,20 +172,27 @@ def _made(scene: Scene) -> SpatialMechanism:
             joints[name] = SpatialJoint(name, "weld", (section, Side(name, (0.0,) * 3)), ())
         else:
             bodies[mass.at.body] = _with_mass(on, mass.mass, np.array([x, y, z]), six)
-    loads = {}
+    loads, springs, contacts = dict[str, Load](), dict[str, Spring](), dict[str, Contact]()
     for name, load in scene.loads.items():
-        at = None if load.force_on is None else side(load.force_on)
-        loads[name] = SpatialLoad(
-            at, np.asarray(load.direction), load.axes == "body", load.torque_at, _pushes(scene, name)
-        )
-    springs = {}
+        point = None if load.force_on is None else side(load.force_on)
+        ends = [side(Address(load.spread_on, end)) for end in ("start", "end")] if load.spread_on else []
+        of_kind = load.direction, load.axes, load.torque_at, load.kind, load.against, load.law
+        loads[name] = Load(name, point, *of_kind, (ends[0], ends[1], *load.profile) if ends else None)
     for name, spring in scene.springs.items():
-        free = () if spring.bushing else (spring.length if spring.torsional_at is None else spring.angle,)
-        ends, numbers = tuple(side(end) for end in spring.ends), (*spring.stiffnesses, *spring.dampings, *free)
-        springs[name] = SpatialSpring(ends, spring.torsional_at, numbers, spring.bushing is not None)
+        free, at = spring.length if spring.torsional_at is None else spring.angle, spring.torsional_at
+        one, other = map(side, spring.ends) if at is None else joints[at].sides
+        springs[name] = Spring(name, one, other, at, spring.stiffness, spring.damping, free)
+        if spring.bushing:
+            springs[name] = Spring(name, one, other, at, spring.stiffnesses, spring.dampings)
+    for name, contact in scene.contacts.items():
+        one, other = map(side, contact.sides)
+        keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
+        numbers = {key: contact.number(key) for key in keys}
+        contacts[name] = Contact(
+            name, one, other, contact.kind, contact.direction, **numbers, law=contact.law, joint=contact.joint
+        )
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
-    contacts = {name: _contact(scene, name) for name in scene.contacts}
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
     known |= {contact.joint for contact in contacts.values() if contact.joint in joints}
     prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)
@@ -252,15 +204,6 @@ def _made(scene: Scene) -> SpatialMechanism:
         frozenset((known | {*scene.drives}) & set(joints)),
         frozenset(known & set(joints)), frozenset(prescribed), frozenset(read & set(joints)), gravity, float(size),
     )  # fmt: skip
-
-
-def _contact(scene: Scene, name: str) -> SpatialContact:
-    """Contact of a scene."""
-    found = scene.contacts[name]
-    first, second = (Side(side.body, scene.point(side)) for side in found.sides)
-    keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
-    numbers = {key: found.number(key) for key in keys}
-    return SpatialContact(name, first, second, found.kind, found.direction, **numbers, law=found.law, joint=found.joint)
 
 
 def _body(scene: Scene, name: str) -> SpatialBody:
@@ -286,16 +229,3 @@ def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarr
         x, y, z = c
         six = six + m * np.array([y * y + z * z, z * z + x * x, x * x + y * y, -x * y, -y * z, -z * x])
     return SpatialBody(total, centre, six, body.rotation)
-
-
-def _pushes(scene: Scene, name: str) -> tuple[tuple[Side, float], ...]:
-    """Points at which a load pushes a body, with the shares of its magnitude."""
-    load = scene.loads[name]
-    if load.force_on is not None:
-        return ((Side(load.force_on.body, scene.point(load.force_on)), 1.0),)
-    if load.spread_on is None:
-        return ()
-    length = scene.bodies[load.spread_on].length
-    assert length is not None  # the body of a distributed load
-    return tuple((Side(load.spread_on, (k * length / 3, 0.0, 0.0)), factor * length / 2)
-                 for k, factor in enumerate(load.profile, start=1))  # fmt: skip

@@ -14,14 +14,6 @@ from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
 
-def is_directed(spring: Spring) -> bool:
-    """True if the force needs the direction of d, which coinciding points do not have.
-
-    Without free length and damper the force is -k d.
-    """
-    return not (spring.free == 0 and spring.damping == 0)
-
-
 def rate_of_length(gap: Sequence[Number], gap_rate: Sequence[Number], length: Number) -> Number:
     """Rate of the length L' = d . d' / L, in the plane or in space."""
     return sum(part * rate for part, rate in zip(gap, gap_rate, strict=True)) / length
@@ -44,7 +36,7 @@ def potential(spring: Spring, now: Number) -> Number:
 
 def force(spring: Spring, gap: Sequence[Number], pull: Number, length: Number) -> tuple[Number, ...]:
     """Global force on the second point by the tension T: -T d / L, or -k d if no direction is needed."""
-    if not is_directed(spring):
+    if not spring.is_directed:
         return tuple(-spring.stiffness * part for part in gap)
     return tuple(-pull * part / length for part in gap)
 

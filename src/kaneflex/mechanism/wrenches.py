@@ -181,7 +181,7 @@ class _Body:
                              for part in ("force", "moment"))  # fmt: skip
             return self.wrench(name, side, -sign * force, -sign * moment, second)  # at the second point, as of a guide
         along = self.place(first) - self.place(second)
-        pull = spring.numbers[0] * along
+        pull = spring.stiffness * along
         if spring.is_directed:
             pull = motion[f"{name}.tension"] * along / np.hypot(np.hypot(along[0], along[1]), along[2])
         return self.wrench(name, side, sign * pull)

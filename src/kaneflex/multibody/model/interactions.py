@@ -9,9 +9,8 @@ import numpy as np
 
 from kaneflex.mechanism import contacts, friction
 from kaneflex.mechanism.mechanism import NumericMechanism
-from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import Side, SpatialLoad, SpatialMechanism, across
+from kaneflex.mechanism.spatial import Side, SpatialMechanism, across
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import (
     ORIGIN,
@@ -135,33 +134,28 @@ def _spring_acts(builder: TreeBuilder, mechanism: AnyMechanism) -> list[Row]:
     """Rows of springs; those of bushings in space come last, six of each."""
     found, bushings, put = list[Row](), list[Row](), builder.w.put
     joints: Mapping[str, Any] = mechanism.joints
-    springs: Sequence[Any] = [*mechanism.springs.values()]
-    for spring in springs:
+    for spring in mechanism.springs.values():
         joint, axis, speed = None if spring.joint is None else joints[spring.joint], -1, -1
-        sections = _sections(builder, spring if joint is None else joint)
-        if not isinstance(mechanism, SpatialMechanism):
-            numbers = (spring.stiffness, spring.damping, spring.free)
-        elif spring.is_bushing:
+        sections = _sections(builder, spring)
+        if spring.is_bushing and isinstance(mechanism, SpatialMechanism):
             sides = zip(spring.sides, (np.eye(3), mechanism.relative(spring)), strict=True)
             first, _ = (min([builder.axis(side, axis) for axis in axes]) for side, axes in sides)
             kinds = at.BUSHING, at.ALONG_AXIS, at.ALONG_AXIS, *3 * (at.ABOUT_AXIS,)
-            place = put(np.column_stack([*np.reshape(spring.numbers, (2, 6)), np.zeros(6)]))
+            place = put(np.column_stack([spring.stiffness, spring.damping, np.zeros(6)]))
             bushings += [(kind, *sections, -1, first + k % 3, place + 3 * k) for k, kind in enumerate(kinds)]
             continue
-        else:
-            numbers = spring.numbers
-            axis = -1 if joint is None else builder.axis(joint.sides[0], joint.moves[0][1])
+        if joint is not None and builder.d == 6:
+            axis = builder.axis(joint.sides[0], joint.moves[0][1])
         if spring.joint in builder.tree:
             speed = builder.speed(spring.joint)
         kind = at.STRAIGHT if joint is None else at.TORSIONAL
-        found.append((kind, *sections, speed, axis, put(numbers)))
+        found.append((kind, *sections, speed, axis, put((spring.stiffness, spring.damping, spring.free))))
     return [*found, *bushings]
 
 
 def _contact_acts(builder: TreeBuilder, mechanism: AnyMechanism, row: int) -> Iterator[Row]:
     """Rows of contacts, beginning with row ``row``."""
-    every: Sequence[Any] = [*mechanism.contacts.values()]
-    for k, contact in enumerate(every, start=row):
+    for k, contact in enumerate(mechanism.contacts.values(), start=row):
         numbers, law = contacts.numbers_of(contact), contacts.LAWS.index(contact.law)
         if isinstance(mechanism, SpatialMechanism):
             axis, speed = -1, -1
@@ -181,36 +175,22 @@ def _load_acts(builder: TreeBuilder, mechanism: AnyMechanism) -> Iterator[Row]:
     A load distributed over a body has two, of the part that falls from its start to its end, and of the one that rises.
     """
     joints: Mapping[str, Any] = mechanism.joints
-    loads: Sequence[Load | SpatialLoad] = [*mechanism.loads.values()]
-    for number, load in enumerate(loads):
+    for number, load in enumerate(mechanism.loads.values()):
         if load.joint is not None:
             joint = joints[load.joint]
             axis = builder.axis(joint.sides[0], joint.moves[0][1]) if builder.d == 6 else -1
             yield at.TORQUE, *_sections(builder, joint), number, axis, -1
             continue
-        for k, (on, share) in enumerate(pushes := _pushes(load)):
-            spread = len(pushes) > 1
+        for k, (point, share) in enumerate(load.parts):
+            on, direction = side_of(point), share * np.array(load.direction, float)
+            spread = load.spread is not None
             mean = spread and on.body in builder.shapes
             section = builder.mean(on.body, rises=k > 0) if mean else builder.section(on)
             start = Side(on.body, ORIGIN) if spread else on
-            if isinstance(load, SpatialLoad):
-                axis = builder.axis(start if load.in_body else Side(GROUND, ORIGIN), share * load.direction)
+            if builder.d == 6:
+                axis = builder.axis(start if load.in_body else Side(GROUND, ORIGIN), direction)
                 yield at.FORCE_ALONG, 0, section, number, axis, -1
             else:
-                assert load.direction is not None  # only torques have none
                 kind = at.FOLLOWER if load.in_body else at.FORCE_ALONG
-                place = builder.w.put([share * float(part) for part in load.direction])
+                place = builder.w.put(direction)
                 yield kind, 0, section, number, builder.section(start), place
-
-
-def _pushes(load: Load | SpatialLoad) -> Sequence[tuple[Side, float]]:
-    """Points of a load's forces, with their shares of its magnitude."""
-    if isinstance(load, SpatialLoad):
-        return load.pushes
-    if load.spread is None:
-        assert load.point is not None  # only torques have none
-        return [(side_of(load.point), 1.0)]
-    start, end, *factors = load.spread
-    length = float(end.at[0])
-    return [(Side(start.body, (k * length / 3, 0.0, 0.0)), float(factor) * length / 2)
-            for k, factor in enumerate(factors, start=1)]  # fmt: skip

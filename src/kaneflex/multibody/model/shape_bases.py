@@ -200,7 +200,7 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
     """Distances from a body's start [m] at which joints, and at which loads and contacts act."""
     mechanism = spatial_mechanism_of(scene)
     sides: Sequence[Side] = [side for joint in mechanism.joints.values() for side in joint.sides]
-    loads = [load.at for load in mechanism.loads.values() if load.at is not None]
+    loads = [load.point for load in mechanism.loads.values() if load.point is not None]
     loads += [side for contact in mechanism.contacts.values() for side in contact.sides]
     return ([float(side.at[0]) for side in sides if side.body == body],
             [float(side.at[0]) for side in loads if side.body == body])  # fmt: skip

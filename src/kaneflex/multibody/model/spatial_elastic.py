@@ -24,7 +24,7 @@ from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
+from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Stage
 from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
@@ -130,7 +130,7 @@ class Deforming:
             if self._directed(name):
                 found.append((motion[f"{name}.tension"] / np.linalg.norm(second - first, axis=0))[None])
             else:
-                found.append(-self.mechanism.springs[name].numbers[0] * (second - first))
+                found.append(-self.mechanism.springs[name].stiffness * (second - first))
         return np.hstack([np.concatenate(found).T, self.map.table(motion)])
 
 
@@ -189,9 +189,11 @@ def elastic_stage(
               for name, part in parts.items()]  # fmt: skip
     placed += [found.place(sparse_part(name, 1, F=Affine.term((name,), [[1.0]])), load.joint)
                for name, load in mechanism.loads.items() if load.joint is not None]  # fmt: skip
-    springs = [found.place(torsion_part(name, *spring.numbers[:2]), spring.joint)
+    springs = [found.place(torsion_part(name, spring.stiffness, spring.damping), spring.joint)
                for name, spring in mechanism.springs.items() if spring.joint is not None]  # fmt: skip
-    springs += [Placed(part_of(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
+    for name in found.joined.springs:
+        of = mechanism.springs[name]
+        springs.append(Placed(spring_part(name, of.stiffness, of.damping, of.is_directed, "xyz"), found.of(name)))
     frame = Frame(found.coordinates, {name: maps[name] for name in links},
                   {name: maps[name] for name in parts if name in moving and name not in links})  # fmt: skip
     lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
@@ -208,7 +210,7 @@ def elastic_stage(
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
     """Loads that are spread along a link."""
     return [name for name, load in mechanism.loads.items()
-            if load.is_spread and load.pushes[0][0].body == link]  # fmt: skip
+            if load.spread is not None and load.spread[0].body == link]  # fmt: skip
 
 
 def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
@@ -243,12 +245,6 @@ def _check_pulls(lost: Collection[str], options: Options) -> None:
             "Use preset linear, leave out solve.terms.geometric, or remove redundant constraints, for example by a "
             "spherical joint in place of a revolute one",
         )  # fmt: skip
-
-
-def part_of(name: str, spring: SpatialSpring) -> Part:
-    """Spring between two points as a part."""
-    stiffness, damping, _ = spring.numbers
-    return spring_part(name, stiffness, damping, spring.is_directed, "xyz")
 
 
 def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
