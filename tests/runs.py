@@ -18,7 +18,7 @@ from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import tree_layout as of
-from kaneflex.multibody.model.inertia_integrals import body_data, body_moments
+from kaneflex.multibody.model.inertia_integrals import body_moments, link_data
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_builder import side_of
@@ -154,7 +154,8 @@ def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
 def moments(found: Model, body: str) -> dict[str, np.ndarray]:
     """ARRAYS of a body under preset coupled."""
     system = found.coupled
-    return body_moments(found.scene, body, body_data(found.scene, body, system.shapes))
+    data = link_data(system.shapes[body]) if body in system.shapes else found.scene.bodies[body].modal
+    return body_moments(found.scene, body, data)
 
 
 def solved(scene: Scene, *settings: str) -> Solution:

@@ -163,10 +163,10 @@ def with_stretch(scene: Scene) -> Scene:
 
 def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
     """Engine of a mechanism at rest, loops not closed; ``more``: further attributes."""
-    t, layout, counts = built.tables, built.layout, Counts.of(built)
+    t, layout, counts = built.tables, built.layout, Counts(built)
     numbers = Numbers()
     numbers.put(built.w.whole)
-    plan, views, size = assign(counts, numbers)
+    plan, views, size = assign(counts, built.driven, numbers)
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else built.size for _, unit in layout.coordinates])
     w = numbers.whole
     balls = t.nodes[t.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]] if counts.in_space else np.zeros((0, 2), int)
@@ -174,7 +174,7 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
     own = np.column_stack([np.setdiff1d(np.arange(count), first[:, None] + np.arange(wide))
                            for count, first, wide in of_balls])  # fmt: skip
     parts = {name: part for name, part in t._asdict().items() if name not in ("bodies", "acts", "ranges")}
-    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": _square(built.K), "C": _square(built.C)}
+    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": built.K, "C": built.C}
     parts["weightless"] = np.zeros(counts.coordinates) if built.virtual is None else built.virtual
     parts |= {"counts": np.array([
         counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
@@ -199,8 +199,3 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
         work.R[:, 0] = 1.0
     w[plan[at.TOUCH] + at.EXTENT] = built.size or 1.0
     return engine
-
-
-def _square(matrices: Any) -> np.ndarray:
-    """Matrices of all bodies, one number after the other."""
-    return np.concatenate([np.zeros(0), *(np.ravel(each) for each in matrices)])

@@ -14,11 +14,6 @@ from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, spatial_modal_data, symmetrised
 
 
-def body_data(scene: Scene, name: str, shapes: Mapping[str, Shapes]) -> ModalData | None:
-    """Arrays of an elastic body, from finite elements or from its file; None for a rigid one."""
-    return link_data(shapes[name]) if name in shapes else scene.bodies[name].modal
-
-
 def body_moments(scene: Scene, name: str, data: ModalData | None) -> dict[str, np.ndarray]:
     """Inertia moments ARRAYS of a body with its lumped masses.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
@@ -20,151 +20,55 @@ Views = dict[str, tuple[int, tuple[int, ...]]]
 """Places in the numbers w, and shapes, of arrays by their names."""
 
 
-@dataclass(frozen=True)
 class Counts:
-    """Counts of a mechanism.
+    """Counts of the tables of a mechanism: parts, interactions, and numbers of its arrays.
 
-    Attributes
-    ----------
-    d : int
-        Numbers of a twist: 3 in the plane, 6 in space.
-    shapes : sequence of int
-        Number of shapes of every body.
-    coordinates, positions : int
-        Speeds, and coordinates of a state, which have quaternions of balls.
-    nodes, sections, axes, twists : int
-        Nodes, sections, axes in space, rows of phi.
-    ranges : sequence of int
-        First places in ``acts`` of cuts, holds, drives, loads, springs and contacts, the end, and the end of the forces
-        and moments of loads.
-    joints : int
-    joint_rows, switches : int
-        Rows of the cuts; switches of the loads' laws.
-    driven : sequence of int
-        The coordinate that each course prescribes, or -1 for that of a cut.
-    rigid : bool
-        True if contacts are by Newton's law.
-    lent : int
-        In the plane coordinates with virtual inertia whatever is chosen.
-    light : bool
-        True if others may have virtual inertia, too.
+    ``d``: numbers of a twist; ``coordinates``, ``positions``: speeds, and coordinates of a state, which have
+    quaternions of balls; ``speeds``: of all bodies, in the plane alone; ``twists``: rows of phi; ``coupling``,
+    ``square``: rows of E and numbers of L; ``ranges``: first places in ``acts`` of cuts, holds, drives, loads, springs
+    and contacts, the end, and the end of the forces and moments of loads; ``touching``: contacts and switches;
+    ``joint_rows``, ``cut_rows``, ``rows``: of the cuts, with those of holds, and with contacts; ``virtual``: most
+    coordinates with virtual inertia.
     """
 
-    d: int
-    shapes: Sequence[int]
-    coordinates: int
-    positions: int
-    nodes: int
-    sections: int
-    axes: int
-    twists: int
-    ranges: tuple[int, ...]
-    joints: int
-    joint_rows: int
-    driven: Sequence[int]
-    switches: int
-    rigid: bool
-    lent: int
-    light: bool
-
-    @classmethod
-    def of(cls, built: Built) -> Counts:
-        """Counts of the tables of a mechanism."""
+    def __init__(self, built: Built) -> None:
         t, layout = built.tables, built.layout
-        return cls(
-            PLANE if t.numbers.shape[1] == 3 * PLANE else 6, t.bodies[:, at.SHAPES].tolist(),
-            len(layout.coordinates), len(layout.positions), len(t.nodes), len(t.on), len(t.axis_on),
-            int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum()), (*t.ranges, len(t.acts)), len(t.joints),
-            max((rows.stop for rows in layout.cuts.values()), default=0), built.driven, built.switches, built.rigid,
-            0 if built.virtual is None else int(np.count_nonzero(built.virtual)), built.light,
-        )  # fmt: skip
-
-    @property
-    def in_space(self) -> bool:
-        return self.d != PLANE
-
-    @property
-    def row_size(self) -> int:
-        """Numbers of a row, or of a section."""
-        return 3 + 2 * self.d
-
-    @property
-    def rows(self) -> int:
-        """Rows of cuts, holds and contacts."""
-        return self.cut_rows + self.touching
-
-    @property
-    def springs(self) -> int:
-        return self.ranges[5] - self.ranges[4]
-
-    @property
-    def bodies(self) -> int:
-        return len(self.shapes)
-
-    @property
-    def speeds(self) -> int:
-        """Speeds of all bodies, in the plane alone."""
-        return (3 * self.bodies + self.coupling) * (not self.in_space)
-
-    @property
-    def coupling(self) -> int:
-        """Rows of E."""
-        return sum(self.shapes)
-
-    @property
-    def square(self) -> int:
-        """Numbers of L."""
-        return sum(count**2 for count in self.shapes)
-
-    @property
-    def loads(self) -> int:
-        return self.ranges[4] - self.ranges[3]
-
-    @property
-    def holds(self) -> int:
-        return self.ranges[2] - self.ranges[1]
-
-    @property
-    def touching(self) -> int:
-        """Contacts and switches."""
-        return self.ranges[6] - self.ranges[5]
-
-    @property
-    def cut_rows(self) -> int:
-        """Rows of cuts and holds."""
-        return self.joint_rows + self.holds
-
-    @property
-    def virtual(self) -> int:
-        """Most coordinates with virtual inertia."""
-        return self.lent + self.coordinates * self.light
-
-    @property
-    def courses(self) -> int:
-        return len(self.driven)
-
-    @property
-    def reactions(self) -> int:
-        return self.cut_rows + self.touching * self.rigid
-
-    @property
-    def works(self) -> int:
-        return 1 + self.loads + self.courses + self.holds + self.touching
+        self.d = PLANE if t.numbers.shape[1] == 3 * PLANE else 6
+        self.in_space, self.row_size = self.d != PLANE, 3 + 2 * self.d
+        self.shapes: list[int] = t.bodies[:, at.SHAPES].tolist()
+        self.bodies, self.joints, self.nodes = len(t.bodies), len(t.joints), len(t.nodes)
+        self.sections, self.axes = len(t.on), len(t.axis_on)
+        self.coordinates, self.positions = len(layout.coordinates), len(layout.positions)
+        self.coupling, self.square = sum(self.shapes), sum(count**2 for count in self.shapes)
+        self.speeds = (3 * self.bodies + self.coupling) * (not self.in_space)
+        self.twists = int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum())
+        self.ranges = *t.ranges, len(t.acts)
+        _, self.holds, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
+        self.pulls, self.courses, self.switches = self.loads + self.springs, len(built.driven), built.switches
+        self.joint_rows = max((rows.stop for rows in layout.cuts.values()), default=0)
+        self.cut_rows = self.joint_rows + self.holds
+        self.rows = self.cut_rows + self.touching
+        self.reactions = self.cut_rows + self.touching * built.rigid
+        self.works = 1 + self.loads + self.courses + self.holds + self.touching
+        lent = 0 if built.virtual is None else int(np.count_nonzero(built.virtual))
+        self.virtual = lent + self.coordinates * built.light
 
 
-def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, Views, int]:
-    """Plan with counts and places, with room in ``numbers``; arrays there; length of the arrays of factors."""
+def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarray, Views, int]:
+    """Plan with counts and places, with room in ``numbers``; arrays there; length of the arrays of factors.
+
+    ``driven``: the coordinate that each course prescribes, or -1 for that of a cut.
+    """
     plan = np.zeros(at.PLAN, np.int64)
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = c.bodies, c.coordinates, c.speeds, c.works
     plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
-    plan[at.RIGID] = c.touching * c.rigid
+    plan[at.RIGID] = c.reactions - c.cut_rows
     plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges[:-1]
     plan[[at.PUSHES, at.PUSHED]] = c.ranges[-2:]
     for what, count in _of_motion(c).items():
         plan[what] = numbers.room(count)
     plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
-    n, d, pulls = c.coordinates, c.d, c.ranges[5] - c.ranges[3]
-    rows = c.cut_rows + c.touching + c.virtual
+    n, d, pulls, rows = c.coordinates, c.d, c.pulls, c.rows + c.virtual
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
@@ -180,9 +84,9 @@ def assign(c: Counts, numbers: Numbers) -> tuple[np.ndarray, Views, int]:
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     plan[plan[at.FREED] : plan[at.FREED] + n] = 1
-    for k in filter(lambda each: each >= 0, c.driven):
+    for k in filter(lambda each: each >= 0, driven):
         plan[plan[at.FREED] + k] = 0
-    plan[plan[at.PRESCRIBED] : plan[at.PRESCRIBED] + c.courses] = c.driven
+    plan[plan[at.PRESCRIBED] : plan[at.PRESCRIBED] + c.courses] = driven
     return plan, _views(c, plan, size, numbers), size
 
 
@@ -233,8 +137,8 @@ def assign_rows(plan: np.ndarray, acts: np.ndarray) -> None:
 
 def _of_motion(c: Counts) -> dict[int, int]:
     """Numbers of the motion at each place of the plan, without those of :func:`_views`."""
-    n, d, reactions, works, joints = c.coordinates, c.d, c.reactions, c.works, c.ranges[3] - c.ranges[2]
-    pulls, rows, sections = c.ranges[5] - c.ranges[3], c.cut_rows + c.touching, c.sections * (not c.in_space)
+    n, d, reactions, works, joints, pulls = c.coordinates, c.d, c.reactions, c.works, c.drives, c.pulls
+    sections = c.sections * (not c.in_space)
     return {
         at.Y: n, at.COURSE: 3 * c.courses, at.X: 3 * joints + c.switches, at.INPUT: c.loads + c.courses,
         at.SUMS: c.row_size, at.DEMAND: n, at.SCALE: n, at.RATE_SCALE: n,
@@ -242,7 +146,7 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.LOOP: reactions**2, at.SIDE: reactions,
         at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,
         at.PHI: d * c.twists, at.PLACES: 3 * c.bodies, at.ARMS: 3 * c.bodies,
-        at.MIDDLE: 3 * sections, at.MIDDLE_CUT: c.row_size * rows, at.STAGE_A: 3 * n,
+        at.MIDDLE: 3 * sections, at.MIDDLE_CUT: c.row_size * c.rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * c.in_space,
@@ -250,7 +154,7 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
         at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
         at.TOUCH: at.SHARED + n * (c.touching + c.holds),
-        at.COMPLEMENT: room_of(c.touching, c.holds) * c.rigid,
+        at.COMPLEMENT: room_of(c.touching, c.holds) * (reactions > c.cut_rows),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + c.touching) * (c.touching > 0),
     }  # fmt: skip
 

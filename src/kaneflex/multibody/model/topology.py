@@ -74,7 +74,8 @@ def build_tables(
     )  # fmt: skip
     virtual = virtual_inertias(builder, mechanism, tree) if isinstance(mechanism, NumericMechanism) else None
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
-    K, C = ([np.zeros(0) if each is None else getattr(each, of) for each in shapes] for of in ("stiffness", "damping"))
+    K, C = (np.concatenate([np.zeros(0), *(getattr(each, of).ravel() for each in shapes if each is not None)])
+            for of in ("stiffness", "damping"))  # fmt: skip
     rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
     return Built(
         tables, builder.layout(driven), builder.w,

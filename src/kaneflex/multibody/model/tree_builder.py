@@ -76,8 +76,8 @@ class Built(NamedTuple):
         Unit of lengths [m].
     switches : int
         Number of switches of loads' laws.
-    K, C : sequence of ndarray
-        Stiffness and damping matrices of the shapes of every body, (count, count).
+    K, C : ndarray
+        Stiffness and damping matrices of the shapes of every body, (count, count), one number after the other.
     rigid : bool
         True if contacts are by Newton's law.
     virtual : ndarray (s,), optional
@@ -93,8 +93,8 @@ class Built(NamedTuple):
     angles: Sequence[bool]
     size: float
     switches: int
-    K: Sequence[np.ndarray]
-    C: Sequence[np.ndarray]
+    K: np.ndarray
+    C: np.ndarray
     rigid: bool = False
     virtual: np.ndarray | None = None
     light: bool = False

@@ -15,7 +15,7 @@ from kaneflex.multibody.dynamics.arrays import Columns, Instants, Work
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.tree_layout import AXES_NODE, BODY, OWNER, Layout
+from kaneflex.multibody.model.tree_layout import AXES_NODE, BODY, Layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,12 +279,6 @@ class Views:
     def holds(self) -> np.ndarray:
         """View of the numbers of frictions, (frictions, CONTACT_SIZE)."""
         return self.rows[: self.count(at.DRIVES) - self.count(at.HOLDS)]
-
-    @property
-    def owners(self) -> np.ndarray:
-        """Body of every section, -1 on the ground."""
-        on = self.parts["on"]
-        return np.where(on >= 0, self.parts["nodes"][on, OWNER], -1)
 
     @property
     def sections(self) -> np.ndarray:
