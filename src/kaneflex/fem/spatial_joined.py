@@ -115,19 +115,19 @@ class Joined:
         """Indices of some coordinates within :attr:`tied`."""
         return np.searchsorted(self.tied, columns)
 
-    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> Rates3:
-        """J and its rates at the instants of a motion, (3, n_times, rows, tied).
+    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None, orders: int = 3) -> np.ndarray:
+        """J and its rates at the instants of a motion, (orders, n_times, rows, tied).
 
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
         turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
-        J = np.zeros((3, len(motion.times), self.row_count, len(self.tied)), motion.values.dtype)
+        J = np.zeros((orders, len(motion.times), self.row_count, len(self.tied)), motion.values.dtype)
         for name, joint in self.mechanism.joints.items():
             if joints is None or name in joints:
                 for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
                     point = self.point(side)
                     if point is not None:
-                        J[:, :, self.where[name], self.places(point[0])] += each @ point[1]
+                        J[:, :, self.where[name], self.places(point[0])] += each[:orders] @ point[1]
         return J
 
     @cached_property
@@ -282,7 +282,7 @@ class Joined:
 
     def _scaled_rows(self, motion: RigidMotion) -> np.ndarray:
         """The rows at the instants of a motion, (n_times, rows, tied), each by its largest entry."""
-        J = self.rows(motion)[0] * self.measure[self.tied]
+        J = self.rows(motion, orders=1)[0] * self.measure[self.tied]
         return J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
 
     def _named(self, rows: np.ndarray) -> list[str]:

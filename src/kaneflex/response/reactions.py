@@ -152,7 +152,7 @@ def spatial_reactions(
             residual[:, joined.tied] += np.einsum("tki,kt->ti", parting[:, first : first + 4], force)
         else:
             residual[:, joined.columns(at)] += force.T
-    J, rows, scale = joined.rows(rigid)[0], found.rows, joined.measure[joined.tied]
+    J, rows, scale = joined.rows(rigid, orders=1)[0], found.rows, joined.measure[joined.tied]
     multipliers = np.zeros_like(J[:, :, 0])
     solve = solver or by_reflections
     multipliers[:, rows] = solve((J[:, rows] * scale).transpose(0, 2, 1), residual[:, joined.tied] * scale)
