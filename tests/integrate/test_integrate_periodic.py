@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,10 +54,12 @@ def test_a_periodic_state_is_found_from_one_near_it(method):
     system, table = coupled()
     exact = integrate(Run(system, table, 0.3, CYCLE / 200, 200, method, start="periodic", period_steps=200))
     near = (exact.z[0] + 0.3, exact.v[0] - 0.2)
-    z, v = periodic_near(Run(system, table, 0.3, CYCLE / 200, 200, method, start=near))
-    assert np.hstack((z, v)) == pytest.approx(np.hstack((exact.z[0], exact.v[0])), abs=1e-4)
+    run = Run(system, table, 0.3, CYCLE / 200, 200, method, near, 200)
+    found = periodic_near(run)
+    assert found.outcome is Outcome.COMPLETED
+    assert np.hstack((found.z, found.v)) == pytest.approx(np.hstack((exact.z, exact.v)), abs=1e-4)
     still = system.n * [0.0]
-    assert periodic_near(Run(system, lambda t: 0.0 * table(t), 0.3, CYCLE / 200, 200, method, (still, still))) is None
+    assert periodic_near(replace(run, table=lambda t: 0.0 * table(t), start=(still, still))) is None
 
 
 @pytest.mark.parametrize("method", ["newmark", "gauss", "radau"])

@@ -49,14 +49,15 @@ def cycle_map(
     return over_a_cycle(set_up(run), steps)
 
 
-def periodic_near(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
-    """Start of a periodic motion near a given state, with all steps of a run as its cycle; None if not found.
+def periodic_near(run: Run) -> Trajectory | None:
+    """Run from the periodic motion near a given state; None if not found.
 
     For methods with fixed steps that carry z and v alone. Raises UserError as `integrate` does.
     """
     check_arguments(run)
-    setup = set_up(replace(run, period_steps=run.n_steps))
-    return corrected_state(setup, run.n_steps, *given_state(run))
+    setup = set_up(run)
+    found = corrected_state(setup, steps_of_cycle(run), *given_state(run))
+    return None if found is None else _run(setup, _started(setup, *found), run.n_steps, run.every)
 
 
 def _naming_the_steps(found: Beginning, run: Run) -> Beginning:

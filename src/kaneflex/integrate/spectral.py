@@ -244,12 +244,12 @@ def at_instants(z: np.ndarray, count: int) -> np.ndarray:
     return _sampled(harmonics, z.shape[1], count)
 
 
-def improved(grid: Grid, z: np.ndarray, share: float = SURE) -> Orbit | None:
-    """The motion z (n, N) with what the equations of the grid still ask for, to a share of it.
+def improved(grid: Grid, z: np.ndarray, tolerance: float = 0.0, share: float = SURE) -> Orbit | None:
+    """The motion z (n, N) with what the equations of the grid still ask for, to a share of it, or of the motion.
 
     None where corrections contract too slowly.
     """
-    found = grid.corrected(z, 0.0, share, 0.0, _SLOWEST_ESTIMATE)
+    found = grid.corrected(z, tolerance, share, 0.0, _SLOWEST_ESTIMATE)
     return None if found.reason else found
 
 

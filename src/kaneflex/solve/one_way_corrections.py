@@ -34,6 +34,8 @@ LONGEST = 60.0
 """Nominal seconds that steps of richer models may take by default."""
 _MOST = 2048
 """Largest number of instants of the cycle at which the equations hold."""
+_LEFT = 0.03
+"""Share of the run's tolerance that corrections by harmonics may leave, since the error is larger if they are slow."""
 _COUNTS = 1e-6
 """Share of a coordinate's largest harmonic below which a harmonic is neglected."""
 
@@ -74,7 +76,8 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
         z = motion.coordinates[0] if own is model else embedded(own, motion)
         grid = Grid.of(own.system, own.scalars, 0.0, period, count)
         basis = own.modal_basis
-        found = improved(grid, z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0])
+        z = z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0]
+        found = improved(grid, z, _LEFT * model.options.tolerance)
         if found is None:
             return
         z, v, a = (part if basis is None else basis @ part for part in (found.z, *grid.rates(found.z)))
@@ -130,11 +133,11 @@ def _stepped(read: Read, richer: Model, near: ElasticMotion, finer: int = 1) -> 
     if read.periodic:
         from kaneflex.integrate.by_steps import periodic_near
 
-        found = periodic_near(replace(run, n_steps=finer * model.options.steps))
-        if found is None:
-            raise Unknown("corrections converge too slowly, by harmonics and by cycles")
-        run = replace(run, start=found)
-    moved = integrate(run)
+        moved = periodic_near(replace(run, period_steps=finer * model.options.steps))
+    else:
+        moved = integrate(run)
+    if moved is None:
+        raise Unknown("corrections converge too slowly, by harmonics and by cycles")
     if moved.outcome is not Outcome.COMPLETED:
         raise Unknown(f"a richer model fails: {moved.message}")
     basis = richer.modal_basis
