@@ -51,16 +51,16 @@ class CoefficientStream:
         """
         if self.period_steps is not None:
             if self._cycle is None:
-                rows = self._rows(0, self.period_steps)
+                rows = self._checked(self._times(0, self.period_steps))
                 self._cycle = self.read(np.concatenate((rows, rows[:1])))
             return self._cycle, self.period_steps, done % self.period_steps, n_steps
         steps = max(1, min(n_steps, LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
-        rows, end = self._rows(done, steps), self._checked(np.array([self.t0 + (done + steps) * self.step]))
-        return self.read(np.concatenate((rows, end))), steps, 0, steps
+        times = np.append(self._times(done, steps), self.t0 + (done + steps) * self.step)
+        return self.read(self._checked(times)), steps, 0, steps
 
-    def _rows(self, done: int, steps: int) -> np.ndarray:
+    def _times(self, done: int, steps: int) -> np.ndarray:
         at = done + np.arange(steps)
-        return self._checked((self.t0 + np.add.outer(at, np.array(self.nodes)) * self.step).ravel())
+        return (self.t0 + np.add.outer(at, np.array(self.nodes)) * self.step).ravel()
 
     def _checked(self, times: np.ndarray) -> np.ndarray:
         rows = np.array(self.table(times), dtype=np.float64, order="C")  # a copy: the loops want it writable
