@@ -13,7 +13,7 @@ from runs import solved
 import kaneflex
 from kaneflex import load, with_settings
 from kaneflex.cli import main
-from kaneflex.multibody.model import system
+from kaneflex.multibody.model import assembly
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.time import shooting
 from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections
@@ -377,7 +377,7 @@ def test_runs_that_go_on_and_given_shapes_are_continued_by_richer_models():
 
 def test_nothing_is_derived_for_a_richer_model(monkeypatch):
     found = solved(kaneflex.read_scene("four-bar-motor"), "solve.duration=0.05 s", "solve.steps=100")
-    monkeypatch.setattr(system, "find_laws_module", lambda *_: pytest.fail("a module is looked for"))
+    monkeypatch.setattr(assembly, "find_laws_module", lambda *_: pytest.fail("a module is looked for"))
     estimates, reason = found.errors
     assert reason == "" and estimates["coupler_mid"].total > 0.0
 
