@@ -19,7 +19,7 @@ BASELINE = {
     "multibody": 31,
     "plots": 30,
     "report": 5,
-    "response": 24,
+    "response": 23,
     "scene": 59,
     "solve": 21,
     "study": 44,

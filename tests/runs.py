@@ -4,6 +4,7 @@ import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -125,7 +126,15 @@ def gaps(system: System, t: float, q: np.ndarray) -> dict[str, float]:
 def closed(system: System, t: float, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
     """The nearest state of a planar system with closed loops, with accelerations and reactions."""
     folded(system, t, q, v)
-    return by_themselves(system, system.states(system.engine.row(t)[None]))
+    row = system.engine.row(t)[None]
+    return by_themselves(system, row, system.nearby(row))
+
+
+def changes(solution: Solution) -> list[np.ndarray]:
+    """Rows before and after every change of contacts, frictions and loads' sides of a coupled run, in turn."""
+    rows = np.concatenate([rows for rows, _ in solution.trajectory.curve.pieces])
+    return [row for before, after in pairwise(rows) if before[0] == after[0] and (before != after).any()
+            for row in (before, after)]  # fmt: skip
 
 
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:

@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.time.integration import finished
-from kaneflex.multibody.time.run import Run
+from kaneflex.multibody.time.run import Run, finished
 from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.solution import Solution
 
@@ -25,6 +24,7 @@ def scipy_motion(model) -> Solution:
     run = Run(model.coupled, beginning(model), times, method_of(model))
     for first in range(0, len(times) - 1, PIECE):
         follow(run, times[first : first + PIECE + 1])
+    run.pieces.append((run.table, run.engine.choice))
     return Solution.of(as_result(model, finished(run, (Outcome.COMPLETED, "completed"), 0.0), 0.0))
 
 

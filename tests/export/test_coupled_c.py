@@ -103,7 +103,7 @@ def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
     shapes = [f"{body}.shape_{k}" for body, each in system.layout.shapes.items() for k in range(each.count)]
     assert {*shapes} <= {*names} and len(shapes) > 3
     assert {f"{joint}.moment_z" for joint in system.mechanism.joints} <= {*names}
-    moving = expected.at(found[:, 0])
+    moving = expected.at(found[:, 0], run(*scene).trajectory.record)
     assert found[:, 0] == pytest.approx(run(*scene).trajectory.times, abs=1e-12)
     series = {f"{body}.shape_{k}": part for body in moving.shapes for k, part in enumerate(moving.modal(body)[0])}
     series |= {name: moving.values[:, k] for name, k in expected.column.items()}

@@ -16,7 +16,7 @@ from kaneflex.multibody.compile import library
 from kaneflex.multibody.compile.mechanisms import MECHANISM, typed
 from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
-from kaneflex.multibody.dynamics import unfolding
+from kaneflex.multibody.dynamics import entries as of_instants
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU
@@ -79,7 +79,7 @@ def printed(run):
     """
     printer = Printer(run.engine.kernels)
     by_function = typed(of_library.PLANE, MECHANISM)
-    for entry in (collocation.project, collocation.integrate, unfolding.unfold):
+    for entry in (of_instants.project, collocation.integrate, of_instants.unfold):
         printer.function(entry, by_function[entry].args)
     rooms = ("kaneflex.multibody.", "kaneflex.generated.")
     known = [each for name, of in [*sys.modules.items()] if name.startswith(rooms) for each in vars(of).values()]

@@ -18,7 +18,7 @@ from kaneflex.multibody.model.body_parameters import SpatialBlocks
 from kaneflex.multibody.model.layout import WHAT
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
-from kaneflex.multibody.time import spatial_curves
+from kaneflex.multibody.time import curves
 from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
 
@@ -327,8 +327,8 @@ solve.duration = 1
 def test_a_loop_is_followed_close_to_where_its_speeds_grow(monkeypatch):
     """A piston drives its crank to 0.05 rad from the dead centre: speeds are chosen anew there. Rows at instants in any
     order, and one by one, are by the cosine law."""
-    anew, choose_anew = [], spatial_curves.choose_anew
-    monkeypatch.setattr(spatial_curves, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
+    anew, choose_anew = [], curves.choose_anew
+    monkeypatch.setattr(curves, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
     motion = load(scene_of(DEAD_CENTRE)).motion
     times = np.random.default_rng(SEED).permutation(np.linspace(0.0, 1.0, 301))
     together, alone = motion.at(times), np.vstack([motion.table(times[k : k + 1]) for k in range(40)])

@@ -18,8 +18,7 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.multibody.time.error_bounds import Method
-from kaneflex.multibody.time.integration import integrate
-from kaneflex.multibody.time.run import Run
+from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.checked import description

@@ -31,7 +31,7 @@ def moved(engine):
     """A state of the engine under way, with what its equations say there: t, q, v, a, multipliers."""
     found = simulate_coupled(engine).trajectory
     k = slice(13, 14)
-    state = by_themselves(engine.coupled, engine.coupled.states(found.rows[k]))
+    state = by_themselves(engine.coupled, found.rows[k], engine.coupled.nearby(found.rows[k]))
     return found.times[13], state.q[0], state.v[0], state.a[0], state.multipliers[0]
 
 

@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 from kaneflex import scene_of, with_settings
 from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.time.error_bounds import Method
-from kaneflex.multibody.time.integration import integrate
+from kaneflex.multibody.time.run import integrate
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.unresolved import unresolved

@@ -7,7 +7,7 @@ import pytest
 from lifting import lifted
 from machines import changed
 from parity import planar, random_turn
-from runs import solved
+from runs import changes, solved
 from test_friction import ARM, BLOCK, CRANK, HINGE, SLOPE, G
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
@@ -281,8 +281,7 @@ def rubs(flat, name, *, joints=None):
     one, other = plane.trajectory.frictions, space.trajectory.frictions
     assert plane.outcome is space.outcome
     assert (one.mode == other.mode).all()
-    instants = [[row[0] for row in rows] for rows in (
-        () if plane.trajectory.changes is None else plane.trajectory.changes.rows, space.trajectory.curve.changes)]
+    instants = [[row[0] for row in changes(each)] for each in (plane, space)]
     assert instants[1] == pytest.approx(instants[0], rel=1e-5)
     assert space.trajectory.energy.drift < 1e-6
     return plane, space
@@ -317,9 +316,9 @@ def test_joints_rub_as_in_the_plane(name):
 @pytest.mark.parametrize("turn", range(5))
 def test_a_block_on_a_belt_sticks_and_slips_whichever_way_it_is_turned(turn):
     plane, space = rubs(read_scene("stick-slip"), f"belt {turn}")
-    assert len(space.trajectory.curve.changes) > 20
-    instants = [row[0] for row in space.trajectory.curve.changes]
-    assert instants == pytest.approx(plane.trajectory.changes.times, rel=1e-9)
+    instants = [[row[0] for row in changes(each)] for each in (plane, space)]
+    assert len(instants[1]) > 20
+    assert instants[1] == pytest.approx(instants[0], rel=1e-9)
     assert space["drag"].values == pytest.approx(plane["drag"].values, abs=1e-9)
 
 

@@ -10,7 +10,7 @@ from runs import run, solved
 
 import kaneflex
 from kaneflex import load, read_scene, scene_of, with_settings
-from kaneflex.multibody.time import spatial_forward
+from kaneflex.multibody.time.run import Run
 from kaneflex.report import checked
 from kaneflex.report.summary import summarise
 from kaneflex.solve.simulation import solve
@@ -66,13 +66,13 @@ def test_shapes_are_no_freedoms_of_joints():
 
 
 def test_an_integration_counts_as_solving(monkeypatch):
-    go = spatial_forward.SpatialRun.go
+    go = Run.go
 
     def slow(run, *given):
         time.sleep(0.3)
         return go(run, *given)
 
-    monkeypatch.setattr(spatial_forward.SpatialRun, "go", slow)
+    monkeypatch.setattr(Run, "go", slow)
     began = time.perf_counter()
     timing = summarise(solved(scene_of(TORQUE_FREE))).timing
     spent = time.perf_counter() - began

@@ -12,7 +12,7 @@ from runs import model, run
 
 from kaneflex import SceneError, load, read_scene, sensitivities, with_settings
 from kaneflex.multibody.time import shooting
-from kaneflex.multibody.time.spatial_forward import SpatialRun
+from kaneflex.multibody.time.run import Run
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
@@ -342,7 +342,7 @@ def test_neighbours_in_space_take_the_steps_of_the_run(integrator):
 
 def test_a_run_in_space_divides_no_given_step():
     own = run(*CRANK).model.motion.curve
-    long = SpatialRun(own.system, own.start, own.times[[0, -1]], own.method, own.ends[-1:])
+    long = Run(own.system, own.start, own.times[[0, -1]], own.method, own.ends[-1:])
     long.go()
     assert long.ends == own.ends[-1:] and abs(end(long).q - end(own).q).max() > 1e-6
 

@@ -87,16 +87,16 @@ int {name}_accelerations(
 int {name}_run({name}_state *state, double until)
 {{
     const mechanism m = {name}_handed(state);
-    double times[2] = {{state->row[0], until}}, rows[2 * {NAME}_ROW], ends[{most} + 1], none[1] = {{0.0}};
+    double times[2] = {{state->row[0], until}}, rows[2 * {NAME}_ROW], ends[2 * ({most} + 1)], none[1] = {{0.0}};
     double patient = 0.0;
     int64_t status = {DONE};
     if (until <= state->row[0])
         return {NAME}_DONE;
     do {{
         m.w[m.plan[{IMPACTS}]] = 0.0; /* the run would wait for finished impacts to be read */
-        double control[9] = {{
+        double control[8] = {{
             state->step, {longest}, patient != 0.0 ? {patience} : {most}, 0.0, 0.0, state->last_step, patient,
-            state->sloped, 0.0
+            state->sloped
         }};
         const table *method = state->sloped == {DAMPED} ? &{name}_radau_method : &{name}_{integrator}_method;
         status = {integrate}(
@@ -109,9 +109,9 @@ int {name}_run({name}_state *state, double until)
             const int64_t chosen = {change}(
                 &m, state->row, (int64_t *){name}_level, (double *){name}_virtual, status == {RESTED});
             status = chosen == {FAILED} ? {SINGULAR} : state->row[0] < until ? {PAUSED} : {DONE};
-            if (chosen == {CHANGED})
+            if (chosen == {PROJECTED})
                 state->last_step = 0.0;
-            else
+            else if (chosen != {CHANGED})
                 patient = 1.0; /* this choice is the best one: it is not checked in the next steps */
         }}
     }} while (status == {PAUSED});

@@ -65,7 +65,8 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
         "name": name, "NAME": name.upper(), "step": repr(model.step), "most": _STEPS, "patience": PATIENT,
         "longest": repr(model.step), "step_1": repr(start.step), "sloped": start.sloped,
         "integrator": start.integrator, "IMPACTS": at.IMPACTS, **{key: getattr(codes, key) for key in _OUTCOMES},
-        "FAILED": exported_entries.FAILED, "CHANGED": exported_entries.CHANGED, **called,
+        "FAILED": exported_entries.FAILED, "CHANGED": exported_entries.CHANGED,
+        "PROJECTED": exported_entries.PROJECTED, **called,
         "extern": "\n".join(f"extern const char *const {name}_{key}_names[];" for key in start.names),
     }  # fmt: skip
     given |= {key: c_comment(f"{scene.name} under preset coupled: {text}") for key, text in ABOUT.items()} | {

@@ -23,8 +23,6 @@ from kaneflex.support.machine_code import address_of
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
-_LARGE = 1e8
-"""Least accelerations [m/s^2 or rad/s^2] whose forces leave no rounding of those at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,7 @@ class Engine(Views):
         self.openings(t)
         level = self.levels.copy()
         level[list(spared)] = np.maximum(level[list(spared)], codes.NAMED)
-        choice, dropped = self.chosen_by(level, t)
+        choice, dropped = self.chosen_by(level)
         self.choose_speeds(choice)
         return dropped
 
@@ -115,40 +113,26 @@ class Engine(Views):
         for row, gap in enumerate(gaps):
             yield self.cut_of(row), gap, float(self.work.row_measure[row])
 
-    def chosen_by(self, level: np.ndarray, t: float = 0.0) -> tuple[Choice, np.ndarray]:
-        """Choice by the :attr:`levels` of coordinates, and redundant rows, at t [s], see
+    def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
+        """Choice by the :attr:`levels` of coordinates, and redundant rows, see
         :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
         taken = np.zeros(self.count(at.REACTIONS), np.int64)
         self.call("choose", level, taken)
         rows = np.flatnonzero(taken >= 0)
-        return self.choice_of(rows, taken[rows], t), np.flatnonzero(taken == -1)
+        return self.choice_of(rows, taken[rows]), np.flatnonzero(taken == -1)
 
-    def choice_of(self, rows: np.ndarray, dependent: np.ndarray, t: float = 0.0) -> Choice:
-        """Choice of the given rows and speeds at the current position, at t [s]."""
+    def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
+        """Choice of the given rows and speeds at the current position."""
         inertia = self.parts["weightless"]
         if len(dependent) and self.light:
-            free, M = np.isin(np.arange(self.size), self.open_speeds), self.mass(t) + np.diag(inertia)
+            free, M = np.isin(np.arange(self.size), self.open_speeds), self.mass() + np.diag(inertia)
             inertia = inertia + virtual_inertia(M, self.measure, self.tables.bodies, free)
         return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
 
-    def mass(self, t: float = 0.0) -> np.ndarray:
-        """Mass matrix of all speeds at the current position, (speeds, speeds).
-
-        In the plane it is zero for those that drives prescribe, has these at t [s], and makes all speeds independent.
-        """
-        if self.in_space:
-            self.call("mass", np.zeros(self.size))
-            return self.work.M
-        n, motion = self.size, [part.copy() for part in self.motion]
-        rows, every = np.zeros((1 + n, 3 * n)), Choice(NONE.rows, NONE.dependent, np.arange(n), np.zeros(n))
-        rows[:, :n] = motion[0]
-        rest = self.demand(every, np.full(1, t), rows[:1])[0, :n]
-        large = _LARGE * max(1.0, abs(rest / self.measure).max(initial=0.0) / self.masses.sum())
-        rows[1:, 2 * n :] = large * np.eye(n)
-        found = self.demand(every, np.full(n, t), rows[1:])[:, :n]
-        for part, before in zip(self.motion, motion, strict=True):
-            part[:] = before
-        return (found - rest) / large
+    def mass(self) -> np.ndarray:
+        """Mass matrix of all speeds at the current position, (speeds, speeds)."""
+        self.call("mass", np.zeros(self.size))
+        return self.work.M
 
     def choose_speeds(self, choice: Choice) -> None:
         """Set the choice that compiled functions use."""
@@ -210,49 +194,49 @@ class Engine(Views):
     def project(self, t: float) -> bool:
         """Project onto the constraints for the current independent coordinates, and compute accelerations and
         reactions."""
-        if self.in_space:
-            q, u = self.coordinates, self.motion[1].copy()
-            return bool(self.call("project", t, q, u) == codes.DONE)
-        return bool(self.call("project", t))
+        q, u = self.coordinates, self.motion[1].copy()
+        return bool(self.call("project", t, q, u) == codes.DONE)
 
     def follow(self, rows: np.ndarray, first: int, given: np.ndarray, side: np.ndarray) -> int:
-        """Close the loops of rows in place, see :func:`kaneflex.multibody.dynamics.unfolding.follow_rows`."""
+        """Close the loops of rows in place, see :func:`kaneflex.multibody.dynamics.entries.follow_rows`."""
         return int(self.call("follow_rows", rows, first, len(rows), given, given.shape[1], side))
 
-    def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
-        """Rows of the integration with closed loops, accelerations and reactions, from those of nearby states; None if
-        one is singular.
+    def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
+        """Records of the states near rows of the integration, (n_times, kept); None if one is singular.
 
-        Contacts with overlapping sides are closed. The ``held`` coordinates are not accelerated, as far as the joints
-        allow: they have a mass much larger than all others.
+        The ``held`` coordinates are not accelerated, as far as the joints allow: they have a mass much larger than all
+        others.
         """
-        rows, done = rows.copy(), 0
+        found, done = [np.zeros((0, len(self.work.kept)))], 0
+        shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
         while done < len(rows):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
             self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-            before, done = done, self.call("states", rows, len(rows), done, len(held) > 0)
-            if done == before:
+            changed = np.append((shut[done:] != shut[done]).any(axis=1), True)
+            found.append(self.unfold(rows[done : done + int(changed.argmax())], nearby=True))
+            done += len(found[-1])
+            if not len(found[-1]):
                 break
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
-        return rows if done == len(rows) else None
+        return np.concatenate(found) if done == len(rows) else None
 
-    def integrate(
-        self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray, wide: int = 1
-    ) -> int:
+    def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
-        ends."""
+        ends (., wide)."""
         given, times, *out = parts
-        return int(self.call(
-            "integrate", method, control, here, given, len(given), times, len(times), *out, wide
-        ))  # fmt: skip
+        asked = given, len(given), times, len(times), *out, out[-1].shape[1]
+        return int(self.call("integrate", method, control, here, *asked))
 
-    def unfold(self, rows: np.ndarray) -> np.ndarray:
+    def unfold(self, rows: np.ndarray, nearby: bool = False) -> np.ndarray:
         """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration with closed
-        loops, (n_times, kept)."""
+        loops, (n_times, kept).
+
+        ``nearby``: of the states near these rows, up to the first one that can't be projected; ``work.now`` has its
+        time and outcome.
+        """
         out = np.zeros((len(rows), len(self.work.kept)))
-        self.call("unfold", np.ascontiguousarray(rows), len(rows), out)
-        return out
+        return out[: self.call("unfold", np.ascontiguousarray(rows), len(rows), nearby, out)]
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""

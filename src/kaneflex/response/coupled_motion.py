@@ -51,8 +51,8 @@ class CoupledMotion(Motion):
     @cached_property
     def rigid_forces(self) -> RigidMotion:
         reference = self.model.module
-        rows = reference.system.states(reference.rows(self.times, reference.first))
-        trajectory = by_themselves(reference.system, rows)
+        rows = reference.rows(self.times, reference.first)
+        trajectory = by_themselves(reference.system, rows, reference.system.nearby(rows))
         return FloatingMotion.of(self.model.scene, reference.system, self.rigid, trajectory)
 
     @property

@@ -21,7 +21,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
-from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
@@ -205,12 +204,12 @@ class FloatingMotion(DeformingMotion):
         if not still:
             return self
         try:
-            found = by_themselves(self.system, self.system.states(t.rows, still))
+            found = self.system.nearby(t.rows, still)
         except ArithmeticError:
             return self
         moving, record = ~self._locked[:, None], t.record.copy()
         for columns in (t.of.a, t.of.forces):
-            record[:, columns] = np.where(moving, found.record[:, columns], record[:, columns])
+            record[:, columns] = np.where(moving, found[:, columns], record[:, columns])
         return replace(self, trajectory=replace(t, record=record))
 
     @property

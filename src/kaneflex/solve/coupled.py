@@ -22,13 +22,11 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
-from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
 from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
-from kaneflex.multibody.time.run import Method
+from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.multibody.time.spatial_forward import SpatialRun
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.floating_motion import FloatingMotion
@@ -71,7 +69,7 @@ def simulate_coupled(
     else:
         start = beginning(model) if near is None else near[0]
         trajectory = integrate(system, start, times, method_of(model), progress, stop if stops else None)
-    if trajectory.curve is not None and near is not None:
+    if near is not None:
         trajectory.curve.turned = near[1]
     return until_stop(as_result(model, trajectory, time.perf_counter() - started))
 
@@ -112,7 +110,7 @@ def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
     return Equations(system, choice), system.project(0.0, start.q, start.u, choice)
 
 
-def along(model: Model, run: SpatialRun) -> SpatialKinematics:
+def along(model: Model, run: Run) -> SpatialKinematics:
     """Motion of a mechanism in space along its run, with the checks that need it."""
     from kaneflex.solve.spatial_loading import with_open_reactions
 
@@ -191,10 +189,10 @@ def _given(model: Model, start: State) -> State:
 
 def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
-    if trajectory.curve is not None:
-        return _in_space(model, trajectory, trajectory.curve, seconds)
     system, rigid = model.coupled, model.motion
-    assert system is not None and isinstance(rigid, ReferenceKinematics)
+    if system is None:
+        return _in_space(model, trajectory, trajectory.curve, seconds)
+    assert isinstance(rigid, ReferenceKinematics)
     bare = FloatingMotion.of(model.scene, system, rigid.at(trajectory.times), trajectory)
     free = Courses(trajectory.times, *bare.courses(rigid.module.FREE))
     run = None if system.engine.shapes.any() else trajectory
@@ -208,7 +206,7 @@ def free_courses(scene: Scene, system: System, motion: RigidKinematics, rows: np
     return Courses(rows[:, 0], *np.concatenate([each.courses(motion.module.FREE) for each in moved], axis=1))
 
 
-def _in_space(model: Model, trajectory: CoupledTrajectory, run: SpatialRun, seconds: float) -> RunResult:
+def _in_space(model: Model, trajectory: CoupledTrajectory, run: Run, seconds: float) -> RunResult:
     motion = along(model, run)
     reference = model.reference_time
     if run.turned is not None:

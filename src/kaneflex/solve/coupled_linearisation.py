@@ -14,8 +14,8 @@ from kaneflex.multibody.model.building import no_modes
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
-from kaneflex.multibody.time.neighbours import Neighbours, probes
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.time.neighbours import Neighbours
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.contact_check import refuse_contacts
@@ -80,16 +80,17 @@ def inputs(model: Model) -> tuple[str, ...]:
 
 def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.ndarray:
     """Derivatives of the sensors with respect to coordinates, rates and inputs, (n_sensors, 2 n_y + n_inputs)."""
-    base, n, system, motion = found.instant, len(found.names), model.coupled, model.motion
+    base, n, system = found.instant, len(found.names), model.coupled
     equations = Equations(model.coupled_system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
-    given = equations.given(base, x)
+    near = Neighbours(equations.system, base, equations.given(base, x))
     if system is None:
-        curve = Neighbours(motion.module.system, base, given)
-        moved = cast(CoupledKinematics, motion).along(curve)
-        beside = coupled_motion(replace(model, motion=moved), moved.at(curve.times), None)
+        moved = cast(CoupledKinematics, model.motion).along(near)
+        beside = coupled_motion(replace(model, motion=moved), moved.at(near.times), None)
     else:
-        beside = cast(CoupledMotion, as_result(model, probes(system, base, given), 0.0).motion)
+        near.states[:, 0] = near.times if system.mechanism.free else base.t  # free courses need ascending times
+        found_there = by_themselves(system, near.states, near.records)
+        beside = cast(CoupledMotion, as_result(model, found_there, 0.0).motion)
     rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
     return np.array(rows).reshape(len(sensors), len(weights))
 

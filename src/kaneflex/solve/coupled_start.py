@@ -15,7 +15,7 @@ from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.time import integration
+from kaneflex.multibody.time.run import Run
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.simulation import simulate
@@ -65,14 +65,14 @@ def begun(model: Model) -> Begun:
     """First instant of the run of a coupled model. Raises SceneError if it has none."""
     start = beginning(model) if model.options.start != "periodic" else _periodic(model)
     times = model.step * np.arange(model.options.steps + 1)
-    run = integration.begun(model.coupled_system, start, times, method_of(model))
+    run = Run(model.coupled_system, start, times, method_of(model))
     if not run.projected:
         reason = "the mechanism is in a singular position at the start"
         raise SceneError("solve.start", model.options.start, reason, "Start from another position")
     engine, record = run.engine, model.coupled_system.record
     bodies, forces, undetermined = _reactions(model)
     tables = {f"columns_{key}": getattr(record, key) for key in ("q", "v", "a", "forces")}
-    tables |= {"level": engine.levels, "virtual": _virtual_inertia(engine, float(run.times[0]))}
+    tables |= {"level": engine.levels, "virtual": _virtual_inertia(engine)}
     entries = {each.__name__: (each, of) for each, of in typed(EXPORTED, HANDED[engine.kind]).items()}
     names = _names(engine, bodies) | {"force": forces}
     return Begun(
@@ -82,22 +82,19 @@ def begun(model: Model) -> Begun:
 
 def _periodic(model: Model) -> State:
     """Start of a periodic motion."""
-    found, system = simulate(model).trajectory, model.coupled_system
+    found = simulate(model).trajectory
     assert isinstance(found, CoupledTrajectory)
     if not len(found.times):
         raise SceneError("solve.start", "periodic", found.message, "Start from zero")
-    return found.curve.start if found.curve is not None else next(
-        system.engine.states_of(found.rows[:1], system.engine.choice)
-    )
+    start: State = found.curve.start
+    return start
 
 
-def _virtual_inertia(engine: Engine, t: float) -> np.ndarray:
-    """Virtual inertia of the speeds without drives, of the size of their own at t [s]; zero if all bodies have inertia.
-    """
-    found, choice = np.zeros(engine.size), engine.choice
+def _virtual_inertia(engine: Engine) -> np.ndarray:
+    """Virtual inertia of the speeds without drives, of the size of their own; zero if all bodies have inertia."""
+    found = np.zeros(engine.size)
     if engine.light:
-        free, inertia = engine.open_speeds, engine.mass(t).diagonal()
-        engine.choose_speeds(choice)
+        free, inertia = engine.open_speeds, engine.mass().diagonal()
         most = (inertia * engine.measure**2).max(initial=0.0) / engine.measure**2
         found[free] = np.where(inertia > _LEAST * most, inertia, most)[free]
     return found

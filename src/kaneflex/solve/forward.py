@@ -22,9 +22,9 @@ from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, System
-from kaneflex.multibody.time.integration import integrate
+from kaneflex.multibody.time.dense_output import CURE
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
-from kaneflex.multibody.time.run import CURE, Run
+from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled import along, free_courses, method_of
@@ -106,7 +106,7 @@ def integrate_free_joints(model: Model, share: Callable[[float], None]) -> Model
     motion = cast("StartKinematics | SpatialKinematics", model.motion)
     system, start = motion.initial
     times = model.step * np.arange(model.options.steps + 1)
-    found = integrate(system, start, times, method_of(model), share, whole=True)
+    found = integrate(system, start, times, method_of(model), share, limited=True)
     run = found.curve
     if found.outcome is not Outcome.COMPLETED:
         locked = _locked(model.scene, motion, run) if isinstance(motion, StartKinematics) else None

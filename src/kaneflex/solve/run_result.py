@@ -157,8 +157,9 @@ class RunResult:
     def at(self, times: np.ndarray) -> Self:
         """The same motion at other instants within the run (dense output).
 
-        Coordinates follow the quintic through the stored displacements, velocities and accelerations; under preset
-        ``coupled`` they are projected onto the constraints, and accelerations and reactions are computed again.
+        Coordinates follow the quintic through the stored displacements, velocities and accelerations, under preset
+        ``coupled`` through those of all steps; they are then projected onto the constraints, and accelerations and
+        reactions are computed again.
 
         Parameters
         ----------
@@ -178,9 +179,7 @@ class RunResult:
         own = self.trajectory
         if isinstance(own, Trajectory):
             return replace(self, trajectory=own.at(times), whole=self)
-        from kaneflex.multibody.time.dense_output import between
-
-        return replace(self, trajectory=between(self.model.coupled_system, own, times), whole=self)
+        return replace(self, trajectory=own.curve.between(own, times), whole=self)
 
     @property
     def impacts(self) -> tuple[Impact, ...]:
@@ -270,7 +269,7 @@ def nominal_seconds(solution: RunResult) -> float:
     if not isinstance(run, Trajectory):
         speeds = model.coupled_system.engine.size
         each = _IN_SPACE + _OF_A_TANGENT * speeds * (model.options.start == "periodic")
-        return each * speeds * (run.curve.evaluations if run.curve is not None else 0)
+        return each * speeds * run.curve.evaluations
     return seconds_of_steps(model, model.options.steps) if model.reduced.size else 0.0
 
 

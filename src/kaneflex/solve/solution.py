@@ -178,6 +178,5 @@ def _restored(
         return Solution(integrated(model), trajectory, seconds, whole)
     from kaneflex.solve.coupled import as_result
 
-    if trajectory.curve is not None:
-        trajectory = replace(trajectory, curve=trajectory.curve.of(model.coupled_system))
+    trajectory = replace(trajectory, curve=trajectory.curve.of(model.coupled_system))
     return replace(Solution.of(as_result(model, trajectory, seconds)), whole=whole)

@@ -23,7 +23,7 @@ from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
-from kaneflex.multibody.time.spatial_curves import Followed, Standing
+from kaneflex.multibody.time.curves import Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.scene import Scene

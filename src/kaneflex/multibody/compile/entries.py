@@ -18,8 +18,11 @@ from kaneflex.multibody.model.layout import Handle, Kind
 from kaneflex.support.machine_code import PACKAGE, Kernel
 
 _BOTH = {
-    "dynamics.unfolding.courses_at": "void(m, N, int64, N, int64)",
-    "dynamics.unfolding.magnitudes_at": "void(m, N, int64, N, int64, N, int64)",
+    "dynamics.entries.courses_at": "void(m, N, int64, N, int64)",
+    "dynamics.entries.magnitudes_at": "void(m, N, int64, N, int64, N, int64)",
+    "dynamics.entries.project": "int64(m, float64, N, N)",
+    "dynamics.entries.unfold": "int64(m, N, int64, boolean, N)",
+    "dynamics.entries.mass": "void(m, N)",
     "dynamics.reduction.reduced_demand": "int64(m, CPointer(int64), int64, N, int64, N, int64, N)",
     "dynamics.reduction.basis": "void(m, CPointer(int64), int64, N)",
     "dynamics.independent_speeds.openings": "void(m, float64, N)",
@@ -27,20 +30,14 @@ _BOTH = {
 }
 _INTEGRATE = {"time.collocation.integrate": "int64(m, TABLE, N, N, N, int64, N, int64, N, N, N, int64)"}
 PLANE = _BOTH | _INTEGRATE | {
-    "time.collocation.project": "boolean(m, float64)",
-    "dynamics.unfolding.unfold": "void(m, N, int64, N)",
-    "dynamics.unfolding.follow_rows": "int64(m, N, int64, int64, N, int64, N)",
-    "dynamics.unfolding.states": "int64(m, N, int64, int64, boolean)",
+    "dynamics.entries.follow_rows": "int64(m, N, int64, int64, N, int64, N)",
 }  # fmt: skip
 PRESCRIBED = _BOTH | {
-    "dynamics.spatial_entries.place": "void(m, N)",
-    "dynamics.spatial_entries.close": "boolean(m, N)",
-    "dynamics.spatial_entries.project": "int64(m, float64, N, N)",
-    "dynamics.spatial_entries.pass_on": "void(m)",
-    "dynamics.spatial_entries.advance": "void(m, N, int64, N)",
-    "dynamics.spatial_entries.mass": "void(m, N)",
-    "dynamics.spatial_entries.follow": "int64(m, N, int64, N)",
-    "dynamics.spatial_entries.near": "int64(m, N, int64, N, int64, N)",
+    "dynamics.entries.place": "void(m, N)",
+    "dynamics.entries.close": "boolean(m, N)",
+    "dynamics.entries.pass_on": "void(m)",
+    "dynamics.entries.advance": "void(m, N, int64, N)",
+    "dynamics.entries.follow": "int64(m, N, int64, N)",
 }
 SPACE = PRESCRIBED | _INTEGRATE
 EXPORTED = _INTEGRATE | {

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, shifted
-from kaneflex.multibody.compile.values import by_size, copy
-from kaneflex.multibody.dynamics import spatial_entries, unfolding
+from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
-from kaneflex.multibody.dynamics.arrays import KEPT as KEPT_NUMBERS
 from kaneflex.multibody.dynamics.courses import prescribe
+from kaneflex.multibody.dynamics.entries import project, unfold
 from kaneflex.multibody.dynamics.independent_speeds import choose, differs, is_dependent, open_rows
-from kaneflex.multibody.dynamics.reduction import stand_at
+from kaneflex.multibody.dynamics.records import give_coordinates
 from kaneflex.multibody.model.codes import DONE, PRESCRIBED
 from kaneflex.multibody.model.layout import (
     BENDS,
@@ -28,58 +25,22 @@ from kaneflex.multibody.model.layout import (
     VIRTUAL,
     YIELDING,
 )  # fmt: skip
-from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.state_record import give, take
 
-SAME, CHANGED, FAILED = range(3)
+SAME, CHANGED, PROJECTED, FAILED = range(4)
 """Outcomes of :func:`change`."""
-
-
-@njit(**OPTIONS)
-def _read(m, row):
-    """Record of a row as Python reads it: in the plane of closed loops."""
-    unfolding.unfold(m, row, 1, m.kept)
-
-
-@njit(**OPTIONS)
-def _read_6(m, row):
-    """The same in space: projected; NaN if its loops do not close."""
-    take(m, row)
-    if spatial_entries.instant(m, row[0]) == DONE:
-        unfolding.give_coordinates(m)
-        spatial_entries.keep(m, row[0], m.kept)
-        return
-    for k in range(m.counts[KEPT_NUMBERS]):
-        m.kept[k] = math.nan
-
-
-_read = by_size(_read, _read_6)
-
-
-@njit(**OPTIONS)
-def _projected(m, t):
-    """Project the current state; False if it is singular."""
-    return collocation.project(m, t)
-
-
-@njit(**OPTIONS)
-def _projected_6(m, t):
-    unfolding.give_coordinates(m)
-    return spatial_entries.project(m, t, m.q, m.u) == DONE
-
-
-_projected = by_size(_projected, _projected_6)
 
 
 @njit(**ENTRY)
 def read(m, row):
     """Record of a row of the integration."""
-    _read(m, row)
+    unfold(m, row, 1, False, m.kept)
 
 
 @njit(**ENTRY)
 def change(m, row, level, virtual, rests):
-    """Make other coordinates dependent at a row of the integration, as Python does; returns SAME, CHANGED or FAILED.
+    """Make other coordinates dependent at a row of the integration, as Python does; returns SAME, CHANGED, or
+    with other kept rows PROJECTED or FAILED.
 
     ``level``: see :func:`kaneflex.multibody.dynamics.independent_speeds.choose`. ``virtual``: virtual inertia of all
     speeds if some body has no inertia, else zero. ``rests``: True if other contacts rest than before, which changes the
@@ -92,10 +53,11 @@ def change(m, row, level, virtual, rests):
     choose(m, level, taken)
     if not rests and not differs(m, taken):
         return SAME
-    kept, free, inert = 0, 0, 0
+    kept, free, inert, others = 0, 0, 0, rests
     m.pivots[BENDS], m.pivots[LED] = 1, 0
     for r in range(plan[REACTIONS]):
         if taken[r] >= 0:
+            others = others or plan[plan[ROW_OF] + kept] != r
             m.pivots[plan[ROW_OF] + kept], m.pivots[plan[DEPENDENT] + kept] = r, taken[r]
             kept += 1
     m.pivots[KEPT] = kept
@@ -107,20 +69,20 @@ def change(m, row, level, virtual, rests):
     if inert > 0:
         m.pivots[VIRTUAL] = m.pivots[YIELDING] = inert
     m.now[2] = free
-    if not _projected(m, row[0]):
+    if not others:
+        return CHANGED
+    give_coordinates(m)
+    if project(m, row[0], m.q, m.u) != DONE:
         return FAILED
     give(m, row[0], row)
-    return CHANGED
+    return PROJECTED
 
 
 @njit(**ENTRY)
 def accelerate(m, t, q, u, rates, du):
     """Rates of the coordinates, and accelerations, near coordinates q with speeds u; False at a singular state."""
-    stand_at(m, q)
-    copy(u, m.u, m.plan[COORDINATES])
-    if not _projected(m, t):
+    if project(m, t, q, u) != DONE:
         return False
-    unfolding.give_coordinates(m)
     _rates_of(m, rates)
     copy(m.du, du, m.plan[COORDINATES])
     return True

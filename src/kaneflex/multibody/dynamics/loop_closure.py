@@ -21,7 +21,7 @@ from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
-    PASSING, PIVOTS, REACH, REACTION, REACTIONS, ROW_OF, SIDE, WHEN, YIELDING,
+    PASSING, PIVOTS, REACH, REACTION, ROW_OF, SIDE, WHEN, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -278,17 +278,3 @@ def mend(m, t, A, turns):
         if not follow(m, t):
             return False
     return True
-
-
-@once
-@njit(**OPTIONS)
-def project_now(m, t, A, turns):
-    """Accelerations and reactions for the current independent coordinates and rates, in ``turns`` iterations; False:
-    singular."""
-    apart()
-    plan = m.plan
-    for i in range(plan[COORDINATES]):
-        m.du[i] = 0.0
-    for r in range(plan[REACTIONS]):
-        m.multipliers[r] = 0.0
-    return follow(m, t) and mend(m, t, A, turns)

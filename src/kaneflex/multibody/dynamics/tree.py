@@ -87,6 +87,14 @@ def use(m, i):
 
 
 @njit(**OPTIONS)
+def _only_one(m, i):
+    inside()
+
+
+use = by_size(_only_one, use)
+
+
+@njit(**OPTIONS)
 def assemble(m):
     """Inertias of all bodies, and the geometry in use, at the current position."""
     apart()

@@ -299,7 +299,7 @@ class Model:
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
-                "Use model.coupled.states(times, q, v), or another preset",
+                "Use model.coupled.project(t, q, u, choice), or another preset",
             )  # fmt: skip
         if self.motion.is_start:
             raise not_integrated(self.options.duration)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, CHANGED, STRAYED = range(11)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, STRAYED = range(10)
 """Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
 step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
-contacts at rest than before; no consistent stick or slip; return requested after a change; loops closed on another
-branch."""
+contacts at rest than before; no consistent stick or slip; loops closed on another branch."""
 UNCLOSED, APART, MASSLESS, INFINITE, UNDECIDED, GROWN = range(1, 7)
-"""Outcomes of an instant in space beside DONE; all but GROWN are failures."""
-_REASONS = {
+"""Outcomes of an instant beside DONE; all but GROWN are failures."""
+REASONS = {
     UNCLOSED: "a loop does not close, or the position is singular",
     APART: "the loops close at the start only: redundant constraints are violated",
     MASSLESS: "the mass matrix is singular: a freedom carries no inertia",
@@ -41,6 +40,6 @@ def room_of(contacts: int, frictions: int) -> int:
 
 
 def check(outcome: int, *at: float) -> None:
-    """Raise ArithmeticError for the failure of an instant in space."""
+    """Raise ArithmeticError for the failure of an instant."""
     if outcome != DONE:
-        raise ArithmeticError(_REASONS[outcome], *at)
+        raise ArithmeticError(REASONS[outcome], *at)

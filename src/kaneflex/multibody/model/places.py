@@ -116,7 +116,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
         **dict.fromkeys(("P", "moved", "offset"), (n, 3)), **dict.fromkeys(("wrenches", "slow"), (n, d)),
         "rows": (c.rows, c.row_size), "bent": (n * in_space, 3, 3), "S": (s, d),
         "phi": (c.twists, d), "sections": (c.sections, c.row_size), "axes": (c.axes, 3),
-        "M": (s * in_space, s), "F": (n * in_space, d), "alpha": (3 * s * in_space,),
+        "M": (s, s), "F": (n, d), "alpha": (3 * s * in_space,),
         "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
         "row_measure": (c.joint_rows,), **{f"mass_{k}": (size * in_space,) for k in range(3)},
         "geometry": (4 * (6 * (s + c.twists + b) + 3 * c.sections + c.row_size * c.rows) * in_space,),

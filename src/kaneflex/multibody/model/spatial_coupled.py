@@ -11,7 +11,7 @@ from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
-from kaneflex.multibody.time.spatial_curves import Curve, Followed, Standing
+from kaneflex.multibody.time.curves import Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 
 
@@ -71,14 +71,12 @@ class _Beside(Curve):
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         found = self.coupled.module.system.engine.instants(self.coupled.curve.rows(times))
-        given = np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))
-        out, done = np.full((len(times), len(self.system.work.kept)), np.nan), 0
+        engine = self.system.engine
+        engine.choose_speeds(self.start.choice)
+        rows = engine.rows_of(times, found.q[:, self.q], found.u[:, self.u])
+        out, done = np.full((len(times), len(engine.work.kept)), np.nan), 0
         while done < len(times):
-            try:
-                self.system.near(self.start.choice, times[done:], given[done:], out[done:])
-                done = len(times)
-            except ArithmeticError as reason:
-                done += int(np.searchsorted(times[done:], reason.args[1]))
-                out[done] = np.nan
-                done += 1
+            closed = engine.unfold(rows[done:], nearby=True)
+            out[done : done + len(closed)] = closed
+            done += len(closed) + 1
         return out

@@ -104,14 +104,30 @@ class System:
         """
         engine = self.engine
         engine.choose_speeds(choice)
-        if self.in_space:
-            check(engine.call("project", t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
-            return engine.state(t, choice)
-        engine.part()
-        engine.motion[0][:], engine.motion[1][:] = q, u
-        if not engine.project(t):
-            raise ArithmeticError(f"the loops don't close near t = {t:.6g} s")
+        if not self.in_space:
+            engine.part()
+        check(engine.call("project", t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
         return engine.state(t, choice)
+
+    def unfold(self, rows: np.ndarray, nearby: bool = False) -> np.ndarray:
+        """Records of rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.unfold`."""
+        return self._determined(self.engine.unfold(rows, nearby))
+
+    def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
+        """Records of states near rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.nearby`.
+
+        Raises ArithmeticError at a singular state.
+        """
+        found = self.engine.nearby(rows, held)
+        if found is None:
+            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
+        return self._determined(found)
+
+    def _determined(self, records: np.ndarray) -> np.ndarray:
+        """Records whose statically indeterminate reactions are NaN, in place."""
+        if self.undetermined:
+            records[:, self.record.forces[[name in self.undetermined for name in self.constraints]]] = np.nan
+        return records
 
     @cached_property
     def record(self) -> Columns:
@@ -207,23 +223,6 @@ class System:
             q[self.start[body] + 2] += turned[body]
         return q, found[of.v]
 
-    def unfold(self, rows: np.ndarray) -> np.ndarray:
-        """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the engine with closed loops,
-        (n_times, kept)."""
-        found = self.engine.unfold(rows)
-        found[:, self.record.forces[[name in self.undetermined for name in self.constraints]]] = np.nan
-        return found
-
-    def states(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
-        """Rows of the engine on the constraints, see :meth:`kaneflex.multibody.engine.Engine.states`.
-
-        Raises ArithmeticError at a singular state.
-        """
-        found = self.engine.states(rows, held)
-        if found is None:
-            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
-        return found
-
     # ---- in space: positions near which records are computed ------------------------------------------------------
 
     def place(self, q: np.ndarray) -> None:
@@ -239,34 +238,13 @@ class System:
 
     def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
         """Rows of :class:`Instants` at ascending ``times`` [s] from the position of ``work`` at ``begin`` [s], by
-        :func:`kaneflex.multibody.dynamics.spatial_entries.follow`; returns their number, the time of ``work`` then, and
+        :func:`kaneflex.multibody.dynamics.entries.follow`; returns their number, the time of ``work`` then, and
         its outcome."""
         self.engine.choose_speeds(choice)
         self.work.now[:2] = begin, DONE
         count = self.engine.call("follow", np.ascontiguousarray(times, float), len(times), out)
         t, outcome, _ = self.work.now.tolist()
         return count, t, int(outcome)
-
-    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray) -> None:
-        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds), or q, u,
-        u' and ``engine.additions``.
-
-        Raises
-        ------
-        ArithmeticError
-            As :meth:`project` does; it has the time for a second argument.
-        """
-        self.engine.choose_speeds(choice)
-        times, given = np.ascontiguousarray(times, float), np.ascontiguousarray(given)
-        asked = times, len(times), given, given.shape[1], out
-        try:
-            count = self.engine.call("near", *asked)
-        finally:
-            if given.shape[1] > len(self.layout.positions) + self.engine.size:
-                self.engine.additions[:] = 0.0
-        if count < len(times):
-            t, outcome, _ = self.work.now.tolist()
-            check(int(outcome), t)
 
     def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
         """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""

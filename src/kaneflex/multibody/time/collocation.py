@@ -23,7 +23,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.model.codes import (
-    CASCADE, CHANGED, DAMPED, DONE, NO_CONVERGENCE, PARADOX, PAUSED, RESTED, SINGULAR, STRAYED, TOO_SMALL, TURNED,
+    CASCADE, DAMPED, DONE, NO_CONVERGENCE, PARADOX, PAUSED, RESTED, SINGULAR, STRAYED, TOO_SMALL, TURNED,
 )  # fmt: skip
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
@@ -32,7 +32,7 @@ from kaneflex.multibody.unilateral import active_set, factors, step_rows, stick_
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, basis, larger, shifted, smaller
 from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
-from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend, project_now
+from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import give, row_size, works_at
 from kaneflex.multibody.model.layout import (
@@ -302,35 +302,23 @@ def _finish(m, table, h, end, here, A):
 
 
 @njit(**ENTRY)
-def project(m, t):
-    """Project the dependent coordinates and rates onto the loop constraints, and compute accelerations and reactions.
-
-    The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts with overlapping sides are closed. False at a
-    singular state.
-    """
-    closed = project_now(m, t, m.real, 2) and active_set.stand_closed(m, t, m.real)
-    return closed and stick_slip.decide(m, t, m.real) == 0
-
-
-@njit(**ENTRY)
 def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends, wide):
     """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
 
-    ``control``: next step; longest step; most steps to try; last row filled; steps taken; length of the last one or 0;
-    1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see ``slopes.matter``);
-    1 to return after every change and 2 after one. ``here``: a row of the table with the state before row 1, updated:
-    t, then coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
-    ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
-    integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
-    iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken. The row
-    before a change lies behind the table's last one. Returns an outcome.
+    ``control``: next step; longest step; most steps to try; last row filled; ends stored; length of the last step or 0;
+    1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see ``slopes.matter``).
+    ``here``: a row of the table with the state before row 1, updated: t, then coordinates, rates, accelerations,
+    reactions of cut joints and holds, states of contacts and holds, works. ``given``: ends [s] of the ``fixed`` steps
+    to take, including the ``times``; none for error control. Works are time integrals of powers (dissipation, loads,
+    drives, holds, contacts). ``counts``: accepted and rejected steps, Newton iterations, factorisations. ``ends``: the
+    first ``wide`` numbers of the rows at the ends of the steps taken, and after each change there. Returns an outcome.
     """
     A, B, size, touching = m.real, m.pair, row_size(m), event_location.searched(m)
     trial, found = 0.0, event_location.PASSED
     if touching and not event_location.back(m, here):
         return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
-    taken, tried, status = 0, 0, DONE
+    taken, tried, stored, status = 0, 0, 0, DONE
     m.pivots[BY_FORCES] = width(m) == 6
     while row + 1 < count:
         if (tried >= control[2] and trial == 0.0) or (touching and active_set.full(m)):
@@ -402,31 +390,24 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
         solved = event_location.back(m, here) if at_once else finished == DONE
         if not at_once:
             counts[0] += 1
-            for k in range(wide):
-                ends[wide * taken + k] = here[k]
-            length, taken = h, taken + 1
-        if control[8] != 0.0 and found != event_location.PASSED:
-            control[8] = 2.0
-            for k in range(size):
-                rows[count * size + k] = here[k]
+            copy(here, shifted(ends, wide * stored), wide)
+            length, taken, stored = h, taken + 1, stored + 1
         if touching and solved:
             wanted = event_location.go_on(m, table, h, here, A, wanted, found)
-            length = length if found == event_location.PASSED else 0.0
+            if found != event_location.PASSED:
+                copy(here, shifted(ends, wide * stored), wide)
+                length, stored = 0.0, stored + 1
         if not solved or wanted <= 0.0:
             status = CASCADE if solved and wanted == 0.0 else PARADOX if wanted == -2.0 else SINGULAR
             break
         if here[0] == times[row + 1]:
             row += 1
-            for k in range(size):
-                rows[row * size + k] = here[k]
+            copy(here, shifted(rows, row * size), size)
         if touching and event_location.others_rest(m):
             status = RESTED
             break
         if control[6] == 0.0 and not crosses(m, here[0]) and ill_conditioned(m):
             status = TURNED
             break
-        if control[8] == 2.0:
-            status = CHANGED
-            break
-    control[0], control[3], control[4], control[5] = wanted, row, taken, length
+    control[0], control[3], control[4], control[5] = wanted, row, stored, length
     return status

@@ -1,25 +1,29 @@
-"""Motion of a run between its stored instants, in space between the ends of its steps, and energies of states."""
+"""Motion of a run between the ends of its steps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.spatial_frame import rotation_rates
-from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.codes import REASONS
+from kaneflex.multibody.model.state import Choice
 from kaneflex.multibody.model.system import System
+from kaneflex.multibody.time.curves import Curve
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.multibody.unilateral.results import RowRecord
+from kaneflex.multibody.unilateral.results import Impact, RowRecord
+from kaneflex.support.errors import SceneError
 
+CURE = "Shorten the duration, or change loads or start so that no loop locks"
+"""Advice if a motion can't continue."""
 _STEP = 1e-30
 """Complex step [s] for second rates of rotation vectors."""
 
@@ -70,7 +74,7 @@ class Pieces:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Curve in space through rows of the integration: their coordinates, rates and accelerations determine quintics.
+    """Curve through rows of the integration: their coordinates, rates and accelerations determine quintics.
 
     A ball's quintic is that of the rotation vector from its axes at the beginning of the step.
     """
@@ -82,34 +86,50 @@ class Steps:
     def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates y, rates and accelerations at the beginning and the end of each step, (2 steps, n) each."""
         y, v, a = (np.repeat(self.rows[:, self.engine.columns[name]], 2, axis=0)[1:-1] for name in ("q", "u", "du"))
-        for _, s, turned in self._balls():
+        for s, turned in self._balls():
             own = slice(s, s + 3)
             y[1::2, own] = (turned[:-1].inv() * turned[1:]).as_rotvec()
             v[1::2, own], a[1::2, own] = rates_of_turns(y[1::2, own], v[1::2, own], a[1::2, own])
         return y, v, a
 
-    def _balls(self) -> Iterator[tuple[int, int, Any]]:
-        """First coordinate and speed of every ball, and its axes at all rows."""
+    def _balls(self) -> Iterator[tuple[int, Any]]:
+        """First speed of every ball, and its axes at all rows."""
         if not len(self.engine.balls):  # the import takes longer than many runs
             return
         from scipy.spatial.transform import Rotation
 
         quaternions = self.rows[:, self.engine.columns["quaternions"]].reshape(len(self.rows), -1, 4)
-        for n, (k, s) in enumerate(self.engine.balls.tolist()):
-            yield k, s, Rotation.from_quat(np.roll(quaternions[:, n], -1, axis=1))
+        for n, s in enumerate(self.engine.balls[:, 1].tolist()):
+            yield s, Rotation.from_quat(np.roll(quaternions[:, n], -1, axis=1))
 
-    def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates q and speeds u at ``times`` [s], (n_times, .) each."""
-        knots, (own, speeds) = self.rows[:, 0], self.engine.own.T
-        pieces = Pieces.of(knots, np.searchsorted(knots, times, side="right") - 1, times)
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Rows near the states at ``times`` [s]: coordinates, speeds and modes."""
+        knots, of, out = self.rows[:, 0], self.engine.columns, np.zeros((len(times), self.rows.shape[1]))
+        last = np.searchsorted(knots, times, side="right") - 1
+        pieces = Pieces.of(knots, last, times)
         y, u = Pieces(2 * pieces.k, pieces.share, pieces.length).quintic(*self._ends)
-        q = np.zeros((len(times), len(own) + 4 * len(self.engine.balls)))
-        q[:, own] = y[:, speeds]
-        for k, s, turned in self._balls():
-            theta = y[:, s : s + 3]
-            q[:, k : k + 4] = np.roll((turned[pieces.k] * type(turned).from_rotvec(theta)).as_quat(), 1, axis=1)
+        for n, (s, turned) in enumerate(self._balls()):
+            theta = y[:, s : s + 3].copy()
+            placed = np.roll((turned[pieces.k] * type(turned).from_rotvec(theta)).as_quat(), 1, axis=1)
+            out[:, of["quaternions"]][:, 4 * n : 4 * n + 4], y[:, s : s + 3] = placed, 0.0
             u[:, s : s + 3] = np.linalg.solve(rotation_rates(theta), u[:, s : s + 3, None])[:, :, 0]
-        return q, u
+        out[:, 0], out[:, of["q"]], out[:, of["u"]] = times, y, u
+        modes = self.rows[:, of["modes"]]
+        found = modes[np.minimum(last, len(modes) - 1)]
+        bends = found[:, :: at.MODE_SIZE] == at.BENDING  # deflections of bristles change within a step
+        found[:, 1 :: at.MODE_SIZE][bends] = pieces.line(modes[:, 1 :: at.MODE_SIZE])[bends]
+        out[:, of["modes"]] = found
+        return out
+
+    def works(self, times: np.ndarray) -> np.ndarray:
+        """Works at ``times`` [s], (n_times, n_works), by cubics."""
+        pieces = Pieces.of(self.rows[:, 0], np.searchsorted(self.rows[:, 0], times, side="right") - 1, times)
+        return pieces.cubic(self.rows[:, self.engine.columns["works"]], self._powers)[0]
+
+    @cached_property
+    def _powers(self) -> np.ndarray:
+        """Powers at the rows, whose time integrals are the works, (n_rows, n_works)."""
+        return self.engine.instants(self.engine.unfold(self.rows)).powers
 
 
 def rates_of_turns(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,91 +139,114 @@ def rates_of_turns(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> t
     return rate, np.einsum("tij,tj->ti", *ahead).imag / _STEP
 
 
-def balance(found: Instants, dissipated: np.ndarray, supplied: np.ndarray) -> Energy:
-    """Energies of states; accumulated ones are given."""
-    kinetic, strain, _, weight = found.energies.T
-    return Energy(kinetic, strain, weight, dissipated, supplied)
+class RunCurve(Curve):
+    """Motion of a run, in the plane or in space, at any of its instants.
 
-
-def states(
-    system: Any, trajectory: CoupledTrajectory, choice: Choice, times: np.ndarray
-) -> Iterator[State]:
-    """States of a system at instants within its run [s]; ``choice``: theirs in the plane."""
-    if trajectory.curve is not None:
-        return map(trajectory.curve, times.tolist())
-    return system.engine.states_of(between(system, trajectory, times).rows, choice)
-
-
-def between(system: Any, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
-    """Motion at other instants within the run (dense output); in space it is read from the run, and energies stay those
-    of the stored instants.
-
-    q by the quintic through q, q', q'' of the stored instants and of changes between them, projected onto the
-    constraints; accelerations and reactions from the equations. Where changes are no longer stored, closed contacts
-    have the approach speed of the neighbouring stored instants, else the one that leads to their depth.
+    ``pieces``: for each call of compiled code rows at its first instant, at the ends of its steps and after changes of
+    contacts and frictions, and its choice of speeds; ``times``: stored instants [s]; ``here``: last row; ``counts``:
+    accepted and rejected steps, Newton iterations and factorisations; ``stored``: energies of contacts and frictions at
+    the start.
     """
-    path, engine, energy = _with_changes(trajectory), system.engine, trajectory.energy
-    k = np.searchsorted(path.times, times, side="right") - 1
-    piece = Pieces.of(path.times, k, times)
-    if trajectory.curve is not None:
-        rows, record = times[:, None], trajectory.curve.record(times)
-    else:
-        of, rows = engine.columns, np.zeros((len(times), path.rows.shape[1]))
-        rows[:, 0], rows[:, of["modes"]] = times, _modes(system, path, piece, k, times)
-        rows[:, of["q"]], rows[:, of["u"]] = piece.quintic(*(path.rows[:, of[name]] for name in ("q", "u", "du")))
-        rows = system.states(rows)
-        record = system.unfold(rows)
-        done = np.column_stack([path.energy.dissipated, path.energy.supplied])
-        dissipated, supplied = piece.cubic(done, np.column_stack([path.loss, path.power]))[0].T
-        energy = balance(engine.instants(record), dissipated, supplied)
-    contacts, frictions, held = path.contacts, path.frictions, len(engine.holds)
-    touching = engine.instants(record).touching
-    if contacts is not None:
-        gaps = touching[:, held : held + len(contacts.names)]
-        contacts = RowRecord.of(contacts.names, gaps, piece.line(contacts.lost), contacts.impacts)
-    if frictions is not None:
-        lost, own = piece.line(frictions.lost), slice(held - len(frictions.names), held)
-        frictions = RowRecord.of(frictions.names, touching[:, own], lost, jams=frictions.jams)
-    return replace(trajectory, rows=rows, record=record, energy=energy, contacts=contacts, frictions=frictions)
 
+    whole = True
+    system: System
+    engine: Engine
+    pieces: list[tuple[np.ndarray, Choice]]
+    times: np.ndarray
+    here: np.ndarray
+    counts: np.ndarray
+    stored: np.ndarray
 
-def _modes(
-    system: System, path: CoupledTrajectory, piece: Pieces, k: np.ndarray, times: np.ndarray
-) -> np.ndarray:
-    """Modes of contacts and frictions at ``times`` [s], whose last knots are ``k``."""
-    modes, rows = path.rows[:, system.engine.columns["modes"]], len(system.engine.rows)
-    before, after = (modes[np.minimum(n, len(modes) - 1)].reshape(len(times), rows, at.MODE_SIZE) for n in (k, k + 1))
-    on = (path.times[k] == times)[:, None]
-    found = np.where(((before[:, :, 0] != at.OPEN) | on)[:, :, None], before, after)
-    between = piece.line(modes).reshape(found.shape)
-    bends = found[:, :, 0] == at.BENDING
-    found[bends, 1] = between[bends, 1]
-    rigid = np.zeros(rows, bool)
-    first = len(system.engine.holds)
-    rigid[first : first + len(system.mechanism.contacts)] = [
-        contact.law == "newton" for contact in system.mechanism.contacts.values()
-    ]
-    found[~on & ((before[:, :, 0] == at.OPEN) | (after[:, :, 0] == at.OPEN)) & rigid, 0] = at.OPEN
-    return found.reshape(len(times), -1)
+    def __getstate__(self) -> dict[str, Any]:
+        """Attributes that readers of the run need, without its system; see :meth:`of`."""
+        return {name: getattr(self, name) for name in ("start", "turned", *RunCurve.__annotations__)
+                if name not in ("system", "engine")}  # fmt: skip
 
+    def of(self, system: System) -> Self:
+        """The run, pickled and restored, of its system loaded again."""
+        self.system, self.engine = system, system.engine
+        return self
 
-def _with_changes(trajectory: CoupledTrajectory) -> CoupledTrajectory:
-    """Stored instants and states before and after the changes between them, in order of time."""
-    changes = trajectory.changes
-    if changes is None:
-        return trajectory
-    both, count = (trajectory, changes), len(trajectory.times)
-    times = np.concatenate([each.times for each in both])
-    side = np.concatenate([np.ones(count), 2.0 * (np.arange(len(changes.times)) % 2)])  # before, stored, after
-    order = np.lexsort((side, times))
+    @property
+    def touching(self) -> tuple[str, ...]:
+        """Contacts."""
+        return tuple(self.system.mechanism.contacts)
 
-    def merged(key: str) -> np.ndarray:
-        return np.concatenate([attrgetter(key)(each) for each in both])[order]
+    @property
+    def ends(self) -> np.ndarray:
+        """Ends of the steps [s]."""
+        return np.unique(np.concatenate([rows[:, 0] for rows, _ in self.pieces]))[1:]
 
-    zero, contacts, frictions = np.zeros(len(times)), trajectory.contacts, trajectory.frictions
-    return replace(
-        trajectory, rows=merged("rows"), record=merged("record"),
-        energy=Energy(zero, zero, zero, merged("energy.dissipated"), merged("energy.supplied")),
-        contacts=contacts and replace(contacts, lost=merged("contacts.lost")),
-        frictions=frictions and replace(frictions, lost=merged("frictions.lost")),
-    )  # fmt: skip
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the accelerations."""
+        return 3 * int(self.counts[2])
+
+    def stopped(self, reason: str, cure: str) -> SceneError:
+        """Error for a motion that can't continue."""
+        return SceneError(self.system.freedom, None, reason, cure)
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        return self.read(times)[1]
+
+    def read(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows near the states at ``times`` [s], which are in their order, and their records."""
+        engine, steps, parts = self.engine, self._steps_of(times), [self.here[None, :][:0]]
+        records = [np.zeros((0, len(engine.work.kept)))]
+        for k in np.unique(steps):
+            parts.append(self._curves[k](times[steps == k]))
+            engine.choose_speeds(self.pieces[k][1])
+            records.append(self.system.unfold(parts[-1], nearby=True))
+            if len(records[-1]) < len(parts[-1]):
+                t, outcome, _ = engine.work.now.tolist()
+                raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {REASONS[int(outcome)]}", CURE)
+        return np.concatenate(parts), np.concatenate(records)
+
+    @cached_property
+    def _curves(self) -> list[Steps]:
+        return [Steps(self.engine, rows) for rows, _ in self.pieces]
+
+    def _steps_of(self, times: np.ndarray) -> np.ndarray:
+        """Numbers of the pieces in which times of the run [s] are. Raises SceneError for times before it, and after the
+        end of one that stopped early."""
+        for t in times[times < self.start.t].tolist():
+            raise SceneError("t", t, f"the run starts at {self.start.t:.6g} s", "Choose an instant of the run")
+        end, ends = float(self.here[0]), [rows[-1, 0] for rows, _ in self.pieces]
+        for t in times[times > end].tolist() if end < self.times[-1] else ():
+            raise SceneError("t", t, f"the run stopped at {end:.6g} s", "Choose an instant of the run")
+        return np.minimum(np.searchsorted(ends, times, side="right"), len(self.pieces) - 1)
+
+    def moved(
+        self, rows: np.ndarray, record: np.ndarray, impacts: tuple[Impact, ...], jams: np.ndarray
+    ) -> tuple[Energy, RowRecord, RowRecord]:
+        """Energies, contacts and frictions at rows of the run with their records.
+
+        ``impacts``: of the contacts; ``jams``: of the frictions, see :class:`RowRecord`.
+        """
+        found, works, held = self.engine.instants(record), rows[:, self.engine.columns["works"]], len(self.engine.holds)
+        touching, names = found.touching.copy(), tuple(self.system.mechanism.frictions)
+        for k, name in enumerate(names, start=held - len(names)):
+            if self.engine.in_space and len(rows) and self.system.scene.turns_at(name):
+                touching[:, k, 0] = np.unwrap(touching[:, k, 0])  # whole turns of a pin since the instant before
+                touching[:, k, 0] -= whole_turns(touching[0, k, 0])
+        lost = works[:, works.shape[1] - touching.shape[1] :] - (touching[:, :, at.STORED_AT] - self.stored)
+        shut, rubbing = slice(held, held + len(self.touching)), slice(held - len(names), held)
+        contacts = RowRecord.of(self.touching, touching[:, shut], lost[:, shut], impacts)
+        frictions = RowRecord.of(names, touching[:, rubbing], lost[:, rubbing], jams=jams)
+        dissipated = works[:, 0] + contacts.lost.sum(axis=1) + frictions.lost.sum(axis=1)
+        supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
+        kinetic, strain, _, weight = found.energies.T
+        return Energy(kinetic, strain, weight, dissipated, supplied), contacts, frictions
+
+    def between(self, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
+        """Motion of the run at other instants [s] (dense output): q by quintics through the ends of the steps,
+        projected onto the constraints; accelerations and reactions from the equations."""
+        order = np.argsort(times, kind="stable")
+        (rows, record), steps, back = self.read(times[order]), self._steps_of(times[order]), np.argsort(order)
+        for k in np.unique(steps):
+            rows[steps == k, self.engine.columns["works"]] = self._curves[k].works(times[order][steps == k])
+        contacts, frictions = trajectory.contacts, trajectory.frictions
+        assert contacts is not None and frictions is not None  # of every run
+        rows, record = rows[back], record[back]
+        energy, *found = self.moved(rows, record, contacts.impacts, frictions.jams)
+        return replace(trajectory, rows=rows, record=record, energy=energy, contacts=found[0], frictions=found[1])

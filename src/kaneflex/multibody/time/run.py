@@ -1,11 +1,15 @@
-"""Run of a coupled system: initial state, integration with progress, energy balance."""
+"""Run of a mechanism in the plane or in space: initial state, integration with progress, energy balance.
+
+If dependent speeds become large relative to independent ones, as near a dead centre, the next step begins with another
+choice.
+"""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -13,14 +17,14 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.layout import STORED_AT as STORED
-from kaneflex.multibody.model.state import Choice, State
+from kaneflex.multibody.model.state import State
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
-from kaneflex.multibody.time.dense_output import balance
+from kaneflex.multibody.time.dense_output import RunCurve
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
+from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.multibody.unilateral import results
-from kaneflex.support.errors import SceneError
 
 _PATIENCE = 5_000_000
 """Largest number of steps between two stored instants, a million periods: more indicate a wrong unit."""
@@ -36,8 +40,6 @@ _TINY = 1e-4
 """Share of the longest step below which friction may be inconsistent with its reactions."""
 _AGREE = 1e-7
 """Largest misfit of redundant constraints, as a share of the mechanism's size."""
-_MOST_CHANGES = 20_000
-"""Largest number of changes of contacts and frictions that a run keeps, for results between stored instants."""
 PATIENT = 16
 """Steps per call of compiled code with dependent coordinates that should be replaced, but have no better ones."""
 EMPTY = np.zeros(0)
@@ -59,70 +61,64 @@ def held(engine: Engine, module: ModuleType) -> str:
     return module.SWITCHES[number - 1] if number else ""
 
 
-class Run:
+class Run(RunCurve):
     """Rows of one integration in the plane or in space, filled piece by piece, up to the state ``here``.
 
-    ``pieces``: for each call of compiled code rows at its first instant and at the ends of its steps, and its choice of
-    speeds; only the instants [s] of these rows if the run is not ``whole``.
+    ``limited``: the work of the run is limited, and a branch that it leaves is not looked for.
     """
 
-    whole = False
-    """True if ``pieces`` have whole rows. The work of the run is limited then."""
-
     def __init__(
-        self, system: Any, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None
-    ) -> None:
-        self.system, self.engine, self.times, self.method = system, system.engine, times, method
-        self.given = EMPTY if given is None else given
-        self.pieces: list[tuple[np.ndarray, Choice]] = []
+        self, system: System, start: State, times: np.ndarray, method: Method, given: np.ndarray | None = None,
+        limited: bool = False,
+    ) -> None:  # fmt: skip
+        self.system, self.engine, self.start, self.times, self.method = system, system.engine, start, times, method
+        self.given, self.limited = EMPTY if given is None else given, limited or self.engine.in_space
         self.engine.compile()
-        self.counts, self.filled, self.length, self.patient, self.sloped = np.zeros(5), 0, 0.0, 0.0, 0.0
+        self.pieces, self.counts, self.filled, self.length, self.patient = [], np.zeros(5), 0, 0.0, 0.0
+        overdamped = self.engine.in_space and method.integrator == "radau" and system.has_slopes
+        self.sloped = codes.DAMPED if overdamped else 0.0
         self.longest, self.seen = float(times[1] - times[0]), (0, float(times[0]))
         self.bounds = ErrorBounds(self.engine, method, self.longest)
         self.bounds.begin()
-        self.twice, self.touching, self.stored = tuple[str, ...](), tuple[str, ...](), np.zeros(len(self.engine.rows))
+        self.twice, self.stored = tuple[str, ...](), np.zeros(len(self.engine.rows))
         self.impacts: tuple[results.Impact, ...] = ()
-        self.changes: list[np.ndarray] = []
         self.projected, self.step = self._begun(start)
         self.here = self.engine.row(float(times[0]))
-        self.table = np.zeros((len(times) + 1, len(self.here)))  # one more for the state before a change
+        self.table = np.zeros((len(times), len(self.here)))
         self.table[0] = self.here
 
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
         engine, t = self.engine, float(self.times[0])
-        self._forget_rows()
-        engine.set(start)
-        self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
-        regular, step = engine.project(t), first_step(engine.motion[2], self.bounds.scale, self.longest)
-        if self.touching:
-            own = slice(len(engine.holds), len(engine.holds) + len(self.touching))
-            self.stored[own] = engine.instants(self.system.unfold(engine.row(t)[None])).touching[0, own, STORED]
-        return regular, step
-
-    def _forget_rows(self) -> None:
-        """Set contacts and frictions to those of no run."""
-        engine = self.engine
         if len(engine.holds):
             engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
-        self.touching = tuple(self.system.mechanism.contacts)
         if self.touching:
             engine.take_impacts()
-        engine.part()
-
-    @property
-    def ends(self) -> np.ndarray:
-        """Ends of the steps [s]."""
-        return np.concatenate([EMPTY, *(rows[1:, 0] for rows, _ in self.pieces)])
+        engine.set(start)
+        if engine.in_space:
+            engine.choose_speeds(start.choice)
+        else:
+            self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
+        regular, own = engine.project(t), slice(len(engine.holds), len(engine.holds) + len(self.touching))
+        self.stored[own] = engine.work.touching[own, at.STORED_AT]
+        return regular, first_step(engine.motion[2], self.bounds.scale, self.longest)
 
     def go(
         self, progress: Callable[[float], None] | None = None, stop: Stop | None = None
     ) -> tuple[Outcome, str]:
-        """Integrate to the end, or to the last possible state. Raises SceneError if a whole run takes too many steps.
+        """Integrate to the end, or to the last possible state. Raises SceneError if a limited run takes too many steps.
         """
-        if not self.projected:
-            rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
-            return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
+        try:
+            if not self.projected:
+                rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
+                return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
+            return self._integrated(progress, stop)
+        finally:  # for readers there are no change points
+            self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN] = -math.inf
+            if not self.pieces:
+                self.pieces.append((np.vstack([self.here, self.here]), self.engine.choice))
+
+    def _integrated(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         # Bounds by the largest values so far are updated after every piece.
         most, growth = (1, 2) if self.method.bounded else (_PIECE, _GROWTH)
         since = 0
@@ -130,12 +126,10 @@ class Run:
             before = self.filled
             rows = slice(before, before + 1 + min(most, _PIECE))
             ended = self._collocation(rows, most)
-            if len(self.changes) % 2:
-                self.changes.append(self.here.copy())
             if ended == codes.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
                 ended = codes.CASCADE
             most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
-            if ended not in (codes.DONE, codes.PAUSED, codes.CHANGED) and not self._turned():
+            if ended not in (codes.DONE, codes.PAUSED) and not self._turned():
                 outcome, words = self._held() or self._reason(ended) or _ENDED[ended]
                 said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
@@ -153,16 +147,11 @@ class Run:
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
-            if self.whole:
+            if self.limited:
                 self._keep_pace()
             if stop and self.filled > before and stop(self.trajectory(self.table[before : self.filled + 1])):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
-
-    @property
-    def evaluations(self) -> int:
-        """Evaluations of the accelerations."""
-        return 3 * int(self.counts[2])
 
     def _keep_pace(self) -> None:
         """Raise SceneError if the work so far shows that the run takes too long."""
@@ -174,10 +163,6 @@ class Run:
             cure = f"Shorten the duration, or raise {self.method.entry}"
             raise self.stopped(f"the motion is too fast for the duration: {reached}", cure)
 
-    def stopped(self, reason: str, cure: str) -> SceneError:
-        """Error for a motion that can't continue."""
-        return SceneError(self.system.freedom, None, reason, cure)
-
     def _held(self) -> tuple[Outcome, str] | None:
         """Outcome if a law would have to hold its switch at zero; None otherwise."""
         name = held(self.engine, self.system.module)
@@ -185,21 +170,36 @@ class Run:
         return (Outcome.CASCADE, f"after {{at}} the law of loads.{name} {HOLDS}. {cure}") if name else None
 
     def _reason(self, ended: int) -> tuple[Outcome, str] | None:
-        """Outcome if the damping of bristles exceeds the force that their contact can give; None otherwise."""
-        if ended != codes.TOO_SMALL:
+        """Outcome if bushings turn too far, the damping of bristles exceeds the force that their contact can give, or,
+        in space, the last state is singular or steps become too short; None otherwise."""
+        engine, stuck = self.engine, f"the motion can't continue after t = {self.here[0]:.6g} s"
+        if engine.in_space and (far := overturned(self.system.mechanism, engine.work.springs)):  # in the last attempt
+            return Outcome.STUCK, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
+        if ended == codes.TOO_SMALL and (bristles := self._bristles()):
+            return Outcome.STUCK, bristles
+        if not engine.in_space or ended in (codes.CASCADE, codes.PARADOX):
             return None
+        advice = f". {BENT_FAR}" if engine.shapes.any() else ""
+        try:
+            self.system.project(float(self.here[0]), *engine.state_of(self.here), engine.choice)
+        except ArithmeticError as reason:
+            return Outcome.SINGULAR, f"{stuck}: {reason}{advice}"
+        return (Outcome.STUCK, f"{stuck}: the step size tends to zero{advice}") if ended == codes.TOO_SMALL else None
+
+    def _bristles(self) -> str:
+        """Message about damping of bristles that exceeds the sliding friction; empty otherwise."""
         frictions = list(self.system.mechanism.frictions.items())
-        states = self.engine.instants(self._record(self.here[None])).touching[0]
+        states = self.engine.instants(self.system.unfold(self.here[None])).touching[0]
         states = states[len(self.engine.holds) - len(frictions) :]
         for (name, own), (_, speed, _, pressed, *_) in zip(frictions, states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
-                return Outcome.STUCK, (
+                return (
                     f"the step size tends to zero after {{at}}: at {name} bristle_damping times the speed, "
                     f"{damped:.3g}, exceeds the sliding friction, {dry:.3g}, and the bristle force has no solution. "
                     "Give a smaller bristle_damping"
                 )  # fmt: skip
-        return None
+        return ""
 
     def _misfit(self) -> str:
         """Message about redundant constraints that no longer agree; empty otherwise."""
@@ -243,39 +243,41 @@ class Run:
         return True
 
     def _chosen_anew(self) -> bool:
-        """Choose kept rows and dependent coordinates at the current state; True if they change."""
-        before = self.engine.choice
-        self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
-        return self.engine.choice.differs(before)
+        """Choose kept rows and dependent coordinates at the current state; True if they change.
+
+        As many rows are kept: near a singular position fewer would leave a freedom open.
+        """
+        engine, before = self.engine, self.engine.choice
+        engine.stand(self.here)
+        engine.choose(float(self.here[0]))
+        choice, other = engine.choice, engine.choice.rows.tolist() != before.rows.tolist()
+        if choice.differs(before) and len(choice.rows) == len(before.rows) and (not other or self._projected()):
+            return True
+        engine.choose_speeds(before)
+        engine.stand(self.here)
+        return False
 
     def _collocation(self, rows: slice, most: int) -> int:
         self.bounds.update(np.vstack([self.table[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
-        keeps, wide = float(self.whole or len(self.changes) < 2 * _MOST_CHANGES), len(self.here) if self.whole else 1
-        before, choice, most = self.here[:wide].copy(), self.engine.choice, min(most, PATIENT) if self.patient else most
-        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped, keeps])
+        before, choice, most = self.here.copy(), self.engine.choice, min(most, PATIENT) if self.patient else most
+        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped])
         given = self.given
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
-        ends = np.zeros((int(most) + 1, wide))
+        ends = np.zeros((2 * (int(most) + 1), len(before)))
         method = TABLES["radau" if self.sloped == codes.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
-            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, ends, wide=wide
+            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, ends
         )
         if control[4]:
             self.pieces.append((np.vstack([before, ends[: int(control[4])]]), choice))
-        if control[8] == 2.0:
-            self.changes.append(self.table[rows.start + len(self.times[rows])].copy())
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
         self.sloped = float(control[7])
         if self.touching:
             self.impacts += results.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == codes.TURNED:
-            rows = self.engine.choice.rows.tolist()
             self.patient = float(not self._chosen_anew())
-            if self.engine.choice.rows.tolist() != rows and not self._projected():
-                return codes.SINGULAR
             return codes.PAUSED
         if ended == codes.RESTED:
             if self._rest():
@@ -311,41 +313,50 @@ class Run:
         ends: np.ndarray = EMPTY,
     ) -> CoupledTrajectory:  # fmt: skip
         """The rows as motion of the bodies."""
-        record = self._record(rows)
-        rows = rows[: len(record)]
+        engine, record = self.engine, self.system.unfold(rows)
         if self.touching:
-            self._record(self.here[None])
-        found, works = self.engine.instants(record), rows[:, self.engine.columns["works"]]
-        contacts, frictions = self._rows(rows, found.touching)
-        dissipated = works[:, 0] + contacts.lost.sum(axis=1) + frictions.lost.sum(axis=1)
-        energy = balance(found, dissipated, works[:, 1 : 1 + self.engine.inputs].sum(axis=1))
+            self.system.unfold(self.here[None])
+        held = len(engine.holds)
+        jams = engine.holds[held - len(self.system.mechanism.frictions) : held, at.JAMS].copy()
+        happened = self.impacts + results.lasting(self.touching, engine, self.here)
+        energy, contacts, frictions = self.moved(rows, record, happened, jams)
         return CoupledTrajectory(
             rows, record, self.system.record, energy, int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
-            ends, contacts, frictions,
+            ends, contacts, frictions, curve=self,
         )  # fmt: skip
 
-    def _rows(self, rows: np.ndarray, touching: np.ndarray) -> tuple[results.RowRecord, results.RowRecord]:
-        """Records of contacts and of frictions at rows of the run, by the engine's results there, (n_times, n_rows,
-        RESULTS); the engine has the state ``here``."""
-        held, works = len(self.engine.holds), rows[:, rows.shape[1] - touching.shape[1] :]
-        lost, contacts = works - (touching[:, :, STORED] - self.stored), slice(held, held + len(self.touching))
-        happened = self.impacts + results.lasting(self.touching, self.engine, self.here)
-        record = results.RowRecord.of(self.touching, touching[:, contacts], lost[:, contacts], happened)
-        names = tuple(self.system.mechanism.frictions)
-        own = slice(held - len(names), held)
-        jams = self.engine.holds[own, at.JAMS].copy()
-        return record, results.RowRecord.of(names, touching[:, own], lost[:, own], jams=jams)
 
-    def _record(self, rows: np.ndarray) -> np.ndarray:
-        """Record of the rows, in space of those that close the loops, (n_times, kept)."""
-        return self.system.unfold(rows)
+def integrate(
+    system: System, start: State, times: np.ndarray, method: Method, progress: Callable[[float], None] | None = None,
+    stop: Stop | None = None, ends: np.ndarray | None = None, limited: bool = False,
+) -> CoupledTrajectory:  # fmt: skip
+    """Motion of a system from a start at times[0], at ``times`` [s] up to its end.
+
+    ``ends`` [s], including all ``times``, prescribe the ends of steps in place of error control; ``limited``: see
+    :class:`Run`.
+    """
+    run = Run(system, start, times, method, ends, limited)
+    started = time.perf_counter()
+    ended = run.go(progress, stop)
+    return finished(run, ended, 1e9 * (time.perf_counter() - started) / max(1.0, run.counts[0] + run.counts[1]))
+
+
+def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajectory:
+    """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
+    found = run.trajectory(run.table[: run.filled + 1], *ended, ns, run.ends)
+    if run.limited or not len(found.energy.jumps()):
+        return found
+    from kaneflex.multibody.time.lost_branch import departure  # which few runs need
+
+    left = departure(run.system, found, run.method.integrator)
+    return found if left is None else run.cut(*left, found)
 
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
-CURE = "Shorten the duration, or change loads or start so that no loop locks"
-"""Advice if a motion can't continue."""
+BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
+"""Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
 HOLDS = "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
 """Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"

@@ -21,10 +21,9 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.time.dense_output import states
 from kaneflex.multibody.time.error_bounds import Method
-from kaneflex.multibody.time.integration import integrate
 from kaneflex.multibody.time.linearisation import Equations, state_matrix
+from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
 _CYCLES = 100
@@ -105,7 +104,7 @@ class Cycles:
 
     def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterable[State]:
         """States at instants given as shares of a cycle."""
-        return states(self.equations.system, cycle, self.equations.choice, self.begin + shares * self.period)
+        return map(cycle.curve, (self.begin + shares * self.period).tolist())
 
     def deformation(self, cycle: CoupledTrajectory) -> float:
         """Largest coordinate of a shape in a cycle."""

@@ -19,9 +19,9 @@ from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
+from kaneflex.multibody.time.curves import Curve, Standing
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
-from kaneflex.multibody.time.spatial_curves import Curve, Standing
 from kaneflex.scene import Scene
 
 _XYZ = "xyz"

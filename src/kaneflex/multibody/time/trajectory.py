@@ -34,16 +34,13 @@ class CoupledTrajectory:
     steps, rejected : int
         Accepted and rejected steps.
     ends : ndarray (steps,)
-        Instants [s] at which the steps of a whole run under the control of their error ended.
+        Instants [s] at which the steps ended.
     contacts, frictions : RowRecord or None
         Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
-    changes : CoupledTrajectory or None
-        The states before and after each change of a contact or a friction, one after the other, as far as they are
-        kept: speeds and accelerations may jump there.
     floquet : ndarray or None
         Floquet multipliers of a cycle, by decreasing modulus, if requested.
-    curve : SpatialRun or None
-        The run of a mechanism in space, see :mod:`kaneflex.multibody.time.spatial_forward`.
+    curve : Run or None
+        The run, see :class:`kaneflex.multibody.time.dense_output.RunCurve`; none of states by themselves.
     """
 
     rows: np.ndarray
@@ -58,7 +55,6 @@ class CoupledTrajectory:
     ends: np.ndarray = field(default_factory=lambda: _NONE)
     contacts: RowRecord | None = None
     frictions: RowRecord | None = None
-    changes: CoupledTrajectory | None = None
     floquet: np.ndarray | None = None
     curve: Any = None
 
@@ -100,6 +96,7 @@ class CoupledTrajectory:
 
 
 def by_themselves(system: Any, rows: np.ndarray, record: np.ndarray | None = None) -> CoupledTrajectory:
-    """Rows without a run, whose loops are closed: energies, contacts and frictions are unknown."""
+    """Rows without a run, whose loops are closed, or near states with this record: energies, contacts and frictions are
+    unknown."""
     zero, record = np.zeros(len(rows)), system.unfold(rows) if record is None else record
     return CoupledTrajectory(rows, record, system.record, Energy(zero, zero, zero, zero, zero))
