@@ -20,10 +20,10 @@ from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.compile.mechanisms import MECHANISM
+from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.compile.types import N, Z
 from kaneflex.multibody.model.coordinate_rates import rates_of
-from kaneflex.multibody.model.layout import STICKING
+from kaneflex.multibody.model.layout import STICKING, Kind
 from kaneflex.multibody.model.spatial_initial_state import start_of
 
 COUPLED = "solve.preset=coupled"
@@ -294,7 +294,7 @@ def test_a_function_is_printed_once_for_every_list_of_types():
     assert (name, returned) == ("body_energy", types.UniTuple(types.float64, 2))
     assert printer.function(body.energy, kinds)[0] == name
     assert printer.function(body.energy, [N, types.int64, N, N, types.int64, *(types.complex128,) * 5, Z])[0] != name
-    assert printer.declared(MECHANISM, "m") == "const mechanism *m"
+    assert printer.declared(HANDED[Kind.PLAIN], "m") == "const mechanism *m"
     assert "int64_t *pivots;" in printer.text()
 
 

@@ -13,7 +13,7 @@ from test_c import HEADS, SHARED, built
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile import entries as of_library
 from kaneflex.multibody.compile import library
-from kaneflex.multibody.compile.mechanisms import MECHANISM, typed
+from kaneflex.multibody.compile.mechanisms import HANDED, typed
 from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import entries as of_instants
@@ -56,7 +56,7 @@ def in_numba(function, kinds, returned):
     space = {"called": function}
     exec(f"def wrapped({', '.join(['m', *heads, 'out'])}):\n    " + "\n    ".join(lines), space)
     flat = [each for kind in kinds for each in ([float64] * 2 if kind == complex128 else [kind])]
-    return njit(**ENTRY)(space["wrapped"]), types.void(MECHANISM, *flat, CPointer(float64))
+    return njit(**ENTRY)(space["wrapped"]), types.void(HANDED[at.Kind.PLAIN], *flat, CPointer(float64))
 
 
 def in_c(printer, name, kinds, returned):
@@ -78,7 +78,7 @@ def printed(run):
     Those of vectors and records are compared with all that calls them.
     """
     printer = Printer(run.engine.kernels)
-    by_function = typed(of_library.PLANE, MECHANISM)
+    by_function = typed(of_library.PLANE, HANDED[at.Kind.PLAIN])
     for entry in (of_instants.project, collocation.integrate, of_instants.unfold):
         printer.function(entry, by_function[entry].args)
     rooms = ("kaneflex.multibody.", "kaneflex.generated.")
@@ -142,7 +142,7 @@ def called(run, function, kinds, arrays, kernels, given):
     passed = [handle.address]
     for name, kind in kinds.items():
         value, step = float(next(values)), name in ("t", "h")
-        if kind is MECHANISM:
+        if kind is HANDED[at.Kind.PLAIN]:
             passed.append(handle.address)
         elif hasattr(kind, "parts"):
             passed.append(method.address)

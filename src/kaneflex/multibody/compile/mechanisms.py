@@ -30,10 +30,6 @@ def _handed(kind: Kind) -> Handed:
 HANDED = {kind: _handed(kind) for kind in Kind}
 """All numbers of a mechanism of each kind for compiled code, as :data:`kaneflex.multibody.dynamics.arrays.ORDER` names
 them."""
-(
-    MECHANISM, CONTACT_MECHANISM, IMPACT_MECHANISM, HOLD_MECHANISM, SPACE, RIGID_SPACE, SWITCHED_SPACE, CONTACT_SPACE,
-    HOLD_SPACE,
-) = HANDED.values()  # fmt: skip
 TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
 """Coefficients of a collocation method."""
 

@@ -3,56 +3,17 @@
 from __future__ import annotations
 
 import inspect
+from functools import partial
 
 from numba import typeof
 from numba.extending import intrinsic
 
-from kaneflex.multibody.compile.mechanisms import (
-    CONTACT_MECHANISM,
-    CONTACT_SPACE,
-    HOLD_MECHANISM,
-    HOLD_SPACE,
-    IMPACT_MECHANISM,
-    MECHANISM,
-    SPACE,
-    SWITCHED_SPACE,
-)
-
-_WITH_HOLDS = HOLD_MECHANISM, HOLD_SPACE
-_WITH_IMPACTS = IMPACT_MECHANISM, HOLD_MECHANISM
-_WITH_CONTACTS = CONTACT_MECHANISM, CONTACT_SPACE, HOLD_SPACE, *_WITH_IMPACTS
+from kaneflex.multibody.compile.mechanisms import HANDED
+from kaneflex.multibody.model.layout import Kind
 
 
-def of_contacts(otherwise):
-    """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this constant
-    elsewhere.
-
-    Most mechanisms have no contacts and save a third of the compilation.
-    """
-    return _where(otherwise, _WITH_CONTACTS)
-
-
-def of_changes(otherwise):
-    """As :func:`of_contacts`, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
-    return _where(otherwise, (*_WITH_CONTACTS, SWITCHED_SPACE))
-
-
-def of_impacts(otherwise):
-    """As :func:`of_contacts`, for planar mechanisms with holds, or with contacts by Newton's law."""
-    return _where(otherwise, _WITH_IMPACTS)
-
-
-def of_holds(otherwise):
-    """As :func:`of_contacts`, for mechanisms with holds."""
-    return _where(otherwise, _WITH_HOLDS)
-
-
-def of_stiffness(otherwise):
-    """As :func:`of_contacts`, for mechanisms with elastic bodies, or springs and loads that need derivatives."""
-    return _where(otherwise, (MECHANISM, *_WITH_CONTACTS, SPACE, SWITCHED_SPACE))
-
-
-def _where(otherwise, mechanisms):
+def _where(kinds, otherwise):
+    mechanisms = [HANDED[kind] for kind in kinds]
 
     def of(function):
         def called(typing, m, *rest):
@@ -79,3 +40,19 @@ def _where(otherwise, mechanisms):
         return made
 
     return of
+
+
+_WITH_IMPACTS = Kind.IMPACTS, Kind.HOLDS
+_WITH_CONTACTS = Kind.CONTACTS, Kind.CONTACT_SPACE, Kind.HOLD_SPACE, *_WITH_IMPACTS
+of_contacts = partial(_where, _WITH_CONTACTS)
+"""Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this constant elsewhere.
+
+Most mechanisms have no contacts and save a third of the compilation."""
+of_changes = partial(_where, (*_WITH_CONTACTS, Kind.SWITCHED_SPACE))
+"""As ``of_contacts``, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
+of_impacts = partial(_where, _WITH_IMPACTS)
+"""As ``of_contacts``, for planar mechanisms with holds, or with contacts by Newton's law."""
+of_holds = partial(_where, (Kind.HOLDS, Kind.HOLD_SPACE))
+"""As ``of_contacts``, for mechanisms with holds."""
+of_stiffness = partial(_where, (Kind.PLAIN, *_WITH_CONTACTS, Kind.SPACE, Kind.SWITCHED_SPACE))
+"""As ``of_contacts``, for mechanisms with elastic bodies, or springs and loads that need derivatives."""

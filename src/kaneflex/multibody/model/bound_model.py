@@ -182,8 +182,7 @@ class Model:
         """Elastic links with their finite elements; of a coupled mechanism in space those of its shapes."""
         if self.coupled_in_space is None:
             return self.links
-        shapes = self.coupled_system.engine.layout.shapes
-        return {name: each.link for name, each in shapes.items() if hasattr(each, "link")}
+        return self.coupled_system.links
 
     @property
     def awaits_run(self) -> bool:
