@@ -100,7 +100,7 @@ def _distinct(turns: Curves) -> Curves:
 def _global(shown: View, link: str, x: float) -> np.ndarray:
     """Displacement X, Y in global axes and rotation of a point of a link, (3, n_times)."""
     d = shown.motion.displacement(link, (x, 0.0))[0]
-    return np.vstack([shown.rigid.frame(link).to_global(d), d[2]])
+    return np.vstack([shown.rigid.frame(link).to_global(d[:2]), d[2]])
 
 
 def _middle(shown: View, name: str, length: float) -> list[Panel]:
@@ -130,9 +130,9 @@ def _surfaces(shown: View, name: str, length: float) -> Figure:
     figure = new_figure(9.6, 6.6, title, layout="none")  # the constrained one leaves axes in space a wide margin
     figure.subplots_adjust(left=0.0, right=0.95, bottom=0.05, top=0.92, wspace=0.08, hspace=0.16)
     x = np.linspace(0.0, length, _ALONG)
-    local = shown.displaced(name, x).swapaxes(0, 1)
+    local, frame = shown.displaced(name, x), shown.rigid.frame(name)
     titles = "Longitudinal, link axes", "Transverse, link axes", "X, global axes", "Y, global axes"
-    fields = (*local, *shown.rigid.frame(name).to_global(local))
+    fields = np.hstack([local, [frame.to_global(each) for each in local]]).swapaxes(0, 1)
     for k, (title, field) in enumerate(zip(titles, fields, strict=True)):
         axes = figure.add_subplot(2, 2, k + 1, projection="3d")
         note = _surface(axes, shown, x, field)
