@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 19,
     "integrate": 13,
     "mechanism": 4,
-    "multibody": 31,
+    "multibody": 30,
     "plots": 30,
     "report": 5,
     "response": 23,

@@ -15,7 +15,7 @@ from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.codes import REASONS
-from kaneflex.multibody.model.state import Choice
+from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.curves import Curve
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
@@ -201,6 +201,12 @@ class RunCurve(Curve):
                 t, outcome, _ = engine.work.now.tolist()
                 raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {REASONS[int(outcome)]}", CURE)
         return np.concatenate(parts), np.concatenate(records)
+
+    def states(self, times: np.ndarray) -> Iterator[State]:
+        """States at ``times`` [s], which are in their order."""
+        found, steps = self.engine.instants(self.rows(times)), self._steps_of(times).tolist()
+        parts = times.tolist(), found.q, found.u, found.du, found.sizes, (self.pieces[k][1] for k in steps)
+        return (State(*each) for each in zip(*parts, strict=True))
 
     @cached_property
     def _curves(self) -> list[Steps]:

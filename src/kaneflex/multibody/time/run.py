@@ -85,7 +85,7 @@ class Run(RunCurve):
         self.projected, self.step = self._begun(start)
         self.here = self.engine.row(float(times[0]))
         self.table = np.zeros((len(times), len(self.here)))
-        self.table[0] = self.here
+        self.table[0], self.ended = self.here, self.table[:0]
 
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
@@ -264,13 +264,14 @@ class Run(RunCurve):
         given = self.given
         if len(given):
             given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
-        ends = np.zeros((2 * (int(most) + 1), len(before)))
+        if len(self.ended) < 2 * (int(most) + 1):
+            self.ended = np.zeros((2 * (int(most) + 1), len(before)))
         method = TABLES["radau" if self.sloped == codes.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
-            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, ends
+            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, self.ended
         )
         if control[4]:
-            self.pieces.append((np.vstack([before, ends[: int(control[4])]]), choice))
+            self.pieces.append((np.vstack([before, self.ended[: int(control[4])]]), choice))
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
         self.sloped = float(control[7])
         if self.touching:

@@ -104,7 +104,8 @@ class Cycles:
 
     def along(self, cycle: CoupledTrajectory, shares: np.ndarray) -> Iterable[State]:
         """States at instants given as shares of a cycle."""
-        return map(cycle.curve, (self.begin + shares * self.period).tolist())
+        found: Iterable[State] = cycle.curve.states(self.begin + shares * self.period)
+        return found
 
     def deformation(self, cycle: CoupledTrajectory) -> float:
         """Largest coordinate of a shape in a cycle."""
