@@ -35,7 +35,6 @@ PLANE = _BOTH | _INTEGRATE | {
 PRESCRIBED = _BOTH | {
     "dynamics.entries.place": "void(m, N)",
     "dynamics.entries.close": "boolean(m, N)",
-    "dynamics.entries.pass_on": "void(m)",
     "dynamics.entries.advance": "void(m, N, int64, N)",
     "dynamics.entries.follow": "int64(m, N, int64, N)",
 }

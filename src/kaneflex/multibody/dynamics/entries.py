@@ -13,17 +13,16 @@ from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, kernel, larger, shifted
 from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import loop_closure, reduction
-from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, NODES, OWN
+from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.independent_speeds import is_dependent, open_rows
-from kaneflex.multibody.dynamics.interactions import react
-from kaneflex.multibody.dynamics.inverse_dynamics import demand, gather, mass_matrix
+from kaneflex.multibody.dynamics.inverse_dynamics import demand, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
 from kaneflex.multibody.dynamics.loop_closure import mend, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
-from kaneflex.multibody.dynamics.records import exert, give_coordinates, keep
+from kaneflex.multibody.dynamics.records import give_coordinates, keep
 from kaneflex.multibody.dynamics.reduction import settled
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.tree import use
@@ -183,16 +182,6 @@ def unfold(m, rows, count, nearby, out):
                 return k
         keep(m, row[0], after(out, m.counts[KEPT] * k))
     return count
-
-
-@njit(**ENTRY)
-def pass_on(m):
-    """Forces and moments of the joints by multipliers of the cuts' rows alone."""
-    for n in range(m.counts[NODES]):
-        m.wrenches[n] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    react(m)
-    gather(m, m.wrenches, m.h)
-    exert(m)
 
 
 @njit(**ENTRY)

@@ -37,24 +37,27 @@ def undetermined(system: System, state: State) -> tuple[str, ...]:
 
     A combination of the cuts' rows that acts on no free coordinate is balanced by the joints of the tree.
     """
-    engine, size = system.engine, system.mechanism.size
-    engine.set(state)
-    engine.openings(state.t)
-    multipliers = combinations(engine)
-    rows = np.tile(engine.row(state.t), (1 + len(multipliers), 1))
-    first = engine.columns["reactions"].start
-    rows[:, engine.columns["reactions"]] = 0.0
-    rows[1:, first : first + multipliers.shape[1]] = multipliers
-    exerted = system.unfold(rows)[:, system.record.forces]
-    exerted *= [size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
-    changes = abs(exerted[1:] - exerted[0]).max(axis=0, initial=0.0)
+    unit = [system.mechanism.size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
+    changes = abs(_forces_without_work(system, state) * unit).max(axis=0, initial=0.0)
     open_rows = changes > _NOTHING * changes.max(initial=0.0)
     return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)
 
 
-def combinations(engine: Engine) -> np.ndarray:
-    """Self-equilibrated multipliers of redundant rows at the current position, (combinations, rows)."""
-    return self_equilibrated(engine.jacobian[:, engine.open_speeds]).T / engine.work.row_measure
+def _forces_without_work(system: System, state: State) -> np.ndarray:
+    """Forces of the joints and drives, as the record has them, by each self-equilibrated combination of the cuts' rows
+    at a state, (combinations, forces)."""
+    engine, forces = system.engine, system.record.forces
+    engine.set(state)
+    engine.openings(state.t)
+    multipliers = self_equilibrated(engine.jacobian[:, engine.open_speeds]).T / engine.work.row_measure
+    if not len(multipliers):
+        return np.zeros((0, len(forces)))
+    rows, columns = np.tile(engine.row(state.t), (1 + len(multipliers), 1)), engine.columns
+    rows[:, columns["u"]] = rows[:, columns["du"]] = rows[:, columns["reactions"]] = 0.0
+    first = columns["reactions"].start
+    rows[1:, first : first + multipliers.shape[1]] = multipliers
+    exerted = engine.unfold(rows)[:, forces]
+    return exerted[1:] - exerted[0]
 
 
 def self_equilibrated(rows: np.ndarray) -> np.ndarray:
@@ -83,18 +86,24 @@ def open_reactions(system: System, states: Iterable[State]) -> frozenset[str]:
     """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states."""
     found: set[str] = set()
     for state in states:
-        for multipliers in without_work(system, state):
-            wrenches = system.passed_on(multipliers)
-            along = system.work.J[: len(multipliers), system.engine.prescribed].T @ multipliers
-            found |= self_equilibrated_names(wrenches, dict(zip(system.driven, along, strict=True)))
+        for wrenches, drives in without_work(system, state):
+            found |= self_equilibrated_names(wrenches, drives)
     return frozenset(found)
+
+
+def without_work(system: System, state: State) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
+    """Force and moment of every joint in space (6,), and force of every drive, by each self-equilibrated combination of
+    rows; ``work`` then has the state."""
+    joints = system.mechanism.joints
+    for forces in _forces_without_work(system, state):
+        wrenches, drives = np.split(forces, [6 * len(joints)])
+        yield dict(zip(joints, wrenches.reshape(-1, 6), strict=True)), dict(zip(system.driven, drives, strict=True))
 
 
 def check_bearings(system: System, state: State) -> None:
     """Check that friction depends on no statically indeterminate reaction. Raises SceneError."""
     mechanism = system.mechanism
-    for multipliers in without_work(system, state) if mechanism.frictions else ():
-        wrenches = system.passed_on(multipliers)
+    for wrenches, _ in without_work(system, state) if mechanism.frictions else ():
         unit = np.repeat([1.0, 1.0 / mechanism.size], 3)
         least = _NOTHING * max(abs(unit * wrench).max() for wrench in wrenches.values())
         for name, friction in mechanism.frictions.items():
@@ -112,12 +121,6 @@ def check_bearings(system: System, state: State) -> None:
                     "and with it the friction",
                     "Use joints with more freedoms in its loop, like spherical ones, or give a preload alone",
                 )  # fmt: skip
-
-
-def without_work(system: System, state: State) -> Iterator[np.ndarray]:
-    """Self-equilibrated multipliers of redundant rows; ``work`` then has the state."""
-    system.place(state.q)
-    yield from combinations(system.engine)
 
 
 def _of_body(scene: Scene, sensor: Sensor) -> Iterator[str]:

@@ -218,9 +218,7 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
     system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
     joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
     for t in times:
-        open_ones = [
-            system.passed_on(multipliers) for multipliers in without_work(system, motion.curve(float(t)))
-        ]
+        open_ones = [wrenches for wrenches, _ in without_work(system, motion.curve(float(t)))]
         if not open_ones:
             continue
         here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for its opposite

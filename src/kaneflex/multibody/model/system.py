@@ -246,13 +246,6 @@ class System:
         t, outcome, _ = self.work.now.tolist()
         return count, t, int(outcome)
 
-    def passed_on(self, multipliers: np.ndarray) -> dict[str, np.ndarray]:
-        """Force and moment of every joint (6,) by multipliers of the rows alone, at the position of ``work``."""
-        self.work.multipliers[:] = 0.0
-        self.work.multipliers[: len(multipliers)] = multipliers
-        self.engine.call("pass_on")
-        return dict(zip(self.mechanism.joints, self.work.exerted.copy(), strict=True))
-
     @cached_property
     def known_joints(self) -> tuple[str, ...]:
         """Joints whose coordinates and speeds may occur in laws."""
