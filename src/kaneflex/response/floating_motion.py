@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
-from kaneflex.mechanism import springs
 from kaneflex.mechanism.body_frame import Rates, rotate
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
@@ -101,18 +100,9 @@ class FloatingMotion(DeformingMotion):
 
     def _spring(self, name: str, key: str) -> np.ndarray:
         """Torque of a torsional spring, tension of another one, or a component of its force on its second point."""
-        spring = mechanism_of(self.scene).springs[name]
-        first, second = (self.moving_place(side.body, side.at) for side in spring.sides)
-        gap, gap_rate, _ = (end - start for start, end in zip(first, second, strict=True))
-        if not spring.ends:
-            return springs.tension(spring, gap[2], gap_rate[2])
-        length = np.hypot(gap[0], gap[1])
-        # coincident points have a length, but no direction
-        rate = springs.rate_of_length(gap[:2], gap_rate[:2], length) if spring.damping else 0.0
-        tension = springs.tension(spring, length, rate)
-        if key == "tension":
-            return tension
-        return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
+        springs = self.system.mechanism.springs
+        found = self.system.engine.instants(self.recorded).springs[:, [*springs].index(name)]
+        return found[:, 1 if key == "tension" or not springs[name].ends else 2 + "xy".index(key[-1])]
 
     @cached_property
     def _load_sizes(self) -> dict[str, np.ndarray]:
