@@ -188,7 +188,7 @@ class Deformation:
         along, joint = self._summed(residuals)[:, 0], next(held, len(residuals))
         for (name, node), force in self.attached().items():
             if name == self.link.name:
-                along[node] += self.rigid.frame(name).to_body(force)[0]
+                along[node] += self.rigid.frame(name).to_body(force[:2])[0]
         return np.concatenate([np.cumsum(along[:joint], 0), -np.cumsum(along[:joint:-1], 0)[::-1]])
 
     def residuals_of(self, elements: slice) -> np.ndarray:
