@@ -59,8 +59,11 @@ RANKS = {"rigid": 0.1, "quasistatic": 1.0, "linear": 2.0, "stiffened": 3.0, "cou
 
 @pytest.fixture(scope="module", autouse=True)
 def _ranked():
+    def seconds(_, models):
+        return {model: RANKS[model.settings[0].rpartition("=")[2]] for model in models}
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choice_cache.Trials, "seconds", lambda self, model: RANKS[model.settings[0].rpartition("=")[2]])
+        patch.setattr(choice_cache.Trials, "seconds", seconds)
         yield
 
 
@@ -522,7 +525,7 @@ def test_a_model_with_every_term_has_the_whole_module():
 def test_a_run_by_tolerance_is_that_of_the_chosen_settings(engine, cache, tmp_path, monkeypatch):
     """Its results come from the trial that chose the model, and its error estimates from the choice."""
     scene, _ = engine
-    monkeypatch.setattr(choice_cache.Trials, "seconds", lambda self, model: 0.0)
+    monkeypatch.setattr(choice_cache.Trials, "seconds", lambda self, models: dict.fromkeys(models, 0.0))
     command = "run", "engine", "--tolerance", "1.2%", "--sensors", "tip_axial", "--no-plots", "--force"
     result = cli(*command, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from kaneflex.study.differences import differences
 from kaneflex.study.runs import Runs, Timing, cost
 from kaneflex.study.trade.candidates import COUPLED, candidates_of, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.reference import _finer, _stored, find_reference
+from kaneflex.study.trade.trials import Trials
+from kaneflex.support.terminal import silent
 
 TRIED = ("rigid", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element")
 UNSTIFFENED = Variant("quasistatic without geometric", ("solve.preset=quasistatic", "solve.terms.geometric=false"))
@@ -227,3 +230,9 @@ def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
 def test_a_scene_without_elastic_links_is_refused():
     with pytest.raises(SceneError, match="no body has a beam"):
         trade(read_scene("double-pendulum"))
+
+
+def test_a_short_run_is_repeated_for_its_time():
+    trials = Trials.begun(read_scene("engine"), 0.01, ["tip_axial"], silent, math.inf)
+    model = trials.richest()
+    assert 0.0 < trials.seconds([model])[model] <= trials.runs.run(model).timing.total

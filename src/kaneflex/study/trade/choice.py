@@ -76,7 +76,8 @@ def chosen(
         if others and not (good and known):
             reason = "no model is within it at all compared points"
             raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Choose a larger one, or fewer sensors")
-        model = min(good or [model], key=lambda model: sum(each.seconds(model) for each in trials))
+        times = [each.seconds(good) for each in trials]
+        model = min(good or [model], key=lambda model: sum(of[model] for of in times))
     dropped = _drop_terms(own, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
     choices = [_choice(each, trial, model, sensors is not None) for each, trial in zip(scenes, trials, strict=True)]
@@ -160,10 +161,11 @@ def cheaper(
     coarse = any(name in known.doubt for name in known.open)
     trials.tried[plain] = Trial(plain, within=known.model == plain.name and not coarse, coarse=coarse)
     found = [model for model in trials.cheapest_models() if model is not plain]
-    model = min(found, key=trials.seconds, default=plain)
+    seconds = trials.seconds(found)
+    model = min(found, key=seconds.__getitem__, default=plain)
     attempts = [*known.attempts, *(_attempt(trial) for each, trial in trials.tried.items() if each is not plain)]
     update = {"compared": True, "attempts": attempts}
-    if not found or trials.seconds(model) >= known.richest_s:
+    if not found or seconds[model] >= known.richest_s:
         return known.model_copy(update=update), None
     update |= _of_model(scene, trials, model) | {"open": dict(reference.open), "sensors": list(reference.sensors)}
     update["seconds"] = time.perf_counter() - started

@@ -17,7 +17,8 @@ from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError
 
 _SHORT = 0.3
-"""Seconds of a run up to which it is repeated for its time: the first one may load compiled code."""
+"""Seconds of a run up to which it is repeated for its time, and of these repeats: the first run may load compiled code.
+"""
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,13 @@ class Trials:
         reason = "; ".join(curves.undersampled)
         return Trial(candidate, found, close and resolved, not resolved or (at_its_own and not close), reason)
 
-    def seconds(self, model: Variant) -> float:
-        """Time of a model's run [s] in this process; of short ones that of the second run."""
-        first = self.runs.run(model).timing.total
-        return first if first > _SHORT else min(first, self.runs.repeats([model], 0.0)[model][0].total)
+    def seconds(self, models: Sequence[Variant]) -> dict[Variant, float]:
+        """Times of models' runs [s] in this process: of short ones the least of some runs in turn."""
+        found = {model: [self.runs.run(model).timing] for model in models}
+        short = [model for model in models if found[model][0].total <= _SHORT]
+        for model, again in self.runs.repeats(short, time.perf_counter() + _SHORT).items():
+            found[model] += again
+        return {model: min(each.total for each in timings) for model, timings in found.items()}
 
     def richest(self) -> Variant:
         """The coarsest level of the reference within the tolerance, else the finest one that can be run."""
