@@ -202,6 +202,23 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     return tuple(spare)
 
 
+def check_free(mechanism: NumericMechanism) -> None:
+    """Raise SceneError for a loop closed by Newton's method if its drive is free and there are other drives, before
+    anything is derived. Preset coupled has no such loops."""
+    free = mechanism.free_joints
+    if not free or len(mechanism.drives) == 1 or mechanism.frame:
+        return
+    from kaneflex.mechanism.position_analysis import closing_groups
+
+    group = next((group.bodies for group in closing_groups(mechanism) if group.is_larger), ())
+    if group:
+        raise SceneError(
+            f"drives.{free[0]}", "free",
+            f"a free drive must be the only drive, as {', '.join(group)} close a loop of more than two bodies",
+            "Use preset coupled, prescribe all drives, or leave the others out",
+        )  # fmt: skip
+
+
 def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: Sequence[str]) -> None:
     """Raise SceneError unless redundant joints leave the mechanism as many degrees of freedom as it has drives.
 

@@ -19,7 +19,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, axes_of, course
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import Number
-from kaneflex.mechanism.position_analysis import Placement, is_same, larger_group, place
+from kaneflex.mechanism.position_analysis import Placement, is_same, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
@@ -49,23 +49,6 @@ class _Locked(Exception):
 
     def __init__(self, x: float, joint: str) -> None:
         self.x, self.joint = x, joint
-
-
-def check_free(mechanism: NumericMechanism) -> None:
-    """Raise SceneError for a loop closed by Newton's method if its drive is free and there are other drives.
-
-    Raises
-    ------
-    SceneError
-        Before anything is derived. Preset coupled does not need the sweep.
-    """
-    free = mechanism.free_joints
-    if free and len(mechanism.drives) > 1 and not mechanism.frame and (group := larger_group(mechanism)):
-        raise SceneError(
-            f"drives.{free[0]}", "free",
-            f"a free drive must be the only drive, as {', '.join(group)} close a loop of more than two bodies",
-            "Use preset coupled, prescribe all drives, or leave the others out",
-        )  # fmt: skip
 
 
 def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:

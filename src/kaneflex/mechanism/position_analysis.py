@@ -134,11 +134,6 @@ def with_branches(scene: Scene) -> Scene:
     return scene.model_copy(update={"joints": joints})
 
 
-def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
-    """First group of bodies without a closed form (not driven, welded or a dyad); empty if none."""
-    return next((group.bodies for group in closing_groups(mechanism) if group.is_larger), ())
-
-
 def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
     """Velocity (x, y of its start; angle) of every body for unit speed of each drive: drive -> body -> ndarray (3,).
 

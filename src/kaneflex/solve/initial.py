@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.scene.contacts import ClearanceContact, Contact
+from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.system import System
     from kaneflex.scene import Scene
-    from kaneflex.scene.drives import Drive
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
 _QUATERNION = Dimension("a component of a unit quaternion", "", "0.5")
@@ -126,52 +125,31 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def check_apart(model: Model) -> None:
     """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
-    from kaneflex.mechanism.contacts import apart
-    from kaneflex.mechanism.wrenches import parts_of
-
-    mechanism, rigid = parts_of(model.scene), model.motion.at(0.0)
-    for name, contact in mechanism.contacts.items():
-        given = model.scene.contacts[name]
-        if model.scene.is_spatial:
-            _check_gap(name, given, float(rigid[f"{name}.gap"][0]), mechanism.size)
-            continue
-        first, second = (rigid.frame(side.body) for side in contact.sides)
-        if contact.kind == "angle":
-            _check_flank(given, model.scene.drives, first.to_body(second.to_global((1.0, 0.0))))
-            continue
-        x, y = second.place(contact.second.at) - first.place(contact.first.at)
-        normal = first.to_global(contact.direction)
-        gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
-        _check_gap(name, given, gap, mechanism.size)
-
-
-def _check_gap(name: str, contact: Contact, gap: float, size: float) -> None:
-    """Raise SceneError if the sides of a contact penetrate each other; ``size``: that of the mechanism [m]."""
-    if isinstance(contact, ClearanceContact) and contact.clearance.angle is not None:
-        if gap < -_TOUCHING:
-            raise _beyond(contact, contact.flank * (gap - contact.clearance.angle))
-    elif gap < -_TOUCHING * size:
-        raise SceneError(
-            contact.stands(name), None, f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
-            "Start them apart, for example by the start of free drives",
-        )  # fmt: skip
+    system = model.coupled_system
+    for (name, contact), gap in zip(model.scene.contacts.items(), _gaps(model, system), strict=True):
+        if isinstance(contact, ClearanceContact) and contact.clearance.angle is not None:
+            away = contact.flank * (gap - contact.clearance.angle)
+            if not system.in_space and contact.joint not in model.scene.drives:
+                away -= float(whole_turns(away))  # its bodies may start with different whole turns
+            if contact.flank * away < -contact.clearance.angle - _TOUCHING:
+                beyond = f"{np.degrees(away):.6g} deg from the middle of the backlash, beyond a flank"
+                raise SceneError(
+                    f"joints.{contact.joint}.clearance", None, f"at the start its angle is {beyond}",
+                    "Start between the flanks, for example by the start of free drives, or change the middle",
+                )  # fmt: skip
+        elif gap < -_TOUCHING * system.mechanism.size:
+            raise SceneError(
+                contact.stands(name), None, f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
+                "Start them apart, for example by the start of free drives",
+            )  # fmt: skip
 
 
-def _beyond(contact: ClearanceContact, away: float) -> SceneError:
-    """Error for an angle ``away`` [rad] from the middle of a backlash."""
-    return SceneError(
-        f"joints.{contact.joint}.clearance", None,
-        f"at the start its angle is {np.degrees(away):.6g} deg from the middle of the backlash, beyond a flank",
-        "Start between the flanks, for example by the start of free drives, or change the middle",
-    )  # fmt: skip
-
-
-def _check_flank(contact: Contact, drives: Mapping[str, Drive], along: np.ndarray) -> None:
-    """Raise SceneError if flanks penetrate; ``along`` (2, 1): x axis of the second body in the axes of the first."""
-    assert isinstance(contact, ClearanceContact) and contact.clearance.angle is not None
-    away = float(np.arctan2(along[1], along[0]).item()) - contact.clearance.middle
-    away -= float(whole_turns(away))
-    if contact.joint in drives:
-        away = drives[contact.joint].start - contact.clearance.middle
-    if abs(away) > contact.clearance.angle + _TOUCHING:
-        raise _beyond(contact, away)
+def _gaps(model: Model, system: System) -> list[float]:
+    """Gap of every contact at the start [m], of flanks [rad]."""
+    if system.in_space:
+        rigid = model.motion.at(0.0)
+        return [float(rigid[f"{name}.gap"][0]) for name in model.scene.contacts]
+    (start,), engine = cast(Any, model.motion).states(system, np.zeros(1)), system.engine
+    engine.set(start)
+    found = engine.instants(system.unfold(engine.row(start.t)[None])).touching[0, len(engine.holds) :, 0]
+    return list(found[: len(model.scene.contacts)].tolist())

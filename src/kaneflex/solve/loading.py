@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.fem.mobility import check_determined, check_held_twice
+from kaneflex.fem.mobility import check_determined, check_free, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, drive_positions
 from kaneflex.mechanism.floating_frames import link_modes
-from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of, same_mechanism
+from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.tight_start import as_it_starts
@@ -101,7 +101,7 @@ def _bind_one_way(
     compilation."""
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
-        _check_free(mechanism_of(scene))
+        check_free(mechanism_of(scene))
     scene = as_it_starts(scene)
     if options.dynamics != "rigid" and scene.is_elastic:
         check_elastic(scene)
@@ -128,14 +128,6 @@ def _bind_one_way(
         check_closure(mechanism_of(scene), motion, options.duration)
         check_laws(scene, motion, options)
     return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
-
-
-def _check_free(mechanism: NumericMechanism) -> None:
-    """As :func:`kaneflex.mechanism.closure_continuation.check_free`, which few mechanisms need."""
-    if mechanism.free_joints:
-        from kaneflex.mechanism.closure_continuation import check_free
-
-        check_free(mechanism)
 
 
 def _warnings(model: Model) -> tuple[str, ...]:
@@ -177,7 +169,7 @@ def has_elastic_stage(scene: Scene) -> bool:
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
         return False
     try:
-        _check_free(mechanism_of(scene))
+        check_free(mechanism_of(scene))
         check_elastic(scene)
     except SceneError:
         return False
