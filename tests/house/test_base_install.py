@@ -203,7 +203,7 @@ LIGHT = ("list", "check engine", "check four-bar", "modes engine", "run engine -
 
 @pytest.mark.parametrize(("commands", "used"), [
     (LIGHT, []),
-    (["check swept-blade"], ["scipy.linalg", "scipy.sparse", "numpy.ma", "numpy.random", "email"]),
+    (["check swept-blade"], ["scipy.sparse", "numpy.ma", "numpy.random", "email"]),
     (["show engine -o shown.png --force"], ["matplotlib", "kaneflex.plots", "numpy.ma", "numpy.random"]),
     (["run engine -o results --force"], ["matplotlib", "kaneflex.plots", "numpy.ma"]),
 ])  # fmt: skip

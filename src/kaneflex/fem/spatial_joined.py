@@ -14,19 +14,16 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from graphlib import TopologicalSorter
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
 from kaneflex.fem.links import Link, Part
-from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
+from kaneflex.fem.spatial_rates import Rates3, direction_of, place_of, product, turning
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
-from kaneflex.mechanism.spatial_frame import at_point
+from kaneflex.mechanism.spatial_frame import at_point, skew
 from kaneflex.support.errors import SceneError
 
 ZERO = 1e-10
@@ -127,7 +124,8 @@ class Joined:
                 for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
                     point = self.point(side)
                     if point is not None:
-                        J[:, :, self.where[name], self.places(point[0])] += each[:orders] @ point[1]
+                        of_body = each[:orders] if side.body in self.links else each[:orders] @ point[1]
+                        J[:, :, self.where[name], self.places(point[0])] = of_body
         return J
 
     @cached_property
@@ -149,36 +147,28 @@ class Joined:
         freedoms: bool = False,
     ) -> tuple[Rates3, Rates3]:
         """Rows of a joint before displacement and rotation of its first point and of its second, each in its body's
-        axes, (3, n_times, rows, 6); those of a drive come last, with ``freedoms`` also where there is none."""
+        axes, (3, n_times, rows, 6); those of a drive come last, with ``freedoms`` also where there is none.
+
+        R has the second body's axes in the first's, g goes from the first point to the second. A row of a displacement
+        along d is -d, d x g and R^T d. One of a rotation about c is -c and R^T c. All are in the first's axes.
+        """
         turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
         R_1, R_2 = (turned[side.body] for side in joint.sides)
-        apart = place_of(motion, joint.sides[1]) - place_of(motion, joint.sides[0])
-        first, second = (self.mechanism.stands(side.body) for side in joint.sides)
-        none = np.zeros((3, len(motion.times), 3))
-        rows: list[tuple[Rates3, Rates3, Rates3, Rates3]] = []
-        """Global vectors before displacement and rotation of the first point, and of the second."""
-
-        def slides_not(n: Rates3) -> None:
-            rows.append((-n, cross(n, apart), n, none))
-
-        def turns_not(axis: Rates3) -> None:
-            rows.append((none, -axis, none, axis))
-
-        across = joint.across
-        for axis in np.eye(3) if across is None else ():
-            constant = none.copy()
-            constant[0] = axis
-            rows.append((-constant, none, constant, none))
-        for axis in across or ():
-            slides_not(turned_by(R_1, axis))
-        for one, other in joint.parallel:
-            turns_not(cross(turned_by(R_1, one), turned_by(R_2, second.T @ first @ other)))
-        for what, axis in joint.moves if freedoms else self._held(joint):
-            (slides_not if what == "position" else turns_not)(turned_by(R_1, axis))
-        d_1, t_1, d_2, t_2 = (np.stack(part, axis=2) for part in zip(*rows, strict=True))
-        first, second = (np.concatenate([product(d, R), product(t, R)], axis=-1)
-                         for d, t, R in ((d_1, t_1, R_1), (d_2, t_2, R_2)))  # fmt: skip
-        return first, second
+        (first, one), (second, two) = ((motion.frame(side.body), side.at) for side in joint.sides)
+        R, g = product(R_1.swapaxes(2, 3), R_2), np.stack([part.T for part in first.apart(one, second, two)])
+        stands, other = (self.mechanism.stands(side.body) for side in joint.sides)
+        slides = np.eye(3) if joint.across is None else joint.across
+        held = joint.moves if freedoms else self._held(joint)
+        count = len(slides) + len(joint.parallel) + len(held)
+        d, c = np.zeros((count, 3)), np.zeros((*R.shape[:2], count, 3), R.dtype)
+        d[: len(slides)] = slides
+        for k, (axis, of_second) in enumerate(joint.parallel, len(slides)):
+            c[:, :, k] = R @ (other.T @ stands @ of_second) @ skew(axis).T
+        for k, (what, axis) in enumerate(held, count - len(held)):
+            (d if what == "position" else c[0])[..., k, :] = axis
+        still = np.zeros_like(c)
+        still[0] = -d
+        return np.concatenate([still, d @ skew(g) - c], axis=-1), np.concatenate([d @ R, product(c, R)], axis=-1)
 
     def parting(self, motion: RigidMotion) -> Rates3:
         """Relative displacements of springs' ends by the coordinates, :data:`APART` of each, (3, n_times, rows, tied).
@@ -246,35 +236,7 @@ class Joined:
                 used = used[enough]
         dependent = self.tied[furthest]
         independent = np.setdiff1d(np.arange(self.size), dependent)
-        blocks = self._in_order(used, dependent)
-        return Choice(blocks, dependent, independent if still is None else independent[~still[independent]])
-
-    def _in_order(self, rows: np.ndarray, dependent: np.ndarray) -> tuple[Block, ...]:
-        """Rows with the coordinates that depend on others by them, each after those that these depend on themselves.
-
-        By where joints are alone, whatever the motion is: the triangular form of Dulmage and Mendelsohn (1958). In a
-        tree a block is one joint's, those that close a loop are in one. Where there are more rows than coordinates, all
-        are in one.
-        """
-        ties = np.zeros((self.row_count, self.size), dtype=bool)
-        for name, joint in self.mechanism.joints.items():
-            for point in map(self.point, joint.sides):
-                if point is not None:
-                    ties[self.where[name], point[0]] = True
-        if len(rows) > len(dependent):
-            given = np.setdiff1d(self.tied, dependent)
-            return (Block(rows, self.places(dependent), self.places(given)),)
-        pattern = ties[np.ix_(rows, dependent)]
-        says = maximum_bipartite_matching(csr_array(pattern), "column")
-        needs = pattern[:, says]
-        count, of = connected_components(csr_array(needs), connection="strong")
-        before = {block: {*of[needs[of == block].any(axis=0)].tolist()} - {block} for block in range(count)}
-        found = []
-        for block in TopologicalSorter(before).static_order():
-            own, following = rows[of == block], dependent[says[of == block]]
-            given = np.setdiff1d(np.flatnonzero(ties[own].any(axis=0)), following)
-            found.append(Block(own, self.places(following), self.places(given)))
-        return tuple(found)
+        return Choice(used, dependent, independent if still is None else independent[~still[independent]])
 
     def independent_rows(self, motion: RigidMotion) -> np.ndarray:
         """Rows from which all others follow, as many at all instants of a motion."""
@@ -292,41 +254,23 @@ class Joined:
     def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
         """Map L and its rates at the instants of a motion: rows of tied coordinates, then springs' ends; columns of
         these independent coordinates, (3, n_times, rows, columns)."""
-        independent, tied = choice.independent[columns], self.tied
-        rows = np.concatenate([np.zeros(0, int), *(block.rows for block in choice.blocks)])
-        J, measure = self.rows(motion, self._named(rows)), self.measure[tied]
-        L = np.zeros((3, len(motion.times), len(tied), len(columns)))
-        at = np.flatnonzero(np.isin(independent, tied))
-        L[0][:, self.places(independent[at]), at] = 1.0
-        for block in choice.blocks:
-            parts = block.dependent, block.given
-            own, others = (J[:, :, block.rows[:, None], each] * measure[each] for each in parts)
-            given, square = product(others, L[:, :, block.given]), len(block.rows) == len(block.dependent)
-            back = -(np.linalg.inv if square else np.linalg.pinv)(own[0])
-            L_0 = back @ given[0]
-            L_1 = back @ (given[1] + own[1] @ L_0)
-            L[:, :, block.dependent] = np.stack([L_0, L_1, back @ (given[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
-        L *= measure[:, None] / self.measure[independent]
+        rows, following, given = choice.rows, self.places(choice.dependent), self.places(choice.independent[columns])
+        J = self.rows(motion, self._named(rows))[:, :, rows]
+        L = np.zeros((3, len(motion.times), len(self.tied), len(columns)))
+        L[0][:, given, np.arange(len(given))] = 1.0
+        own, others = (np.take(J, each, axis=3) for each in (following, given))
+        back = -(np.linalg.inv if len(rows) == len(following) else np.linalg.pinv)(own[0])
+        L_0 = back @ others[0]
+        L_1 = back @ (others[1] + own[1] @ L_0)
+        L[:, :, following] = np.stack([L_0, L_1, back @ (others[2] + own[2] @ L_0 + 2.0 * own[1] @ L_1)])
         return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """Rows of joints, the coordinates that they determine, as many or fewer, and those that these depend on.
-
-    The coordinates are given by their places among the tied ones.
-    """
+class Choice:
+    """Choice of dependent coordinates, and of rows that determine them by the independent ones."""
 
     rows: np.ndarray
-    dependent: np.ndarray
-    given: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Choice of dependent coordinates, and their relation to the independent ones."""
-
-    blocks: tuple[Block, ...]
     dependent: np.ndarray
     independent: np.ndarray
 

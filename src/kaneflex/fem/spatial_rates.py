@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -21,11 +20,6 @@ def turning(motion: RigidMotion, body: str) -> Rates3:
     R = np.moveaxis(frame.axes, 2, 0)
     spin, turn = skew(frame.omega.T), skew(frame.epsilon.T)
     return np.stack([R, spin @ R, (turn + spin @ spin) @ R])
-
-
-def turned_by(R: Rates3, vector: Sequence[float] | np.ndarray) -> Rates3:
-    """A vector fixed in a body's axes, global, (3, n_times, 3)."""
-    return R @ np.asarray(vector)
 
 
 def place_of(motion: RigidMotion, side: Side) -> Rates3:
@@ -51,12 +45,3 @@ def direction_of(d: Rates3) -> Rates3:
 def product(a: Rates3, b: Rates3) -> Rates3:
     """a b and its rates, of matrices."""
     return np.stack([a[0] @ b[0], a[1] @ b[0] + a[0] @ b[1], a[2] @ b[0] + 2.0 * a[1] @ b[1] + a[0] @ b[2]])
-
-
-def cross(a: Rates3, b: Rates3) -> Rates3:
-    """a x b and its rates."""
-
-    def x(a: np.ndarray, b: np.ndarray) -> np.ndarray:  # np.cross takes 1.7 times as long
-        return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-
-    return np.stack([x(a[0], b[0]), x(a[1], b[0]) + x(a[0], b[1]), x(a[2], b[0]) + 2.0 * x(a[1], b[1]) + x(a[0], b[2])])
