@@ -19,7 +19,7 @@ BASELINE = {
     "multibody": 30,
     "plots": 30,
     "report": 5,
-    "response": 23,
+    "response": 21,
     "scene": 59,
     "solve": 21,
     "study": 44,

@@ -175,8 +175,7 @@ def test_accelerations_in_c_are_those_of_the_engine(name, compiler, tmp_path):
     not through the rod's ball; a top; a loop in the plane."""
     found = kaneflex.load(kaneflex.scene_of(DEEP)) if name == "deep" else model(name.replace("_", "-"), COUPLED)
     system, texts = found.coupled_system, coupled_in_c(found.scene)
-    start = next(system.engine.states_of(run(name.replace("_", "-")).trajectory.rows[:1], system.engine.choice)) \
-        if found.coupled else start_of(system)
+    start = run(name.replace("_", "-")).trajectory.curve(0.0) if found.coupled else start_of(system)
     library = ctypes.CDLL(str(built(texts, tmp_path, compiler, *SHARED)))
     size = {key: int(value) for key, value in re.findall(rf"{name.upper()}_(\w+) = (\d+),", texts[f"{name}.h"])}
     assert size["POSITIONS"] == len(system.engine.layout.positions) and size["SPEEDS"] == system.engine.size

@@ -77,8 +77,7 @@ def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
     assert found.multipliers[0] == pytest.approx(expected, rel=1e-3)
     # and by the nonlinear ones: a cycle beside it, in the direction that grows
     run = found.trajectory
-    engine = found.model.coupled.engine
-    equations, start = prepare(found.model.coupled, next(engine.states_of(run.rows[:1], engine.choice)))
+    equations, start = prepare(found.model.coupled, run.curve(float(run.times[0])))
     cycles = Cycles(equations, run.times, coupled.method_of(found.model))
     values, directions = np.linalg.eig(cycles.monodromy(run))
     away = 1e-4 * directions[:, abs(values).argmax()].real / abs(directions).max()
@@ -307,7 +306,7 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start():
     x[:, :3] = [2e-3, -1e-3, 3e-3], [1e-2, 2e-2, -1e-2]
     begin = own.curve.start
     beside = [cycles.run(cycles.moved(begin, sign * x.ravel())) for sign in (1.0, -1.0)]
-    end, *ends = (run.curve(float(run.ends[-1])) for run in (own, *beside))
+    end, *ends = (run.curve(float(run.times[-1])) for run in (own, *beside))
     ahead, behind = cycles.apart(end, *ends)
     y, rate = (0.5 * (ahead - behind)).reshape(2, -1)
     found = (cycles.monodromy(own, 100) @ x.ravel()).reshape(2, -1)

@@ -314,12 +314,12 @@ def test_neighbours_take_the_steps_of_the_run():
     """Of a run that chose its steps, from one stored instant to the next many; each neighbour takes as many."""
     solution = run(*RINGING)
     own = solution.trajectory
-    assert len(own.ends) == own.steps > 4 * len(own.times)
-    assert set(own.times[1:]) <= set(own.ends)
+    assert len(own.curve.ends) == own.steps > 4 * len(own.times)
+    assert set(own.times[1:]) <= set(own.curve.ends)
     (parameter,) = find_parameters(solution.model.scene, ["strip.E"])
     again = solver_of(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
     assert (again.steps, again.rejected) == (own.steps, 0)
-    np.testing.assert_array_equal(again.ends, own.ends)
+    np.testing.assert_array_equal(again.curve.ends, own.curve.ends)
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
 
 

@@ -64,7 +64,7 @@ def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:
     """Largest decay rate [1/s] of an overdamped mode about the last state of a planar run; 0 if there is none."""
     system = model.coupled
     assert system is not None
-    equations, state = prepare(system, next(system.engine.states_of(trajectory.rows[-1:], system.engine.choice)))
+    equations, state = prepare(system, next(trajectory.curve.states(trajectory.times[-1:])))
     try:
         values = np.linalg.eigvals(state_matrix(*equations.matrices(state)))
     except (ArithmeticError, np.linalg.LinAlgError):

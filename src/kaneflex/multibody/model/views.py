@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -166,11 +166,6 @@ class Views:
         places, speeds = self.own.T
         self.work.q[:], self.motion[0][:], self.motion[1][:] = state.q, 0.0, state.u
         self.motion[0][speeds] = state.q[places]
-
-    def states_of(self, rows: np.ndarray, choice: Choice) -> Iterator[State]:
-        """States of rows of the integration; sizes of loads are the current ones."""
-        (q, u, du), sizes = (rows[:, self.columns[name]].copy() for name in ("q", "u", "du")), self.sizes.copy()
-        return (State(*each, sizes, choice) for each in zip(rows[:, 0].tolist(), q, u, du, strict=True))
 
     @cached_property
     def open_speeds(self) -> np.ndarray:

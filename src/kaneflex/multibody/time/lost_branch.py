@@ -55,9 +55,9 @@ def _loops(system: System, path: np.ndarray) -> np.ndarray:
     """Derivatives of the cut joints' rows by the joints' free coordinates at rows of a path, (n_times, rows,
     coordinates)."""
     engine, free, found = system.engine, _free(system), []
-    for state in engine.states_of(path, engine.choice):
-        engine.set(state)
-        engine.openings(state.t)
+    for row in path:
+        engine.stand(row)
+        engine.openings(float(row[0]))
         found.append(engine.jacobian[:, free])
     return np.array(found)
 

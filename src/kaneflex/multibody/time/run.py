@@ -42,7 +42,6 @@ _AGREE = 1e-7
 """Largest misfit of redundant constraints, as a share of the mechanism's size."""
 PATIENT = 16
 """Steps per call of compiled code with dependent coordinates that should be replaced, but have no better ones."""
-EMPTY = np.zeros(0)
 
 
 Stop = Callable[[CoupledTrajectory], bool]
@@ -72,7 +71,7 @@ class Run(RunCurve):
         limited: bool = False,
     ) -> None:  # fmt: skip
         self.system, self.engine, self.start, self.times, self.method = system, system.engine, start, times, method
-        self.given, self.limited = EMPTY if given is None else given, limited or self.engine.in_space
+        self.given, self.limited = np.zeros(0) if given is None else given, limited or self.engine.in_space
         self.engine.compile()
         self.pieces, self.counts, self.filled, self.length, self.patient = [], np.zeros(5), 0, 0.0, 0.0
         overdamped = self.engine.in_space and method.integrator == "radau" and system.has_slopes
@@ -290,8 +289,7 @@ class Run(RunCurve):
         """Part of the run up to stored instant k, where it left its branch."""
         self.filled, self.here = k, self.table[k].copy()
         self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
-        ends = found.ends[found.ends <= self.times[k]]
-        return self.trajectory(self.table[: k + 1], Outcome.SINGULAR, message, found.ns_per_step, ends)
+        return self.trajectory(self.table[: k + 1], Outcome.SINGULAR, message, found.ns_per_step)
 
     def _rest(self) -> bool:
         """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
@@ -310,9 +308,8 @@ class Run(RunCurve):
         return True
 
     def trajectory(
-        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0,
-        ends: np.ndarray = EMPTY,
-    ) -> CoupledTrajectory:  # fmt: skip
+        self, rows: np.ndarray, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0
+    ) -> CoupledTrajectory:
         """The rows as motion of the bodies."""
         engine, record = self.engine, self.system.unfold(rows)
         if self.touching:
@@ -323,7 +320,7 @@ class Run(RunCurve):
         energy, contacts, frictions = self.moved(rows, record, happened, jams)
         return CoupledTrajectory(
             rows, record, self.system.record, energy, int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
-            ends, contacts, frictions, curve=self,
+            contacts, frictions, curve=self,
         )  # fmt: skip
 
 
@@ -344,7 +341,7 @@ def integrate(
 
 def finished(run: Run, ended: tuple[Outcome, str], ns: float) -> CoupledTrajectory:
     """Motion of a run up to its end, or to the position at which it left its branch; ``ns``: nanoseconds a step."""
-    found = run.trajectory(run.table[: run.filled + 1], *ended, ns, run.ends)
+    found = run.trajectory(run.table[: run.filled + 1], *ended, ns)
     if run.limited or not len(found.energy.jumps()):
         return found
     from kaneflex.multibody.time.lost_branch import departure  # which few runs need

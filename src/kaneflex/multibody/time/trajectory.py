@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,8 +12,6 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.dynamics.arrays import Columns
 from kaneflex.multibody.unilateral.results import RowRecord
-
-_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +31,6 @@ class CoupledTrajectory:
         Zero where it is not known.
     steps, rejected : int
         Accepted and rejected steps.
-    ends : ndarray (steps,)
-        Instants [s] at which the steps ended.
     contacts, frictions : RowRecord or None
         Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
     floquet : ndarray or None
@@ -52,7 +48,6 @@ class CoupledTrajectory:
     outcome: Outcome = Outcome.COMPLETED
     message: str = Outcome.COMPLETED.value
     ns_per_step: float = 0.0
-    ends: np.ndarray = field(default_factory=lambda: _NONE)
     contacts: RowRecord | None = None
     frictions: RowRecord | None = None
     floquet: np.ndarray | None = None

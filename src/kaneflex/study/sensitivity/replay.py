@@ -90,14 +90,14 @@ class Replay:
         """Cycles of a model in the steps of the own run, by the same independent coordinates."""
         stretch, method = model.step / self.solution.model.step, replace(method_of(model), tolerance=_SOLVED)
         equations = replace(self._equations, system=model.coupled_system)
-        return Cycles(equations, self.own.times * stretch, method, ends=self.own.ends * stretch)
+        return Cycles(equations, self.own.times * stretch, method, ends=self.own.curve.ends * stretch)
 
     @cached_property
     def _equations(self) -> Equations:
         own, system = self.own, self.solution.model.coupled
         if system is None:
             return Equations(own.curve.system, own.curve.start.choice)
-        return prepare(system, next(system.engine.states_of(own.rows[:1], system.engine.choice)))[0]
+        return prepare(system, next(own.curve.states(own.times[:1])))[0]
 
     @cached_property
     def _cycles(self) -> Cycles:
