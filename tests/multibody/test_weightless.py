@@ -58,6 +58,23 @@ def test_two_massless_cranks_move_as_ones_of_next_to_no_mass():
     assert first.series["psi"].values == pytest.approx(second.series["psi"].values, abs=1e-6)
 
 
+def test_a_massless_rocker_at_pins_with_friction_moves_as_one_of_next_to_no_mass():
+    text, found = FOUR_BAR.replace('branch = "+"', 'branch = "+", friction = {mu = 0.2, radius = "5 mm"}'), []
+    assert text != FOUR_BAR
+    for rocker in ('{length = "0.25 m"}', '{length = "0.25 m", mass = "1e-7 kg"}'):
+        solution = solve(loaded(text.replace('{length = "0.25 m"}', rocker)))
+        assert solution.outcome is Outcome.COMPLETED, solution.message
+        found.append(solution.series["psi"].values)
+    assert found[0] == pytest.approx(found[1], abs=1e-7)
+
+
+def test_a_massless_body_that_friction_alone_resists_is_named():
+    text = pendulum("length = 1", "free = true, angle = 0", hinge="A", solve={"preset": "coupled", "duration": 1})
+    rubs = text.replace('"bar.start"]', '"bar.start"], friction = {mu = 0.2, radius = "5 mm"}')
+    with pytest.raises(SceneError, match=r"bodies\.\w+: the mass matrix is singular: .* carries no inertia"):
+        loaded(rubs)
+
+
 def test_a_free_body_without_inertia_is_named():
     with pytest.raises(SceneError, match=r"bodies\.puck\.free: .* singular: puck\.phi carries no inertia"):
         loaded(PUCK)

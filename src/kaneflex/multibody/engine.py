@@ -123,10 +123,10 @@ class Engine(Views):
 
     def choice_of(self, rows: np.ndarray, dependent: np.ndarray) -> Choice:
         """Choice of the given rows and speeds at the current position."""
-        inertia = self.parts["weightless"]
+        inertia = np.zeros(self.size)
         if len(dependent) and self.light:
-            free, M = np.isin(np.arange(self.size), self.open_speeds), self.mass() + np.diag(inertia)
-            inertia = inertia + virtual_inertia(M, self.measure, self.tables.bodies, free)
+            free = np.isin(np.arange(self.size), self.open_speeds)
+            inertia = virtual_inertia(self.mass(), self.measure, self.tables.bodies, free)
         return Choice(rows, dependent, np.setdiff1d(self.open_speeds, dependent), inertia)
 
     def mass(self) -> np.ndarray:

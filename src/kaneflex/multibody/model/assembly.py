@@ -175,7 +175,6 @@ def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
                            for count, first, wide in of_balls])  # fmt: skip
     parts = {name: part for name, part in t._asdict().items() if name not in ("bodies", "acts", "ranges")}
     parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": built.K, "C": built.C}
-    parts["weightless"] = np.zeros(counts.coordinates) if built.virtual is None else built.virtual
     parts |= {"counts": np.array([
         counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
         views["kept"][1][0], counts.twists, views["geometry"][0], len(balls), len(own),

@@ -42,7 +42,10 @@ class Blocks:
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""
-        return numbers is None or bool(numbers[0] <= 0.0 or numbers[3] <= 0.0)
+        if numbers is None or numbers[0] <= 0.0:
+            return True
+        mass, x, y, second = numbers[:4]
+        return bool(second - (x * x + y * y) / mass <= _LIGHT * second)
 
     def station(self, shapes: Deformable, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Numbers of a section by the rows u, v, theta of its body's shapes (3, count), and G (3, count, count)."""

@@ -189,14 +189,15 @@ def check_inertia(engine: Engine, choice: Choice, owners: Collection[str], drive
     reduced, least = (unit * B) @ M @ (unit * B).T, _MASSLESS * engine.masses.sum() * engine.measure.max() ** 2
     if not np.isfinite(reduced).all():  # the run reports loads without values
         return
-    own = 1.0 / np.sqrt(np.maximum(reduced.diagonal(), least))
+    own = 1.0 / np.sqrt(np.maximum(reduced.diagonal(), max(least, 1e-300)))
     inertia, motions = np.linalg.eigh(reduced * np.outer(own, own))
     if inertia[0] > _MASSLESS:
         return
     moving = abs((motions[:, 0] * own @ (unit * B)) / engine.measure)
     name = engine.layout.speeds[int(moving.argmax())]
     owner = name.rpartition(".")[0]
-    key = f"bodies.{owner}.free" if owner in owners else f"{'drives' if owner in drives else 'joints'}.{owner}"
+    table = "drives" if owner in drives else "joints" if owner in engine.layout.tree else "bodies"
+    key = f"bodies.{owner}.free" if owner in owners else f"{table}.{owner}"
     raise SceneError(
         key, None, f"the mass matrix is singular: {name} carries no inertia",
         "Give the bodies that move with it a mass and an inertia, however small, or prescribe it",

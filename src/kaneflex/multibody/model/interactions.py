@@ -8,53 +8,20 @@ from typing import Any
 import numpy as np
 
 from kaneflex.mechanism import contacts, friction
-from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialMechanism, across
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import (
     ORIGIN,
     AnyMechanism,
-    Branch,
     Row,
     TreeBuilder,
     side_of,
     whole,
 )  # fmt: skip
-from kaneflex.multibody.model.tree_layout import SPEED
-from kaneflex.support.errors import SceneError
 
 _LOAD = (0, -1, -1, -1, -1, -1)
 """Row of a load, whose forces and moments have rows of their own."""
-
-
-def virtual_inertias(builder: TreeBuilder, mechanism: NumericMechanism, tree: Sequence[Branch]) -> np.ndarray:
-    """Virtual inertia [kg m^2] of the speeds of bodies that frictional joints hold, (speeds,).
-
-    A body without inertia on such joints, or also on a pin at its centre, has no place in a tree. A row of the factors
-    removes the virtual inertia again. Raises SceneError for a body without mass.
-    """
-    rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
-    found, measure = np.zeros(len(builder.speeds)), mechanism.size
-    for body, name, child in tree:
-        joint = None if name is None else mechanism.joints[name]
-        own = [each.name for each in rubbing if body in each.bodies]
-        turns = joint is None or joint.kind == "revolute"
-        if not own or not turns or body in builder.shapes:
-            continue
-        numbers = builder.own[body]
-        assert numbers is not None  # only a body in space can have none
-        mass, x, y, second = numbers[:4]
-        turning = builder.nodes[builder.node_of[body]][SPEED] + (2 if joint is None else 0)
-        if mass <= 0.0:
-            raise SceneError(
-                f"bodies.{body}.mass", float(mass),
-                f"the mass matrix is singular: the friction of {own[0]} acts on a body without mass", "Give it a mass",
-            )  # fmt: skip
-        p_x, p_y = (x / mass, y / mass) if joint is None else side_of(joint.sides[child]).at[:2]  # pivot
-        if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
-            found[turning] = mass * measure**2
-    return found
 
 
 def list_acts(

@@ -50,8 +50,7 @@ class Counts:
         self.rows = self.cut_rows + self.touching
         self.reactions = self.cut_rows + self.touching * built.rigid
         self.works = 1 + self.loads + self.courses + self.holds + self.touching
-        lent = 0 if built.virtual is None else int(np.count_nonzero(built.virtual))
-        self.virtual = lent + self.coordinates * built.light
+        self.virtual = self.coordinates * built.light
 
 
 def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarray, Views, int]:

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks, SpatialBlocks
-from kaneflex.multibody.model.interactions import list_acts, virtual_inertias
+from kaneflex.multibody.model.interactions import list_acts
 from kaneflex.multibody.model.tree_builder import (
     ORIGIN,
     AnyMechanism,
@@ -72,7 +71,6 @@ def build_tables(
         *list_acts(builder, mechanism, in_laws, switches, rubs), mechanism.gravity,
         {name: side_of(joint.sides[1]) for name, joint in mechanism.joints.items()},
     )  # fmt: skip
-    virtual = virtual_inertias(builder, mechanism, tree) if isinstance(mechanism, NumericMechanism) else None
     shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
     K, C = (np.concatenate([np.zeros(0), *(getattr(each, of).ravel() for each in shapes if each is not None)])
             for of in ("stiffness", "damping"))  # fmt: skip
@@ -80,7 +78,7 @@ def build_tables(
     return Built(
         tables, builder.layout(driven), builder.w,
         [builder.speed(name) if name in builder.tree else -1 for name in driven], builder.cuts.angles, mechanism.size,
-        switches, K, C, rigid, virtual, any(map(numbers.is_light, builder.own.values())),
+        switches, K, C, rigid, any(map(numbers.is_light, builder.own.values())),
     )  # fmt: skip
 
 

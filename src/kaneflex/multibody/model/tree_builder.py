@@ -80,8 +80,6 @@ class Built(NamedTuple):
         Stiffness and damping matrices of the shapes of every body, (count, count), one number after the other.
     rigid : bool
         True if contacts are by Newton's law.
-    virtual : ndarray (s,), optional
-        In the plane virtual inertia of speeds of bodies at frictional joints.
     light : bool
         True if some body has no mass, or no inertia about some axis.
     """
@@ -96,7 +94,6 @@ class Built(NamedTuple):
     K: np.ndarray
     C: np.ndarray
     rigid: bool = False
-    virtual: np.ndarray | None = None
     light: bool = False
 
 
