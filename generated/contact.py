@@ -2,18 +2,14 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
-A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global.
 A contact is the numbers of p from c on that NUMBERS names: of a line its unit normal in the first section's axes and
 how far along it from the first point the second side may come, of circles 1 side by side or -1 one in the other, 0,
 and the sum or the difference of their radii; of flanks, all of whose lengths are angles and forces torques, 1 or -1,
 0 and how far that way the second section may turn; K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N
-s/m]; the restitution e that is asked for; the radius [m] of the second side. n_x, n_y is the unit normal in which the
-second side is pushed, the first against it.
+s/m]; the restitution e that is asked for; the radius [m] of the second side.
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
-
-import math
 
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
@@ -27,148 +23,9 @@ LAWS = ('hertz', 'kelvin-voigt', 'hunt-crossley', 'lankarani-nikravesh', 'flores
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'point_line': (158, 48), 'circles': (201, 36), 'angle': (7, 7), 'point_line_along': (284, 70),
-    'circles_along': (510, 74), 'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5),
-    'damped_slopes': (5, 5), 'hysteretic_slopes': (21, 11), 'stored': (8, 8),
+    'elastic': (5, 5), 'damped': (7, 7), 'hysteretic': (14, 9), 'elastic_slopes': (5, 5), 'damped_slopes': (5, 5),
+    'hysteretic_slopes': (21, 11), 'stored': (8, 8),
 }
-
-
-@njit(**OPTIONS)
-def point_line(w, a, b, p, c, out, k):
-    """A point, or a circle about it, and a straight face that turns with the first section.
-
-    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
-    sections."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
-    direction_x, direction_y, reach = unpacked(p, 3, c)
-    w0 = math.cos(theta_1)
-    w1 = math.sin(theta_1)
-    n_y = out[k + 7] = direction_x*w1 + direction_y*w0
-    d_x = -x_1 + x_2
-    w2 = d_x*n_y
-    n_x = out[k + 6] = direction_x*w0 - direction_y*w1
-    w3 = n_x*omega_1
-    w4 = n_y*omega_1
-    d_y = -y_1 + y_2
-    w5 = out[k + 5] = d_y*n_x - w2
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    out[k] = d_x*n_x + d_y*n_y - reach
-    out[k + 1] = d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y - omega_1*w2
-    out[k + 2] = -d_x_rate*w4 + d_y_rate*w3 + epsilon_1*w5 + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2) + w3*(-d_x*omega_1 + d_y_rate) - w4*(d_x_rate + d_y*omega_1)
-    out[k + 3] = -n_x
-    out[k + 4] = -n_y
-    out[k + 8] = 0.0
-
-
-@njit(**OPTIONS)
-def circles(w, a, b, p, c, out, k):
-    """Two circles. About one centre no normal is known, and (0, 0): no g' either.
-
-    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
-    sections."""
-    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(w, 8, a)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(w, 8, b)
-    direction_x, _, reach = unpacked(p, 3, c)
-    d_y = -y_1 + y_2
-    d_x = -x_1 + x_2
-    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = 1.0/length
-    w1 = direction_x*w0
-    n_y = out[k + 7] = d_y*w1
-    n_x = out[k + 6] = d_x*w1
-    d_y_rate = -v_y_1 + v_y_2
-    d_x_rate = -v_x_1 + v_x_2
-    w2 = out[k + 1] = d_x_rate*n_x + d_y_rate*n_y
-    w3 = w2/direction_x
-    out[k] = direction_x*(length - reach)
-    out[k + 2] = d_x_rate*w0*(d_x_rate*direction_x - n_x*w3) + d_y_rate*w0*(d_y_rate*direction_x - n_y*w3) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2)
-    out[k + 3] = -n_x
-    out[k + 4] = -n_y
-    out[k + 5] = out[k + 8] = 0.0
-
-
-@njit(**OPTIONS)
-def angle(w, a, b, p, c, out, k):
-    """Two flanks, of bodies that turn: g in rad.
-
-    Stores at out[k], as a joint's row: g [m], above zero apart, g' and g'', then the Jacobian of g by the twists of both
-    sections."""
-    theta_1, _, _, omega_1, _, _, epsilon_1 = unpacked(w, 7, a + 2)
-    theta_2, _, _, omega_2, _, _, epsilon_2 = unpacked(w, 7, b + 2)
-    direction_x, _, reach = unpacked(p, 3, c)
-    out[k] = direction_x*(-theta_1 + theta_2) - reach
-    out[k + 1] = direction_x*(-omega_1 + omega_2)
-    out[k + 2] = direction_x*(-epsilon_1 + epsilon_2)
-    out[k + 3] = out[k + 4] = out[k + 6] = out[k + 7] = 0.0
-    out[k + 5] = -direction_x
-    out[k + 8] = direction_x
-
-
-@njit(**OPTIONS)
-def point_line_along(w, a, b, p, c, out, k):
-    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
-
-    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
-    first of them by the twists of both sections."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
-    x_2, y_2, theta_2, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
-    direction_x, direction_y, _, _, _, _, _, radius = unpacked(p, 8, c)
-    w0 = math.cos(theta_1)
-    w1 = math.sin(theta_1)
-    n_y = out[k + 3] = direction_x*w1 + direction_y*w0
-    n_x = out[k + 7] = direction_x*w0 - direction_y*w1
-    w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
-    w3 = n_x*radius
-    d_y = -y_1 + y_2
-    d_x = -x_1 + x_2
-    w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
-    w5 = n_y*omega_1
-    w6 = 2.0*w3
-    w7 = 2.0*n_y*radius
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    out[k] = -d_x*n_y + d_y*n_x - radius*(-theta_1 + theta_2)
-    out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 - epsilon_1*w4 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w7) - omega_2*w7) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
-    out[k + 4] = -n_x
-    out[k + 5] = -w4
-    out[k + 6] = -n_y
-
-
-@njit(**OPTIONS)
-def circles_along(w, a, b, p, c, out, k):
-    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
-
-    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
-    first of them by the twists of both sections."""
-    x_1, y_1, _, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(w, 9, a)
-    x_2, y_2, _, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(w, 9, b)
-    direction_x, _, _, _, _, _, _, radius = unpacked(p, 8, c)
-    d_y = -y_1 + y_2
-    d_x = -x_1 + x_2
-    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = 1.0/length
-    w1 = direction_x*w0
-    n_y = out[k + 3] = d_y*w1
-    n_x = out[k + 7] = d_x*w1
-    w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
-    w3 = n_x*radius
-    w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
-    d_x_rate = -v_x_1 + v_x_2
-    w5 = d_x_rate*n_x
-    d_y_rate = -v_y_1 + v_y_2
-    w6 = d_y_rate*n_y
-    w7 = 2.0*w3
-    w8 = (w5 + w6)/direction_x
-    w9 = 2.0*n_y*radius
-    out[k] = 0.0
-    out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
-    out[k + 2] = -epsilon_1*w4 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - omega_1*w5 - omega_1*w6 + w0*(d_x_rate*direction_x - n_x*w8)*(d_y_rate - omega_1*(d_x - w7) - omega_2*w7) + w0*(d_y_rate*direction_x - n_y*w8)*(-d_x_rate - omega_1*(d_y - w9) - omega_2*w9)
-    out[k + 4] = -n_x
-    out[k + 5] = -w4
-    out[k + 6] = -n_y
 
 
 @njit(**OPTIONS)
@@ -238,30 +95,10 @@ def stored(p, c, g):
 
 
 @njit(**OPTIONS)
-def gap(kind, w, a, b, p, c, out, k):
-    """Gap of a contact of this kind, by its number in KINDS: see its kernels."""
-    if kind == 0:
-        point_line(w, a, b, p, c, out, k)
-    elif kind == 1:
-        circles(w, a, b, p, c, out, k)
-    else:
-        angle(w, a, b, p, c, out, k)
-
-
-@njit(**OPTIONS)
-def along(kind, w, a, b, p, c, out, k):
-    """Sliding row of a contact of this kind, by its number in KINDS: see its kernels."""
-    if kind == 0:
-        point_line_along(w, a, b, p, c, out, k)
-    else:
-        circles_along(w, a, b, p, c, out, k)
-
-
-@njit(**OPTIONS)
 def normal_force(law, p, c, v_0, g, rate):
     """Force [N] on the second side along the normal by a law's number in LAWS but newton's: see its kernels.
 
-    v_0 [m/s] is the speed of approach with which the contact began, g and ``rate`` what ``gap`` stores first. The
+    v_0 [m/s] is the speed of approach with which the contact began, g [m] the gap and ``rate`` its rate. The
     contact ends where the depth is zero, or its force, whichever comes first: damped ones end with no force, and
     hysteretic ones that are torn apart faster than their surfaces come back, too.
     """

@@ -33,7 +33,7 @@ BODY = ('mass', 'centre_x', 'centre_y', 'centre_z', 'J_x', 'J_y', 'J_z', 'J_xy',
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'demand': (294, 184), 'inertia': (48, 21), 'coincide': (9, 9), 'perpendicular': (153, 96), 'on_plane': (150, 93),
-    'spheres': (232, 48), 'pull_directed': (217, 32), 'pull_regular': (37, 16),
+    'pull_directed': (217, 32), 'pull_regular': (37, 16),
 }
 
 
@@ -184,34 +184,6 @@ def on_plane(sec, i, j, axes, k, out, n):
     out[n + 10] = n_y_1
     out[n + 11] = n_z_1
     out[n + 12] = out[n + 13] = out[n + 14] = 0.0
-
-
-@njit(**OPTIONS)
-def spheres(sec, i, j, way, reach, out, n):
-    """Gap of two spheres, side by side (way 1) or one in the other (-1): a row at out[n].
-
-    reach: distance [m] of their centres where they touch."""
-    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, _, _, _, a_x_1, a_y_1, a_z_1 = unpacked(sec, 12, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, _, _, _, a_x_2, a_y_2, a_z_2 = unpacked(sec, 12, 15 * j)
-    d_z = -r_z_1 + r_z_2
-    d_y = -r_y_1 + r_y_2
-    d_x = -r_x_1 + r_x_2
-    d_v_z = -v_z_1 + v_z_2
-    d_v_y = -v_y_1 + v_y_2
-    d_v_x = -v_x_1 + v_x_2
-    w0 = d_v_x*d_x + d_v_y*d_y + d_v_z*d_z
-    d = math.sqrt((d_x*d_x) + (d_y*d_y) + (d_z*d_z) + 1e-300)
-    w1 = way/d
-    w2 = out[n + 9] = d_x*w1
-    w3 = out[n + 10] = d_y*w1
-    w4 = out[n + 11] = d_z*w1
-    out[n] = way*(d - reach)
-    out[n + 1] = w0*w1
-    out[n + 2] = (d_v_x*d_v_x)*w1 + (d_v_y*d_v_y)*w1 + (d_v_z*d_v_z)*w1 + w2*(-a_x_1 + a_x_2) + w3*(-a_y_1 + a_y_2) + w4*(-a_z_1 + a_z_2) - (w0*w0)*way/(d*d*d)
-    out[n + 3] = -w2
-    out[n + 4] = -w3
-    out[n + 5] = -w4
-    out[n + 6] = out[n + 7] = out[n + 8] = out[n + 12] = out[n + 13] = out[n + 14] = 0.0
 
 
 @njit(**OPTIONS)

@@ -33,9 +33,6 @@ _D, _ANGLE = sm.symbols("d_x d_y"), sm.Symbol("angle")
 _GUIDE = sm.symbols("t_x t_y")
 """Global direction of a guide, R(theta_1) d: a vector that turns with the first section."""
 _k, _c, _L_0, _phi_0 = sm.symbols("k c L_0 phi_0")
-_WAY, _REACH = sm.symbols("way reach")
-TINY = sm.Float("1e-300")
-"""Square of a length [m^2]: avoids division by zero where two points are one, is lost in rounding elsewhere."""
 _ENDS = tuple(BodyPoint(GROUND, name, (0, 0)) for name in ("first", "second"))
 
 _DOCS = {
@@ -104,7 +101,7 @@ def spatial_text() -> str:
         emit.kernel("demand", ("p", "o", "w", "k", "out", "n"), (*own, *emit.places(MOTION, "w", "k")), equations,
                     demand, out="n"),
         emit.kernel("inertia", ("p", "o", "out", "n"), own, equations.jacobian([*ACCEL, *EPSILON]), inertia, out="n"),
-        *_elementary_constraints(), _spheres(),
+        *_elementary_constraints(),
         *(_pull(directed, _SPATIAL_READS, _gap("r"), _gap("v"), ()) for directed in _PULLS),
     ]  # fmt: skip
     tables = [
@@ -257,16 +254,3 @@ def _elementary_constraints() -> list[emit.Printed]:
         emit.kernel(kind, ("sec", "i", "j", *axes, "out", "n"), reads, _rows(demands, rates, _TWISTS), doc, out="n")
         for kind, axes, demands, doc in kinds
     ]
-
-
-def _spheres() -> emit.Printed:
-    """Row of the gap of two spheres, written in the vector between their centres and its length."""
-    d, d_rate, length = sm.Matrix(sm.symbols("d_x d_y d_z")), sm.Matrix(sm.symbols("d_v_x d_v_y d_v_z")), sm.Symbol("d")
-    steps = [*zip(d, _gap("r"), strict=True), *zip(d_rate, _gap("v"), strict=True), (length, sm.sqrt(d.dot(d) + TINY))]
-    rates = dict(zip([*d, *d_rate, length], [*d_rate, *_gap("a"), d.dot(d_rate) / length], strict=True))
-    entries = _rows([_WAY * (length - _REACH)], rates, _TWISTS, dict(zip(d_rate, _gap("v"), strict=True)))
-    doc = """Gap of two spheres, side by side (way 1) or one in the other (-1): a row at out[n].
-
-reach: distance [m] of their centres where they touch."""
-    return emit.kernel("spheres", ("sec", "i", "j", "way", "reach", "out", "n"), _SPATIAL_READS, entries, doc, steps,
-                       out="n")  # fmt: skip

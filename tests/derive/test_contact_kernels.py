@@ -1,4 +1,4 @@
-"""The kernels of contacts: geometry along motions of two sections, laws by what they return of an approach."""
+"""The kernels of contact forces: laws by what they return of an approach."""
 
 import math
 
@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from numba import njit
 from scipy.integrate import solve_ivp
-from test_joint_kernels import TINY, Motion
 
 from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import CHI, chi_that_returns, hysteresis, returned
-from kaneflex.mechanism.parts import CIRCLES
 
 ASKED = (0.9, 0.7, 0.5, 0.3, 0.1)
 RETURNED = {
@@ -18,131 +16,15 @@ RETURNED = {
     "hunt-crossley": (0.909016, 0.768000, 0.662962, 0.581288, 0.515833),
     "flores": (0.893921, 0.683184, 0.470445, 0.256208, 0.069444),
 }
-DIRECTION, REACH, RADIUS = (0.6, -0.8), 0.35, 0.21
-OWN = (*DIRECTION, REACH, 7e4, 1.5, 0.4, 0.8, RADIUS)
+OWN = (0.6, -0.8, 0.35, 7e4, 1.5, 0.4, 0.8, 0.21)
 BEFORE = 3
 """Numbers before a contact's own ones."""
 
 
-KINDS = "point-line", *CIRCLES
-"""Kinds of contacts that push along a line."""
-
-
-def kind_number(kind):
-    return contact.KINDS.index("circles" if kind in CIRCLES else kind)
-
-
-def numbers(kind="point-line", **given):
+def numbers(**given):
     """p, with a contact's numbers from BEFORE on."""
     own = dict(zip(contact.NUMBERS, OWN, strict=True)) | given
-    own |= {"direction_x": CIRCLES[kind], "direction_y": 0.0} if kind in CIRCLES else {}
     return np.array([np.nan] * BEFORE + list(own.values()))
-
-
-def filled(kernel, kind, sections, p=None, size=9):
-    """What a kernel stores: a row by default."""
-    out = np.full(size + 2, 3.5)
-    w = np.concatenate([[np.nan, np.nan], *sections])
-    kernel(kind_number(kind), w, 2, 11, numbers(kind) if p is None else p, BEFORE, out, 1)
-    assert out[0] == 3.5 and out[-1] == 3.5
-    return out[1:-1]
-
-
-def geometry(kind, sections, p=None):
-    return filled(contact.gap, kind, sections, p)
-
-
-def check_jacobian(kernel, kind, sections):
-    """The Jacobian of a row is the change of its rate by unit twists."""
-    found = filled(kernel, kind, sections)
-    for side in range(2):
-        for k in range(3):
-            moved = sections.copy()
-            moved[side, 3 + k] += 1.0
-            change = filled(kernel, kind, moved)[1] - found[1]
-            assert found[3 + 3 * side + k] == pytest.approx(change, abs=1e-12)
-
-
-def closed(kind, places):
-    """g and the global normal from the places of both sections, real or complex."""
-    (x_1, y_1, theta), (x_2, y_2, _) = places
-    between = np.array([x_2 - x_1, y_2 - y_1])
-    if kind == "point-line":
-        (x, y), c, s = DIRECTION, np.cos(theta), np.sin(theta)
-        normal = np.array([c * x - s * y, s * x + c * y])
-        return normal @ between - REACH, normal
-    length = np.sqrt(between @ between)
-    sign = 1 if kind == "circle-circle" else -1
-    return sign * (length - REACH), sign * between / length
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("kind", KINDS)
-def test_gap_normal_and_speeds_along_a_motion(kind, seed):
-    motion, t = Motion(seed), 0.37
-    places, rates = motion.level(t, 0), motion.level(t, 1)
-    sections = motion.sections(t).reshape(4, 9)[1::2].copy()
-    found = geometry(kind, sections)
-    gap, normal = closed(kind, places)
-    assert found[0] == pytest.approx(gap, abs=1e-14)
-    assert found[6:8] == pytest.approx(normal, abs=1e-14)
-    assert found[1] == pytest.approx(closed(kind, motion.level(t + 1j * TINY, 0))[0].imag / TINY, abs=1e-13)
-    h = 1e-5
-    rate = [geometry(kind, motion.sections(t + sign * h).reshape(4, 9)[1::2])[1] for sign in (1, -1)]
-    assert found[2] == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-7, abs=1e-7)
-    difference = [closed(kind, motion.level(t + sign * h, 0))[0] for sign in (1, -1)]
-    assert found[1] == pytest.approx((difference[0] - difference[1]) / (2 * h), rel=1e-7, abs=1e-7)
-    check_jacobian(contact.gap, kind, sections)
-    touched = places[1, :2] - RADIUS * normal
-    # material of both bodies at the touched place: its relative speed is g' along the normal, and what slides
-    arms = touched - places[:, :2]
-    first, second = rates[:, :2] + rates[:, 2:] * arms[:, ::-1] * [-1, 1]
-    relative = second - first
-    sliding = filled(contact.along, kind, sections)[1]
-    assert sliding == pytest.approx(relative @ [-normal[1], normal[0]], abs=1e-13)
-    assert found[1] == pytest.approx(relative @ normal, abs=1e-13)
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_flanks_know_angles_alone(way):
-    motion, t = Motion(1), 0.37
-    places, rates = motion.level(t, 0), motion.level(t, 1)
-    p = numbers(direction_x=way, direction_y=0.0)
-    found = geometry("angle", motion.sections(t).reshape(4, 9)[1::2], p)
-    assert found[0] == pytest.approx(way * (places[1, 2] - places[0, 2]) - REACH, abs=1e-14)
-    assert found[1] == pytest.approx(way * (rates[1, 2] - rates[0, 2]), abs=1e-14)
-    assert found[3:].tolist() == [0.0, 0.0, -way, 0.0, 0.0, way]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
-    """The second rate is the first one's difference along a motion, the Jacobian its slope by twists."""
-    motion, t, h = Motion(1), 0.37, 1e-5
-
-    def sections(t):
-        return motion.sections(t).reshape(4, 9)[1::2].copy()
-
-    found = filled(contact.along, kind, sections(t))
-    later, before = (filled(contact.along, kind, sections(t + sign * h)) for sign in (1, -1))
-    assert found[2] == pytest.approx((later[1] - before[1]) / (2 * h), rel=1e-6, abs=1e-7)
-    if kind == "point-line":
-        assert found[1] == pytest.approx((later[0] - before[0]) / (2 * h), rel=1e-7, abs=1e-7)
-    check_jacobian(contact.along, kind, sections(t))
-
-
-@pytest.mark.parametrize("kind", CIRCLES)
-def test_circles_about_one_centre_have_no_normal_and_no_nan(kind):
-    sections = np.zeros((2, 9))
-    sections[:, 3:6] = np.arange(6).reshape(2, 3)
-    found = geometry(kind, sections)
-    assert found[0] == pytest.approx(-REACH if kind == "circle-circle" else REACH)
-    assert (found[[1, 3, 4, 6, 7]] == 0).all() and np.isfinite(found).all()
-
-
-def test_a_gap_of_a_nanometre_is_told_in_a_bearing_of_a_decimetre():
-    sections, kind = np.zeros((2, 9)), "circle-in-circle"
-    sections[1, 0] = 1e-9
-    assert geometry(kind, sections, numbers(kind, reach=3e-9))[0] == pytest.approx(2e-9, rel=1e-15)
 
 
 def test_slopes_are_the_derivatives_of_the_force_and_the_energy_is_its_work():

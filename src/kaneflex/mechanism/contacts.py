@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 
 from kaneflex.mechanism.parts import CIRCLES, Contact
-from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
+from kaneflex.mechanism.planar import Number, Vector, dot
 
 KINDS = ("point-line", "circles", "angle")
 """Geometries, in the order of their numbers in kernels."""
@@ -52,21 +52,6 @@ def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number)
         return dot(normal, gap) - reach, normal
     way = CIRCLES.get(kind, normal[0])
     return way * (length - reach), (way * gap[0] / length, way * gap[1] / length)
-
-
-def touched(normal: Vector, radius: Number) -> Vector:
-    """Vector from the second point to the contact point on its circle."""
-    return -radius * normal[0], -radius * normal[1]
-
-
-def sliding(normal: Vector, gap_rate: Vector, arms: tuple[Vector, Vector], omegas: tuple[Number, Number]) -> Number:
-    """Sliding speed of the second side relative to the first at the contact point, along the normal turned by 90 deg.
-
-    ``arms`` are the vectors to the contact point from the two points.
-    """
-    along = quarter_turn(normal)
-    turned = [omega * dot(along, quarter_turn(arm)) for omega, arm in zip(omegas, arms, strict=True)]
-    return dot(along, gap_rate) + turned[1] - turned[0]
 
 
 def elastic(K: Number, n: Number, depth: Number) -> Number:

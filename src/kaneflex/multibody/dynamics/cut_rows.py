@@ -10,7 +10,7 @@ from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
-from kaneflex.multibody.unilateral.rows import rest_rows
+from kaneflex.multibody.unilateral.relative_rows import rest_rows
 
 
 @njit(**OPTIONS)

@@ -23,7 +23,7 @@ from kaneflex.multibody.model.layout import (
     SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.frictions import exert
-from kaneflex.multibody.unilateral.rows import press
+from kaneflex.multibody.unilateral.relative_rows import press
 from kaneflex.support.inner import once
 
 

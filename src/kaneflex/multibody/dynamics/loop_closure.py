@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
-from kaneflex.multibody.unilateral import factors, frictions, rows
+from kaneflex.multibody.unilateral import factors, frictions, relative_rows, rows
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
@@ -246,7 +246,7 @@ def rows_of_frictions(m):
     apart()
     for n in range(rows.contacts(m)):
         if not rows.switches(m, n):
-            rows.meet(m, n)
+            relative_rows.meet(m, n)
     for n in range(-rows.frictions(m), 0):
         frictions.row_of(m, n)
 

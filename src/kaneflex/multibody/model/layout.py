@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-CONTACT_SIZE = 46
+CONTACT_SIZE = 45
 """Numbers of a unilateral or frictional row, see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
@@ -51,15 +51,15 @@ MODE_SIZE = 2
 ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
 """MEMORY of a switch: the laws' side of zero, or that it stays at zero."""
 (
-    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, SPEED_SIZE, BEFORE, FIRMEST, FORCE, STORED, LOSING,
+    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, BEFORE, FIRMEST, FORCE, STORED, LOSING,
     MODE, MEMORY, DUE, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE,
     BEGAN_X, BEGAN_Y, BEGAN_Z, NODES,
-) = range(27)  # fmt: skip
-"""Numbers of a row: gap with two rates; normal force, largest holding force, size of the speeds whose difference is its
-own, previous force, and largest g of bristles since its sides touch, all of friction; force, stored energy and loss;
-mode and what belongs to it; its change at the end of this step; of a contact the error allowed in its gap, k and c of
-the factors, the effective mass along its normal, and of the current impact its time, approach speed, impulse, peak
-force, previous loss and place; then a step's nodes."""
+) = range(26)  # fmt: skip
+"""Numbers of a row: gap with two rates; normal force, largest holding force, previous force, and largest g of bristles
+since its sides touch, all of friction; force, stored energy and loss; mode and what belongs to it; its change at the
+end of this step; of a contact the error allowed in its gap, k and c of the factors, the effective mass along its
+normal, and of the current impact its time, approach speed, impulse, peak force, previous loss and place; then a step's
+nodes."""
 PLACE, SLIP, SLIP_RATE = GAP, GAP_RATE, GAP_ACCEL
 BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the

@@ -29,8 +29,9 @@ from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
 from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
 from kaneflex.multibody.unilateral.frictions import exert
+from kaneflex.multibody.unilateral.relative_rows import extent, near
 from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, extent, frictions, law_at, near, no_force, rests, rigid, row_at, switches,
+    EPS, act_of, at, contacts, frictions, law_at, no_force, rests, rigid, row_at, switches,
 )  # fmt: skip
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)

@@ -16,7 +16,8 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.frictions import row_of
-from kaneflex.multibody.unilateral.rows import at, contacts, frictions, meet, near, rigid, switches
+from kaneflex.multibody.unilateral.relative_rows import meet, near
+from kaneflex.multibody.unilateral.rows import at, contacts, frictions, rigid, switches
 
 NEVER = 2.0
 

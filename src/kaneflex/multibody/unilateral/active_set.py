@@ -33,9 +33,9 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import stick_slip
+from kaneflex.multibody.unilateral.relative_rows import extent, meet, near, place_of
 from kaneflex.multibody.unilateral.rows import (
-    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, extent, law_at, meet, near, place_of, product, rigid,
-    switches,
+    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, law_at, product, rigid, switches,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along
 

@@ -23,6 +23,7 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
+from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
     ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
 )  # fmt: skip
@@ -98,6 +99,8 @@ def rows_of_step(m, first, h, state):
     for r in range(plan[REACTIONS]):
         m.multipliers[r] = state[1 + 3 * plan[COORDINATES] + r]
     for n in range(-frictions(m), 0):
+        if on_contact(m, n) >= 0:
+            fill_row(m, on_contact(m, n))
         row_of(m, n)
     for n in range(-frictions(m), 0):
         k, j = at(m, n), law_at(m, n)

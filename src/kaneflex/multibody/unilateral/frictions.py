@@ -6,121 +6,34 @@ import math
 
 from numba import njit
 
-from kaneflex.generated import contact as touching
 from kaneflex.generated import friction as laws
-from kaneflex.generated import joints, spatial
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
-from kaneflex.multibody.compile.values import by_size, numbers_of, row_length, twists
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.values import by_size, row_length
 from kaneflex.multibody.dynamics.algebra import (
-    absolute, axpy, cross, dot, first, joined, last, minus, plus, scaled, zero_like,
+    absolute, axpy, cross, dot, first, last, minus, plus, scaled, zero_like,
 )  # fmt: skip
-from kaneflex.multibody.dynamics.kinematics import section_at, section_motion, section_place, twist_at_section
+from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, AT, BENDING, CIRCLES, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL, NUMBERS_AT,
-    ON, OPEN, PLACE, RESULTS, ROW_AT, SLIDE, SLIP, SLIP_RATE, SLIPPING, SPEED_SIZE, STICKING, STORED, TURN, WHAT,
+    ACROSS, ALONG, AT, BENDING, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL,
+    OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIP_RATE, SLIPPING, STICKING, STORED, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, reference_axis
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, RADIUS_AT, REACH_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, extent, frictions, gap_row,
-    law_at, magnitude, on_contact, place_of, row_at, second,
+    ARM, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, law_at, magnitude, on_contact, row_at,
+    second,
 )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def _axis(m, n, k):
-    """Direction in the tangent plane of a contact's friction of its k-th reference axis."""
-    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), m.axes[int(m.w[law_at(m, n)]) + k]
-    flat = axpy(-dot(axis, normal), normal, axis)
-    return scaled(1.0 / larger(math.sqrt(dot(flat, flat)), 1e-300), flat)
-
-
-@njit(**OPTIONS)
-def _normal_rate(m, c):
-    """Rate of a contact's unit normal [1/s]: of a plane with its body, of spheres with their centres."""
-    act, own, normal = act_of(m, c), law_at(m, c), first(row_wrench(m, row_at(m, c), 1))
-    one, two = twist_at_section(m, m.acts[act, AT]), twist_at_section(m, m.acts[act, ON])
-    if m.acts[act, WHAT] != CIRCLES:
-        return cross(last(one), normal)
-    apart_, v = m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, c)], minus(first(two), first(one))
-    return scaled(m.w[own] / larger(apart_, 1e-300), axpy(-dot(v, normal), normal, v))
-
-
-@njit(**OPTIONS)
-def _tangent(m, n, row):
-    """Row of a contact's friction in space, along its slip or across it, in place of a position its MEMORY.
-
-    The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
-    """
-    apart()
-    act, own, out, c = act_of(m, n), law_at(m, n), m.rows, on_contact(m, n)
-    gap_row(m, c, row_length(m) * row_at(m, c))
-    beside = m.acts[act, WHAT] == ACROSS
-    one, two = int(m.w[own + 1]) if beside else n, n if beside else int(m.w[own + 1])
-    angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
-    normal, axis = first(row_wrench(m, row_at(m, c), 1)), _axis(m, n, int(m.w[at(m, two) + MEMORY]))
-    e = axpy(math.sin(angle), cross(normal, axis), scaled(math.cos(angle), axis))
-    inner, outer, both = m.acts[act, AT], m.acts[act, ON], twists(m, shifted(out, row + 3))
-    x, y = minus(place_of(m, c), section_place(m, inner)), minus(place_of(m, c), section_place(m, outer))
-    both[0], both[1] = scaled(-1.0, joined(e, cross(x, e))), joined(e, cross(y, e))
-    a, b, turns = twist_at_section(m, inner), twist_at_section(m, outer), _normal_rate(m, c)
-    slide = minus(plus(first(b), cross(last(b), y)), plus(first(a), cross(last(a), x)))
-    moves = axpy(-m.w[law_at(m, c) + RADIUS_AT], turns, first(b))  # rate of the touched place
-    e_rate = axpy(-dot(e, minus(turns, cross(last(a), normal))), normal, cross(last(a), e))
-    more = minus(cross(last(b), minus(moves, first(b))), cross(last(a), minus(moves, first(a))))
-    out[row], out[row + 1] = m.w[at(m, n) + MEMORY], dot(e, slide)
-    out[row + 2] = dot(e, more) + dot(e_rate, slide)
-    out[row + 2] += dot(both[0], section_motion(m, inner, 1)) + dot(both[1], section_motion(m, outer, 1))
-
-
-@njit(**OPTIONS)
-def _slip(m, n, row):
-    """Row of a friction: its position, speed and acceleration, and the Jacobian by the twists of both sections."""
-    w, act, j, rows = m.w, act_of(m, n), law_at(m, n), m.rows
-    first, second, sections = m.acts[act, AT], m.acts[act, ON], m.sections
-    if m.acts[act, WHAT] == ALONG:
-        of = int(w[j + OF_AT])
-        first, second = section_at(m, first), section_at(m, second)
-        touching.along(m.acts[of, WHAT], sections, first, second, w, m.acts[of, NUMBERS_AT], rows, row)
-    elif m.acts[act, WHAT] == TURN:
-        joints.turn(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
-    else:
-        joints.slide(sections, first, second, w[j], w[j + 1], w[j + 2], rows, row)
-
-
-@njit(**OPTIONS)
-def _slip_6(m, n, row):
-    act, axis, out, axes = act_of(m, n), int(m.w[law_at(m, n)]), m.rows, m.axes
-    inner, outer = m.acts[act, AT], m.acts[act, ON]
-    if m.acts[act, WHAT] == SLIDE:
-        spatial.on_plane(m.sections, inner, outer, numbers_of(axes), axis, out, row)
-        return
-    if m.acts[act, WHAT] >= ALONG:
-        _tangent(m, n, row)
-        return
-    along, one, both = axes[axis], twist_at_section(m, inner), twists(m, shifted(out, row + 3))
-    both[1] = joined((0.0, 0.0, 0.0), along)
-    both[0] = scaled(-1.0, both[1])
-    faster = dot(along, minus(last(section_motion(m, outer, 1)), last(section_motion(m, inner, 1))))
-    slow = minus(last(twist_at_section(m, outer)), last(one))
-    out[row + 1], out[row + 2] = dot(along, slow), faster + dot(cross(last(one), along), slow)
-    angle = math.atan2(dot(axes[axis + 2], axes[axis + 3]), dot(axes[axis + 1], axes[axis + 3]))
-    before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
-    out[row] = angle + math.tau * math.floor((before - angle) / math.tau + 0.5)
-
-
-_slip = by_size(_slip, _slip_6)
 
 
 @njit(**OPTIONS)
 def row_of(m, n):
-    """Row of a friction at the current state, for a contact after :func:`meet`; returns the place of its numbers."""
+    """Row of a friction at the current state, for a contact after :func:`gap_row`; returns the place of its numbers."""
     apart()
     w, k, row, rows = m.w, at(m, n), row_length(m) * row_at(m, n), m.rows
-    _slip(m, n, row)
+    fill_row(m, n)
     w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = rows[row], rows[row + 1], rows[row + 2]
-    w[k + SPEED_SIZE] = size_of(m, n, 0)
     return k
 
 
@@ -178,7 +91,7 @@ def _face_6(m, n, direction, beside):
     for i in range(3):  # the one that is farthest from the normal
         if abs(dot(m.axes[axis + i], normal)) < least - 1e-3:
             k, least = i, abs(dot(m.axes[axis + i], normal))
-    flat = _axis(m, n, k)
+    flat = reference_axis(m, n, normal, k)
     m.w[at(m, other) + MEMORY], m.w[at(m, n) + MEMORY] = k, math.atan2(dot(e, cross(normal, flat)), dot(e, flat))
     row_of(m, other)
     row_of(m, n)

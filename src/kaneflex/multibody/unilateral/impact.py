@@ -40,7 +40,8 @@ from kaneflex.multibody.unilateral import rigid_friction
 from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
 from kaneflex.multibody.unilateral.complementarity import complement, listed, moved, vector
 from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
-from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, meet, near, no_force, rigid, row_at
+from kaneflex.multibody.unilateral.relative_rows import meet, near
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, no_force, rigid, row_at
 from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
 
 _TOGETHER = 100.0

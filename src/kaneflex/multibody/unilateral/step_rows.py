@@ -19,14 +19,14 @@ from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS,
-    JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE, SPEED_SIZE,
+    JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
     STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
-from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, extent, frictions, law_at, meet, product, rigid, row_at,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.frictions import size_of
+from kaneflex.multibody.unilateral.relative_rows import extent, meet
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
 
 _NO_JAM = 1e-9
 """Share of a contact's compliance that counts as rounding."""
@@ -165,7 +165,7 @@ def error_of_gaps(m, h, step, A, answer):
         if n >= 0:
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
             continue
-        error -= 16.0 * EPS * w[k + SPEED_SIZE] / h
+        error -= 16.0 * EPS * size_of(m, n, 0) / h
         largest = larger(largest, error * _bristle_share(m, n, step) / w[plan[TOUCH] + PRECISION])
     return largest
 

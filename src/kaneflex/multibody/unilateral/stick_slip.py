@@ -21,16 +21,17 @@ from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
     ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
-    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, SPEED_SIZE, STICKING, TOUCH,
+    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
     TURN, WANTED, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
+from kaneflex.multibody.unilateral.relative_rows import extent
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, extent, frictions, law_at, magnitude, on_contact,
-    row_at, second, way,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, row_at,
+    second, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11
@@ -95,7 +96,7 @@ def slowing(m, n):
 def no_speed(m, n, t):
     """Speed of a friction that counts as zero."""
     w, k = m.w, at(m, n)
-    return SLOWEST * extent(m, n) + 8.0 * EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
+    return SLOWEST * extent(m, n) + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE])) + 1e-300
 
 
 @njit(**OPTIONS)

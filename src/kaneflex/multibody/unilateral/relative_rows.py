@@ -1,0 +1,346 @@
+"""Rows of contacts and frictions: motion of one section past another along a unit wrench, in the plane and in space.
+
+The wrench of a contact is its normal, that of its friction lies in the tangent plane, that of a guide's or pin's
+friction is fixed in the first body.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, turned
+from kaneflex.multibody.compile.values import by_size, inside, row_length, twists, width
+from kaneflex.multibody.dynamics.algebra import (
+    axpy,
+    coriolis,
+    cross,
+    dot,
+    first,
+    force_at,
+    joined,
+    minus,
+    plus,
+    scaled,
+    twist_at,
+    zero_like,
+)  # fmt: skip
+from kaneflex.multibody.dynamics.kinematics import section_motion, section_place, twist_at_section
+from kaneflex.multibody.dynamics.wrenches import push, row_wrench
+from kaneflex.multibody.model.layout import (
+    ACROSS,
+    AT,
+    AXIS_AT,
+    CIRCLES,
+    CLOSED,
+    COORDINATE_AT,
+    EXTENT,
+    FLANK,
+    FORCE,
+    GAP,
+    GAP_ACCEL,
+    GAP_RATE,
+    LARGEST,
+    LAW,
+    LOSING,
+    MEMORY,
+    MODE,
+    ON,
+    OPEN,
+    PLACE,
+    ROOM,
+    STAYS,
+    STORED,
+    TOUCH,
+    TURN,
+    WHAT,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.rows import (
+    EPS,
+    RADIUS_AT,
+    REACH_AT,
+    ROUNDING,
+    act_of,
+    argument,
+    at,
+    contacts,
+    law_at,
+    on_contact,
+    rests,
+    row_at,
+    switches,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def angle_of(m, n):
+    """Angle [rad] of the second body of flanks or a pin against the first, and the angle whose rounding it has."""
+    own = section_place(m, m.acts[act_of(m, n), ON])[2]
+    return own - section_place(m, m.acts[act_of(m, n), AT])[2], own
+
+
+@njit(**OPTIONS)
+def _angle_6(m, n):
+    own, axes = law_at(m, n), m.axes
+    if m.acts[act_of(m, n), WHAT] == FLANK:
+        angle = m.y[int(m.w[own + COORDINATE_AT])]
+        return angle, angle
+    axis = int(m.w[own])
+    angle = math.atan2(dot(axes[axis + 2], axes[axis + 3]), dot(axes[axis + 1], axes[axis + 3]))
+    before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
+    angle += math.tau * math.floor((before - angle) / math.tau + 0.5)
+    return angle, angle
+
+
+angle_of = by_size(angle_of, _angle_6)
+
+
+@njit(**OPTIONS)
+def extent(m, n):
+    """Reference size of a row's value: size of the mechanism [m]; for flanks their angle, for turns 1 rad."""
+    act = act_of(m, n)
+    if n < 0 and m.acts[act, WHAT] == TURN:
+        return 1.0
+    if n >= 0 and m.acts[act, WHAT] == FLANK:
+        return 1.0 + abs(angle_of(m, n)[1])
+    return m.w[m.plan[TOUCH] + EXTENT]
+
+
+@njit(**OPTIONS)
+def near(m, n, t, rate):
+    """Gap of a contact [m or rad], or switching argument, that counts as zero."""
+    size = m.w[at(m, n) + LARGEST] if switches(m, n) else extent(m, n)
+    return ROUNDING * size + 4.0 * EPS * abs(t * rate)
+
+
+@of_changes(None)
+@njit(**OPTIONS)
+def _meet_switch(m, n):
+    """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
+
+    The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
+    """
+    w, k, j = m.w, at(m, n), argument(m, n)
+    side, value, rate = w[k + MEMORY], m.sizes[j], m.sizes[j + 1]
+    if rate - rate != 0.0:  # not a number, for example on one side only
+        rate = 0.0
+    if side == STAYS:
+        rate = -rate if value > 0.0 else rate
+        value = w[k + ROOM] - abs(value)
+    else:
+        value, rate = side * value, side * rate
+    w[k + GAP], w[k + GAP_RATE] = value, rate
+
+
+@njit(**OPTIONS)
+def force(m, a):
+    """Wrench without moment, of the first components of a vector or twist."""
+    inside()
+    return a[0], a[1], 0.0
+
+
+@njit(**OPTIONS)
+def _force_6(m, a):
+    inside()
+    return a[0], a[1], a[2], 0.0, 0.0, 0.0
+
+
+@njit(**OPTIONS)
+def fixed(m, n, turns, axis):
+    """Unit force along a direction of the first section's body, or moment if ``turns`` is not 0, its sign in the plane;
+    ``axis``: its place among the law's numbers in space."""
+    inside()
+    if turns != 0.0:
+        return 0.0, 0.0, turns
+    x, y = turned(m.w, section_place(m, m.acts[act_of(m, n), AT])[2], law_at(m, n))
+    return x, y, 0.0
+
+
+@njit(**OPTIONS)
+def _fixed_6(m, n, turns, axis):
+    along = m.axes[int(m.w[law_at(m, n) + axis])]
+    if turns != 0.0:
+        return joined((0.0, 0.0, 0.0), along)
+    return joined(along, (0.0, 0.0, 0.0))
+
+
+force, fixed = by_size(force, _force_6), by_size(fixed, _fixed_6)
+
+
+@njit(**OPTIONS)
+def turning(t, a):
+    """Rate of a vector or wrench that turns with a twist."""
+    inside()
+    return scaled(0.5, coriolis(t, a))
+
+
+@njit(**OPTIONS)
+def between(m, act):
+    """Vector [m] from the first section to the second."""
+    inside()
+    return force(m, minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT])))
+
+
+@njit(**OPTIONS)
+def touch(m, n):
+    """Unit normal of a contact, a force on its second section, or a moment of flanks, and the gap."""
+    act, own, d = act_of(m, n), law_at(m, n), between(m, act_of(m, n))
+    what, way, reach = m.acts[act, WHAT], m.w[own], m.w[own + REACH_AT]
+    if what == CIRCLES:  # about one centre they have no normal
+        length = math.sqrt(dot(d, d) + 1e-300)
+        return scaled(way / length, d), way * (length - reach)
+    normal = fixed(m, n, way if what == FLANK else 0.0, AXIS_AT)
+    return normal, (way * angle_of(m, n)[0] if what == FLANK else dot(normal, d)) - reach
+
+
+@njit(**OPTIONS)
+def _centres_rate(m, n, normal):
+    """Rate of the normal of circles or spheres [1/s], which turns with their centres."""
+    act, own = act_of(m, n), law_at(m, n)
+    v = force(m, minus(twist_at_section(m, m.acts[act, ON]), twist_at_section(m, m.acts[act, AT])))
+    length = larger(m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, n)], 1e-150)
+    return scaled(m.w[own] / length, axpy(-dot(v, normal), normal, v))
+
+
+@njit(**OPTIONS)
+def reference_axis(m, n, normal, k):
+    """Direction in the tangent plane of a contact's friction of its k-th reference axis."""
+    axis = m.axes[int(m.w[law_at(m, n)]) + k]
+    flat = axpy(-dot(axis, normal), normal, axis)
+    return scaled(1.0 / larger(math.sqrt(dot(flat, flat)), 1e-300), flat)
+
+
+@njit(**OPTIONS)
+def _direction(m, n, normal):
+    """Unit vector of a contact's friction: its normal turned by 90 deg; in space along the slip or across it.
+
+    The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
+    """
+    return -normal[1], normal[0], 0.0
+
+
+@njit(**OPTIONS)
+def _direction_6(m, n, normal):
+    beside, other = m.acts[act_of(m, n), WHAT] == ACROSS, int(m.w[law_at(m, n) + 1])
+    one, two = other if beside else n, n if beside else other
+    angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
+    away = first(normal)
+    axis = reference_axis(m, n, away, int(m.w[at(m, two) + MEMORY]))
+    return force(m, axpy(math.sin(angle), cross(away, axis), scaled(math.cos(angle), axis)))
+
+
+@njit(**OPTIONS)
+def _way(m, n, c, along):
+    """Position [m] of a contact's friction; 0 of circles, in space its MEMORY: these are no functions of places."""
+    act, radius = act_of(m, c), m.w[law_at(m, c) + RADIUS_AT]
+    x, y, phi = minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT]))
+    return along[0] * x + along[1] * y - radius * phi if m.acts[act, WHAT] != CIRCLES else 0.0
+
+
+@njit(**OPTIONS)
+def _way_6(m, n, c, along):
+    return m.w[at(m, n) + MEMORY]
+
+
+_direction, _way = by_size(_direction, _direction_6), by_size(_way, _way_6)
+
+
+@njit(**OPTIONS)
+def fill_row(m, n):
+    """Row of a contact, or of a friction after its contact: gap or position, its two rates, Jacobian by both twists.
+
+    It is the motion of the second section past the first along a unit wrench, at a place that is fixed in the second
+    body, or of circles and spheres keeps to their normal.
+    """
+    apart()
+    act, row, c, radius, turns = act_of(m, n), row_length(m) * row_at(m, n), n if n >= 0 else on_contact(m, n), 0.0, 0.0
+    one, two, out = m.acts[act, AT], m.acts[act, ON], m.rows
+    a, b = twist_at_section(m, one), twist_at_section(m, two)
+    normal = zero_like(a)
+    if n >= 0:
+        normal, out[row] = touch(m, n)
+        along = normal
+    elif c >= 0:
+        normal, radius = row_wrench(m, row_at(m, c), 1), m.w[law_at(m, c) + RADIUS_AT]
+        along = _direction(m, n, normal)
+        out[row] = _way(m, n, c, along)
+    else:
+        turns = 1.0 if m.acts[act, WHAT] == TURN else 0.0
+        along = fixed(m, n, turns, 0)
+        out[row] = angle_of(m, n)[0] if turns != 0.0 else dot(along, between(m, act))
+    place = minus(section_place(m, two), scaled(radius, normal))
+    x, y = minus(place, section_place(m, one)), minus(place, section_place(m, two))
+    slide, slow, bends = axpy(-1.0, twist_at(a, x), twist_at(b, y)), turning(a, normal), 0.0
+    if c >= 0 and m.acts[act_of(m, c), WHAT] == CIRCLES:
+        own = axpy(-1.0, slow, _centres_rate(m, c, normal))
+        bends = dot(own, slide) if n >= 0 else -dot(along, own) * dot(normal, slide)
+        slow = plus(slow, own)
+    moves = force(m, axpy(-radius, slow, b))  # rate of the place
+    back, on = axpy(-1.0, force(m, a), plus(moves, slide)), axpy(-1.0, force(m, b), moves)
+    faster = axpy(-1.0, twist_at(section_motion(m, one, 1), x), twist_at(section_motion(m, two, 1), y))
+    faster = plus(faster, axpy(-1.0, turning(a, back), turning(b, on)))
+    out[row + 1], out[row + 2] = dot(along, slide), dot(along, faster) + bends
+    both = twists(m, shifted(out, row + 3))
+    both[0], both[1] = scaled(-1.0, force_at(along, x)), force_at(along, y)
+
+
+@njit(**OPTIONS)
+def place_of(m, n):
+    """Touched place of a contact after :func:`meet` [m], global; of flanks that of the second section."""
+    place, push = section_place(m, m.acts[act_of(m, n), ON]), row_wrench(m, row_at(m, n), 1)
+    radius = m.w[law_at(m, n) + RADIUS_AT]
+    z = place[2] - radius * push[2] if width(m) == 6 else 0.0
+    return place[0] - radius * push[0], place[1] - radius * push[1], z
+
+
+@njit(**OPTIONS)
+def meet(m, n):
+    """Row and numbers of a contact or switch, and their place; nothing else is changed.
+
+    A released contact exerts no force and loses its stored energy. One at rest under Newton's law exerts the reaction
+    of its row, an unknown.
+    """
+    w, k, j, row, law = m.w, at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.acts[act_of(m, n), LAW]
+    w[k + FORCE] = w[k + STORED] = w[k + LOSING] = 0.0
+    if switches(m, n):
+        _meet_switch(m, n)
+        return k
+    fill_row(m, n)
+    w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = m.rows[row], m.rows[row + 1], m.rows[row + 2]
+    mode, gap, rate = w[k + MODE], w[k + GAP], w[k + GAP_RATE]
+    if mode == OPEN:
+        return k
+    if law == NEWTON:
+        w[k + FORCE] = m.multipliers[row_at(m, n)]
+        return k
+    if mode == CLOSED:
+        w[k + FORCE] = touching.normal_force(law, w, j, w[k + MEMORY], gap, rate)
+    w[k + STORED] = touching.stored(w, j, gap)
+    w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + FORCE]) * rate
+    return k
+
+
+@of_changes(None)
+@njit(**OPTIONS)
+def press(m):
+    """Contact forces of closed contacts on their sections, with the numbers of all contacts and switches."""
+    apart()
+    for n in range(contacts(m)):
+        force = m.w[meet(m, n) + FORCE]
+        if force != 0.0:
+            for side in range(2):
+                push(m, m.acts[act_of(m, n), AT + side], scaled(force, row_wrench(m, row_at(m, n), side)))
+
+
+@of_impacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
+    apart()
+    for n in range(contacts(m)):
+        if rests(m, n):
+            meet(m, n)
