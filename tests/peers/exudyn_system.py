@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import normal, rotate
+from kaneflex.mechanism.body_frame import applied, normal, turning
 from kaneflex.scene.quantities import Address
 from kaneflex_peers.buildable import lumped, stiffness_damping, torque_by_speed
 
@@ -168,7 +168,7 @@ class _Builder:
         else:
             first, second = (side.body for side in joint.addresses)
             angle = self._angle(first) - self._angle(second)
-            across = normal(rotate(math.cos(angle), math.sin(angle), joint.direction))
+            across = normal(applied(turning(angle), joint.direction))
             item = self.items.ObjectJointPrismatic2D(
                 markerNumbers=markers, axisMarker0=[*joint.direction, 0.0], normalMarker1=[*across, 0.0]
             )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import acceleration, rotate, rotate_back, velocity
+from kaneflex.mechanism.body_frame import acceleration, velocity
+from kaneflex.mechanism.planar import Pose
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
@@ -18,6 +19,13 @@ if TYPE_CHECKING:
 
 NO_COUNTERPART = "the other program has no such sensor"
 NOT_SHARED = "the two programs have no common rigid motion"
+
+
+def rotate(c: np.ndarray, s: np.ndarray, vector: Any) -> np.ndarray:
+    """Global components of a vector given in axes rotated by an angle with cosine c and sine s."""
+    return np.array(Pose(0.0, 0.0, c, s).turn(vector))
+
+
 _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 
 
@@ -116,12 +124,13 @@ class PlanarRecorder(Recorder):
         )
         return stored + np.asarray(reference)[:, None]
 
-    def _axes(self, body: str) -> tuple[np.ndarray, np.ndarray]:
-        """Cosine and sine of the angle of a rigid body, or of the rigid mechanism's link, (n_times,) each."""
+    def _axes(self, body: str, way: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Cosine and sine of the angle of a rigid body, or of the rigid mechanism's link, (n_times,) each; ``way``: its
+        sign."""
         if self.scene.bodies[body].elastic:
-            return self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+            return self.rigid[f"{body}.c"], way * self.rigid[f"{body}.s"]
         angle = self._coordinates(self.built.nodes[body][0], 0)[2]
-        return np.cos(angle), np.sin(angle)
+        return np.cos(angle), way * np.sin(angle)
 
     def _point(self, address: Address, order: int = 0) -> np.ndarray:
         """Place, velocity or acceleration of a point, global, (2, n_times)."""
@@ -154,7 +163,7 @@ class PlanarRecorder(Recorder):
 
     def _component(self, sensor: Sensor, vector: np.ndarray) -> np.ndarray:
         if sensor.axes == "body":
-            vector = rotate_back(*self._axes(address_of(sensor).body), vector)
+            vector = rotate(*self._axes(address_of(sensor).body, -1.0), vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray | str:
@@ -176,7 +185,7 @@ class PlanarRecorder(Recorder):
         start, end = (self._point(Address(address.body, point)) for point in ("start", "end"))
         length = np.hypot(*(end - start))
         c, s = (end - start) / length
-        away = rotate_back(c, s, self._point(address) - start)
+        away = rotate(c, -s, self._point(address) - start)
         away[0] -= self.scene.point(address)[0] / self._length(address.body) * length
         return away["xy".index(sensor.component)]
 

@@ -18,20 +18,10 @@ from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
-from kaneflex.mechanism.planar import GROUND, Pose, quarter_turn
+from kaneflex.mechanism.planar import GROUND, quarter_turn
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Quantity with its first and second rates, time along the last axis."""
-
-
-def rotate(c, s, vector) -> np.ndarray:
-    """Global components of a vector given in axes rotated by an angle with cosine c and sine s."""
-    return np.array(Pose(0.0, 0.0, c, s).turn(vector))
-
-
-def rotate_back(c, s, vector) -> np.ndarray:
-    """Components of a global vector in axes rotated by an angle with cosine c and sine s."""
-    return rotate(c, -s, vector)
 
 
 def normal(vector) -> np.ndarray:

@@ -173,10 +173,7 @@ class RigidMotion:
 
     def column_of(self, affine: Affine) -> np.ndarray:
         """Affine vector (rows x 1) at all times; returns (rows, n_times)."""
-        total = np.zeros((affine.shape[0], len(self.times)), self.values.dtype)
-        for monomial, matrix in affine.terms.items():
-            total += as_array(matrix) * self.monomial(monomial)
-        return total
+        return self.apply(affine, np.ones((1, len(self.times)), self.values.dtype))
 
 
 class LaterMotion(RigidMotion):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates, rotate
+from kaneflex.mechanism.body_frame import Rates, applied, turning
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
@@ -161,7 +161,7 @@ class FloatingMotion(DeformingMotion):
         x, y, angle = second - first
         if loose.direction is None:
             return np.array([x, y, angle])
-        along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
+        along = applied(turning(first[2]), loose.direction)
         tilt = wrapped(angle)  # bodies may start full turns apart
         return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
 

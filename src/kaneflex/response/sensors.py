@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import BodyFrame, Rates, rotate_back
+from kaneflex.mechanism.body_frame import BodyFrame, Rates, applied, turning
 from kaneflex.mechanism.wrenches import joint_force, joint_moment, parts_of
 from kaneflex.response.motion import Motion, Section
 from kaneflex.scene import Scene
@@ -236,8 +236,7 @@ class Reader:
         if sensor.axes == "body" and self.scene.is_spatial:
             x, y, last = self.motion.seen_from(loose.sides[0].body, np.array([x, y, last]))
         elif sensor.axes == "body" and loose.direction is None:
-            turned = self._angle(loose.sides[0])
-            x, y = rotate_back(np.cos(turned), np.sin(turned), (x, y))
+            x, y = applied(turning(-self._angle(loose.sides[0])), (x, y))
         return {"x": x, "y": y}.get(sensor.component, last)
 
     def _angle(self, address: Address) -> np.ndarray:

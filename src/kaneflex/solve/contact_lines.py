@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import rotate, rotate_back
-from kaneflex.mechanism.planar import Pose
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.contacts import Contact
@@ -16,7 +15,6 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.response.floating_motion import FloatingMotion
-    from kaneflex.scene.quantities import Address
     from kaneflex.solve.run_result import RunResult
 
 _SHARE = 0.01
@@ -37,10 +35,8 @@ def check_lines(scene: Scene, first: RigidMotion) -> None:
     for name, contact in _lines(scene):
         line, point = contact.sides
         length = scene.bodies[line.body].length or 1.0
-        (x_1, y_1), (x_2, y_2) = (_place(scene, first, side) for side in (line, point))
-        c, s = (float(first[f"{line.body}.{key}"][0]) for key in "cs")
-        x, y = rotate_back(c, s, (x_2 - x_1, y_2 - y_1))
-        n_x, n_y = contact.direction
+        start, end = (first.frame(side.body).place(scene.point(side)) for side in (line, point))
+        (x, y), (n_x, n_y) = first.frame(line.body).to_body(end - start)[:, 0].tolist(), contact.direction
         along = (n_y * x - n_x * y) * n_y
         if abs(n_x * x + n_y * y - contact.reach) < _TOUCHING * length and abs(along) > _NEAR * length:
             raise SceneError(
@@ -49,15 +45,6 @@ def check_lines(scene: Scene, first: RigidMotion) -> None:
                 f"{1e3 * abs(along):.4g} mm away",
                 f"Choose the point of {line.body} where it touches, or weld a rigid body there as the line",
             )  # fmt: skip
-
-
-def _place(scene: Scene, first: RigidMotion, side: Address) -> tuple[float, float]:
-    """Global position [m] of a side's point at the first instant of a rigid motion."""
-    at = scene.point(side)
-    if side.body == "ground":
-        return at
-    x, y = Pose(*(float(first[f"{side.body}.{key}"][0]) for key in ("x", "y", "c", "s"))).place(at)
-    return x, y
 
 
 def off_their_lines(solution: RunResult) -> Iterator[str]:
@@ -69,14 +56,11 @@ def off_their_lines(solution: RunResult) -> Iterator[str]:
         if not len(pushed):
             continue
         taken = cast("FloatingMotion", motion.scalars.taken(pushed))
-        base, tip = taken.joined(line)[0], taken.joined(point)[0]
-        n_x, n_y = contact.direction
-        t_x, t_y = rotate(np.cos(base[2]), np.sin(base[2]), (n_y, -n_x))
-        along = t_x * (tip[0] - base[0]) + t_y * (tip[1] - base[1])
-        places = solution.model.links[line.body].nodes
-        nodes = np.array([taken.moving_place(line.body, (float(x), 0.0))[0] for x in places])
-        n_x, n_y = rotate(np.cos(base[2]), np.sin(base[2]), (n_x, n_y))
-        above = n_x * (nodes[:, 0] - base[0]) + n_y * (nodes[:, 1] - base[1])
+        frame, _ = taken.section_frame(BodyPoint(line.body, line.point, scene.point(line)))
+        (x, y), (n_x, n_y) = frame.to_body(taken.joined(point)[0][:2] - frame.origin), contact.direction
+        along, places = n_y * x - n_x * y, solution.model.links[line.body].nodes
+        nodes = (taken.moving_place(line.body, (float(x), 0.0))[0][:2] - frame.origin for x in places)
+        above = np.array([n_x * u + n_y * v for u, v in map(frame.to_body, nodes)])
         foot = scene.point(line)[0] + contact.direction[1] * along
         off = np.array([np.interp(x, places, each) for x, each in zip(foot, above.T, strict=True)])
         off *= abs(contact.direction[1])  # a line across a section is exact, since sections stay plane

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.mechanism.affine import as_array
-from kaneflex.mechanism.body_frame import rotate_back
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -165,9 +164,8 @@ def _inputs(model: Model, rigid: RigidMotion) -> dict[str, Shift]:
             continue
         shift: Shift = {}
         for name, (x, y, turn) in rates.items():
-            c, s = rigid[f"{name}.c"][0], rigid[f"{name}.s"][0]
             shift |= {f"{name}.a_x": x, f"{name}.a_y": y, f"{name}.epsilon": turn}
-            along, across = rotate_back(c, s, (x, y))
+            along, across = rigid.frame(name).to_body((x, y))[:, 0]
             shift |= {f"{name}.link.a_x": along, f"{name}.link.a_y": across}
         if _has_terms(model, shift):
             shifts[f"{drive}.acceleration"] = shift
