@@ -13,7 +13,7 @@ from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
 from kaneflex.study.runs import Runs, Timing, cost
-from kaneflex.study.trade.candidates import COUPLED, candidates_of, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, candidates_of, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.reference import _finer, _stored, find_reference
 from kaneflex.study.trade.trials import Trials
 from kaneflex.support.terminal import silent
@@ -236,3 +236,11 @@ def test_a_short_run_is_repeated_for_its_time():
     trials = Trials.begun(read_scene("engine"), 0.01, ["tip_axial"], silent, math.inf)
     model = trials.richest()
     assert 0.0 < trials.seconds([model])[model] <= trials.runs.run(model).timing.total
+
+
+def test_solutions_of_earlier_runs_are_released_and_found_again(monkeypatch):
+    monkeypatch.setattr("kaneflex.study.runs._SOLUTIONS", 1)
+    runs = Runs(neutral(read_scene("engine")))
+    first, second = (runs.run(model) for model in (COUPLED, STIFFENED))
+    assert "solution" not in vars(first) and "solution" in vars(second)
+    assert np.array_equal(first.solution["tip_axial"].values, first.curves.values["tip_axial"])

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from kaneflex.support.errors import SceneError, StoppedEarly
 
 ROUNDS = 5
 """Largest number of repeats of each model."""
+_SOLUTIONS = 8
+"""Number of runs whose solutions are in memory, the latest ones."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +65,20 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Curves of a model, their solution, and the time that they took."""
+    """Curves of a scene, and the time that they took."""
 
+    scene: Scene
     curves: Curves
     timing: Timing
-    solution: Solution
+
+    @cached_property
+    def solution(self) -> Solution:
+        """Solution of the run, which is found again if it was released."""
+        return solve(load(self.scene))
+
+    def release(self) -> None:
+        """Forget the solution, which takes much more memory than the curves."""
+        vars(self).pop("solution", None)
 
 
 def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", most: float = math.inf) -> Run:
@@ -94,7 +106,9 @@ def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", m
     once, model = model.seconds["derive"] + model.seconds["compile"], solution.model
     curves = Curves(solution.times, values, {}, model.warnings, solution.seconds, tuple(between_steps(model)))
     timing = Timing(once, loading - once, solving, reading, model.options.steps, operations(model))
-    return Run(curves, timing, solution)
+    found = Run(scene, curves, timing)
+    vars(found)["solution"] = solution
+    return found
 
 
 def operations(model: Model) -> int | None:
@@ -133,6 +147,8 @@ class Runs:
             except SceneError as error:
                 self.failed[variant] = error
                 raise
+            for older in [*self.kept.values()][:-_SOLUTIONS]:
+                older.release()
         return self.kept[variant]
 
     def repeats(self, variants: Sequence[Variant], deadline: float) -> dict[Variant, list[Timing]]:
