@@ -89,9 +89,13 @@ def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
 
 def _section(system: System, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[float, ...]:
     """Pose and twist of a section by its body's frame, (size,), as it is deformed; vectors are complex numbers."""
-    (node, place), arrays, body = system.engine.layout.on(side), system.engine.arrays, side.body
+    layout, arrays, body, place = system.layout, system.engine.arrays, side.body, np.array(side.at)
+    node = layout.node_of.get(body, -1)
     if node < 0:
         return *place, 0.0, 0.0, 0.0
+    if body in layout.shapes:
+        on = layout.shapes[body].carrier(side.at)
+        node, place = layout.stations[body, on], place - on
     start, modal, pose, twist = system.start[body], system.modal(body), place.copy(), np.zeros(3)
     if modal.stop > modal.start:
         station = arrays["nodes"][node, of.KIND] == of.STATION

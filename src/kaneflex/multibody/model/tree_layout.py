@@ -17,8 +17,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from kaneflex.mechanism.spatial import Side
-
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
@@ -195,14 +193,6 @@ class Layout:
         joint_at = {nodes[-1]: name for name, (nodes, _) in self.tree.items()}
         deforms = self.shapes.keys()
         return tuple(joint_at.get(node - (body in deforms)) for body, node in self.node_of.items())
-
-    def on(self, side: Side) -> tuple[int, np.ndarray]:
-        """Node (-1: the ground) that carries a point of a body, and its place in that node's axes."""
-        at = np.asarray(side.at, float)
-        if side.body not in self.shapes:
-            return self.node_of.get(side.body, -1), at
-        place = self.shapes[side.body].carrier(side.at)
-        return self.stations[side.body, place], at - place
 
 
 def leading(nodes: Sequence[Sequence[int]] | np.ndarray, chain: tuple[tuple[int, ...], int]) -> int:

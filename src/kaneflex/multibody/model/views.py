@@ -284,11 +284,6 @@ class Views:
         """View of the numbers of frictions, (frictions, CONTACT_SIZE)."""
         return self.rows[: self.count(at.DRIVES) - self.count(at.HOLDS)]
 
-    @property
-    def sections(self) -> np.ndarray:
-        """View of the sections, (sections, 3 + 2 d)."""
-        return self.work.sections
-
     @cached_property
     def rows(self) -> np.ndarray:
         """View of the numbers of frictions, then of contacts, (rows, CONTACT_SIZE)."""

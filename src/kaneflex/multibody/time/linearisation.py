@@ -218,7 +218,7 @@ class Equations:
         N = self.spinning(base)[1]
         for unit in np.vstack([np.zeros(3 * n), np.eye(n, 3 * n, n)]):
             self.residuals(base, unit[None])
-            sections.append(self.engine.sections.copy())
+            sections.append(self.engine.work.sections.copy())
         moved = np.array(sections[1:]) - sections[0]
         return N @ self.engine.stiffness @ N.T, displacements(self.engine, sections[0], moved)
 
