@@ -135,7 +135,8 @@ def pdflatex() -> str:
 @pytest.fixture(scope="session")
 def compiler() -> str:
     """The path of a C compiler."""
-    found = shutil.which(os.environ.get("CC", "cc"))
-    if found is None:
+    from kaneflex.support.c_compiler import c_compiler
+
+    if not (found := c_compiler()):
         absent("a C compiler", "install gcc or clang, or name one in CC")
-    return found
+    return found[0]

@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
 
+from kaneflex.support.c_compiler import c_compiler
+
 FLAGS = ("-O3", "-march=native")
 HERE = Path(__file__).parent
 
 
-def find_compiler() -> str | None:
-    """Path of the C compiler that CC names, else of cc."""
-    return shutil.which(os.environ.get("CC", "cc"))
-
-
 def demand_compiler() -> str:
-    """The same.
+    """Path of the C compiler.
 
     Raises
     ------
     SystemExit
         If there is none.
     """
-    found = find_compiler()
-    if found is None:
+    if not (found := c_compiler()):
         raise SystemExit("no C compiler is found: install gcc or clang, or name one in CC")
-    return found
+    return found[0]
 
 
 def compile_c(source: Path, folder: Path, compiler: str, *options: str) -> ctypes.CDLL:

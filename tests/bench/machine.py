@@ -9,7 +9,7 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from bench.compiled import find_compiler
+from kaneflex.support.c_compiler import c_compiler
 
 PACKAGES = ("numba", "numpy", "scipy", "sympy", "casadi", "pydy", "cython", "exudyn")
 
@@ -41,7 +41,6 @@ def processor() -> str:
 
 def compiler() -> str:
     """The first line of what it says of its version."""
-    found = find_compiler()
-    if found is None:
+    if not (found := c_compiler()):
         return "none"
-    return subprocess.run([found, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+    return subprocess.run([found[0], "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]

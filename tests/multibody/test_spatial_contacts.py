@@ -121,7 +121,8 @@ def test_a_prescribed_arm_presses_on_its_stop_as_in_the_plane():
         assert abs(space[sensor].values - plane[sensor].values).max() < 1e-9 * abs(plane[sensor].values).max()
 
 
-@pytest.mark.parametrize("turn", ["a", "b", "c"])
+@pytest.mark.exhaustive(share=7)
+@pytest.mark.parametrize("turn", "abcdefghijklmnopqrst")
 def test_a_ball_in_its_socket_hits_as_a_pin_in_its_bearing(turn):
     """A slider-crank whose other joints keep it in its plane."""
     plane, space = both(scene_of(LOOSE), turn)
@@ -189,7 +190,8 @@ def test_what_a_loose_ball_can_t_be_is_refused(settings, message):
         load(with_settings(scene_of(BALL_CRANK.replace("CONTACT", HERTZ)), settings))
 
 
-@pytest.mark.parametrize("turn", ["a", "b", "c"])
+@pytest.mark.exhaustive(share=7)
+@pytest.mark.parametrize("turn", "abcdefghijklmnopqrst")
 def test_an_elastic_bar_hits_its_stop_as_in_the_plane(turn):
     """With the same shapes, in steps of the same number, whichever way it is turned."""
     flat = with_settings(planar("bouncing-bar", "coupled"), ["solve.duration=0.12 s", "solve.modes=2"])

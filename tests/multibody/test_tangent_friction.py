@@ -53,7 +53,8 @@ def thrown(**given):
     return solved(scene_of(text))
 
 
-@pytest.mark.parametrize("turn", ["a", "b", "c"])
+@pytest.mark.exhaustive(share=7)
+@pytest.mark.parametrize("turn", "abcdefghijklmnopqrst")
 @pytest.mark.parametrize(("text", "sensors"), [(RUBBED, ("slide", "torque", "push")), (BOUNCING, ("push",))])
 def test_contacts_rub_as_in_the_plane(text, sensors, turn):
     """With the same sticking and slipping, whichever way the plane is turned."""
