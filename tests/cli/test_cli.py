@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,9 @@ from places import ROOT
 from runs import shipped
 
 import kaneflex
-from kaneflex import load, read_scene, simulate, with_settings
+from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.cli.commands import GROUPS, main
-from kaneflex.fem.mobility import in_joints
+from kaneflex.fem.mobility import check_determined
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.module_loading import find_module
@@ -280,12 +281,11 @@ def test_redundant_joints_are_named_and_counted(command):
 
 
 def test_what_is_open_is_named_by_its_body():
-    scene = read_scene("engine")
-    reason, cure = in_joints(mechanism_of(scene), (), ("v_x_rod", "omega_rod"))
-    told = "nothing determines the motion of rod; bodies have 9 degrees of freedom, constraints are main 2"
-    assert reason.startswith(told)
-    assert cure == "Join or drive them; a drive may be free, and under preset coupled also a body"
-    assert in_joints(mechanism_of(scene), (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
+    with pytest.raises(SceneError) as caught:
+        check_determined(replace(mechanism_of(read_scene("engine")), drives={}))
+    told = "nothing determines the motion of crank, rod, piston; bodies have 9 degrees of freedom, constraints are "
+    assert caught.value.reason.startswith(told)
+    assert caught.value.cure == "Join or drive them; a drive may be free, and under preset coupled also a body"
 
 
 def test_a_derived_module_is_the_same_whatever_its_scene_is_called():

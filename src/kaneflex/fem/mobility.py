@@ -101,28 +101,9 @@ _IN_WORDS = {
     "force_x": "across x", "force_y": "across y", "moment": "in rotation", "normal": "across its guide",
     "drive": "by its drive",
 }  # fmt: skip
-_RATES = ("v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 
-
-def in_joints(mechanism: Mechanism, spare: Sequence[str], open_unknowns: Sequence[str]) -> tuple[str, str]:
-    """Error for redundant constraints and undetermined motions, with advice, in terms of joints and bodies.
-
-    Parameters
-    ----------
-    spare : sequence of str
-        Redundant rows, "<joint>.<row>".
-    open_unknowns : sequence of str
-        Symbols that no equation determines, "<quantity>_<body>" or "<joint>_<row>".
-    """
-    loose = [body for body in mechanism.bodies if any(f"{rate}_{body}" in open_unknowns for rate in _RATES)]
-    loaded = [joint for joint in mechanism.joints if any(f"{joint}_{row}" in open_unknowns for row in _IN_WORDS)]
-    return _in_words(mechanism, spare, loose, loaded)
-
-
-def _in_words(
-    mechanism: Mechanism, spare: Sequence[str], loose: Sequence[str], loaded: Sequence[str]
-) -> tuple[str, str]:
-    """Reason and advice from redundant rows, bodies with undetermined motion, and joints with undetermined force."""
+def _in_words(mechanism: Mechanism, spare: Sequence[str], loose: Sequence[str]) -> tuple[str, str]:
+    """Reason and advice from redundant rows "<joint>.<row>" and bodies with undetermined motion."""
     reasons, cures = [], []
     if spare:
         rows: dict[str, list[str]] = {}
@@ -136,12 +117,10 @@ def _in_words(
     if loose:
         reasons.append(f"nothing determines the motion of {', '.join(loose)}")
         cures.append("join or drive them; a drive may be free, and under preset coupled also a body")
-    if loaded:
-        reasons.append(f"nothing determines the force in {', '.join(loaded)}")
     count = count_freedom(mechanism)
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     driven = f", drives {len(mechanism.drives)}" if mechanism.drives else ""
-    cure = "; ".join(cures) or "compare with the count of `kaneflex show`"
+    cure = "; ".join(cures)
     reasons.append(f"bodies have {3 * count.bodies} degrees of freedom, constraints are {taken}{driven}")
     return "; ".join(reasons), cure[:1].upper() + cure[1:]
 
@@ -194,7 +173,7 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     loose = [body for k, body in enumerate(bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
     drives = [name.removesuffix(".drive") for name in spare if name.endswith(".drive")]
     if loose or (spare and not (twice and not drives)):
-        reason, cure = _in_words(mechanism, spare, loose, ())
+        reason, cure = _in_words(mechanism, spare, loose)
         if spare and not loose and not drives:
             cure += "; preset coupled accepts redundant constraints that are consistent"
         key = f"drives.{drives[-1]}" if drives and len(drives) == len(spare) else "joints"
@@ -229,7 +208,7 @@ def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: S
     """
     free = mobility_by_rank(mechanism, {name: pose[:, None] for name, pose in placement.poses.items()})
     if free < len(mechanism.drives):
-        reason, cure = _in_words(mechanism, spare, (), ())
+        reason, cure = _in_words(mechanism, spare, ())
         raise SceneError("joints", None, f"{reason}; at the start they permit no motion", cure)
 
 

@@ -67,10 +67,6 @@ class Placement:
         x, y, phi = self.poses[body]
         return np.array([{"x": x, "y": y, "c": math.cos(phi), "s": math.sin(phi)}[kind]])
 
-    def pose(self, body: str) -> Pose:
-        """Pose of a body or the ground."""
-        return axes_of(self.poses)[body]
-
 
 def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     """Place the bodies, with drives at the start of the run or at the coordinates [rad or m] in ``at``.

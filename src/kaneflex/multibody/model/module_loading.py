@@ -126,17 +126,15 @@ def operation_count(text: str) -> int:
 
 @contextmanager
 def derivable(scene: Scene) -> Iterator[None]:
-    """Turn derivation errors into a SceneError in the scene's terms."""
+    """Check that joints and drives determine the motion, and turn other derivation errors into a SceneError."""
     from kaneflex.derive.equations.closure import UnsupportedLoop
     from kaneflex.derive.equations.linear import StructurallySingular
-    from kaneflex.fem.mobility import in_joints
+    from kaneflex.fem.mobility import check_determined
 
+    check_determined(mechanism_of(scene))
     try:
         yield
-    except StructurallySingular as error:
-        reason, cure = in_joints(mechanism_of(scene), error.spare_equations, error.open_unknowns)
-        raise SceneError("joints", None, reason, cure) from error
-    except UnsupportedLoop as error:
+    except (StructurallySingular, UnsupportedLoop) as error:
         raise SceneError(
             "joints", None, str(error), "Give each body three constraints, drives included"
         ) from error
