@@ -55,7 +55,7 @@ class Pair:
         """Rows of the contact and its frictions, the last one first, and numbers of both sections."""
         state = self.system.project(0.0, q, u, self.engine.choice)
         first = self.engine.count(at.CUT_ROWS)
-        return self.engine.work.rows[first::-1].copy(), self.engine.sections[self.sides].copy(), state.du
+        return self.engine.work.rows[first::-1].copy(), self.engine.work.sections[self.sides].copy(), state.du
 
 
 def pairs():
