@@ -97,7 +97,7 @@ energy lost, x, y and z of its begin; number of impacts after which Python must 
 them."""
 
 (
-    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED, VIRTUAL,
+    BODIES, COORDINATES, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED, VIRTUAL,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
     Y, RATE, ACCEL, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
     MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
@@ -108,8 +108,8 @@ them."""
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
     WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
     MASS_ROWS, PUSHES, PUSHED, PLAN,
-) = range(101)  # fmt: skip
-"""Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
+) = range(100)  # fmt: skip
+"""Places of ``plan``. Counts: bodies, coordinates, reactions (of rows of the cuts, then of
 contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
 works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no dependent
 coordinate moves; number of coordinates with virtual inertia, each a row of the factors. First places in ``acts`` of

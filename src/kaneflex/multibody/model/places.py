@@ -24,11 +24,10 @@ class Counts:
     """Counts of the tables of a mechanism: parts, interactions, and numbers of its arrays.
 
     ``d``: numbers of a twist; ``coordinates``, ``positions``: speeds, and coordinates of a state, which have
-    quaternions of balls; ``speeds``: of all bodies, in the plane alone; ``twists``: rows of phi; ``coupling``,
-    ``square``: rows of E and numbers of L; ``ranges``: first places in ``acts`` of cuts, holds, drives, loads, springs
-    and contacts, the end, and the end of the forces and moments of loads; ``touching``: contacts and switches;
-    ``joint_rows``, ``cut_rows``, ``rows``: of the cuts, with those of holds, and with contacts; ``virtual``: most
-    coordinates with virtual inertia.
+    quaternions of balls; ``twists``: rows of phi; ``coupling``, ``square``: rows of E and numbers of L; ``ranges``:
+    first places in ``acts`` of cuts, holds, drives, loads, springs and contacts, the end, and the end of the forces and
+    moments of loads; ``touching``: contacts and switches; ``joint_rows``, ``cut_rows``, ``rows``: of the cuts, with
+    those of holds, and with contacts; ``virtual``: most coordinates with virtual inertia.
     """
 
     def __init__(self, built: Built) -> None:
@@ -40,7 +39,6 @@ class Counts:
         self.sections, self.axes = len(t.on), len(t.axis_on)
         self.coordinates, self.positions = len(layout.coordinates), len(layout.positions)
         self.coupling, self.square = sum(self.shapes), sum(count**2 for count in self.shapes)
-        self.speeds = (3 * self.bodies + self.coupling) * (not self.in_space)
         self.twists = int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum())
         self.ranges = *t.ranges, len(t.acts)
         _, self.holds, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
@@ -59,7 +57,7 @@ def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarr
     ``driven``: the coordinate that each course prescribes, or -1 for that of a cut.
     """
     plan = np.zeros(at.PLAN, np.int64)
-    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = c.bodies, c.coordinates, c.speeds, c.works
+    plan[[at.BODIES, at.COORDINATES, at.WORKS]] = c.bodies, c.coordinates, c.works
     plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
     plan[at.RIGID] = c.reactions - c.cut_rows
     plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges[:-1]
