@@ -154,8 +154,7 @@ class Joined:
         """
         turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
         R_1, R_2 = (turned[side.body] for side in joint.sides)
-        (first, one), (second, two) = ((motion.frame(side.body), side.at) for side in joint.sides)
-        R, g = product(R_1.swapaxes(2, 3), R_2), np.stack([part.T for part in first.apart(one, second, two)])
+        R, turn = product(R_1.swapaxes(2, 3), R_2), np.zeros(())
         stands, other = (self.mechanism.stands(side.body) for side in joint.sides)
         slides = np.eye(3) if joint.across is None else joint.across
         held = joint.moves if freedoms else self._held(joint)
@@ -166,9 +165,12 @@ class Joined:
             c[:, :, k] = R @ (other.T @ stands @ of_second) @ skew(axis).T
         for k, (what, axis) in enumerate(held, count - len(held)):
             (d if what == "position" else c[0])[..., k, :] = axis
+        if joint.slides:  # else the points coincide
+            (first, one), (second, two) = ((motion.frame(side.body), side.at) for side in joint.sides)
+            turn = d @ skew(np.stack([part.T for part in first.apart(one, second, two)]))
         still = np.zeros_like(c)
         still[0] = -d
-        return np.concatenate([still, d @ skew(g) - c], axis=-1), np.concatenate([d @ R, product(c, R)], axis=-1)
+        return np.concatenate([still, turn - c], axis=-1), np.concatenate([d @ R, product(c, R)], axis=-1)
 
     def parting(self, motion: RigidMotion) -> Rates3:
         """Relative displacements of springs' ends by the coordinates, :data:`APART` of each, (3, n_times, rows, tied).
