@@ -29,7 +29,7 @@ from kaneflex.multibody.unilateral.rows import (
 
 @njit(**OPTIONS)
 def row_of(m, n):
-    """Row of a friction at the current state, for a contact after :func:`gap_row`; returns the place of its numbers."""
+    """Row of a friction at the current state, after that of its contact; returns the place of its numbers."""
     apart()
     w, k, row, rows = m.w, at(m, n), row_length(m) * row_at(m, n), m.rows
     fill_row(m, n)

@@ -16,63 +16,16 @@ from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, turned
 from kaneflex.multibody.compile.values import by_size, inside, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import (
-    axpy,
-    coriolis,
-    cross,
-    dot,
-    first,
-    force_at,
-    joined,
-    minus,
-    plus,
-    scaled,
-    twist_at,
-    zero_like,
+    axpy, coriolis, cross, dot, first, force_at, joined, minus, plus, scaled, twist_at, zero_like,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.kinematics import section_motion, section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS,
-    AT,
-    AXIS_AT,
-    CIRCLES,
-    CLOSED,
-    COORDINATE_AT,
-    EXTENT,
-    FLANK,
-    FORCE,
-    GAP,
-    GAP_ACCEL,
-    GAP_RATE,
-    LARGEST,
-    LAW,
-    LOSING,
-    MEMORY,
-    MODE,
-    ON,
-    OPEN,
-    PLACE,
-    ROOM,
-    STAYS,
-    STORED,
-    TOUCH,
-    TURN,
-    WHAT,
+    ACROSS, AT, AXIS_AT, CIRCLES, CLOSED, COORDINATE_AT, EXTENT, FLANK, FORCE, GAP, GAP_ACCEL, GAP_RATE, LARGEST,
+    LAW, LOSING, MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    EPS,
-    RADIUS_AT,
-    REACH_AT,
-    ROUNDING,
-    act_of,
-    argument,
-    at,
-    contacts,
-    law_at,
-    on_contact,
-    rests,
-    row_at,
-    switches,
+    EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument, at, contacts, law_at, on_contact, rests, row_at, switches,
 )  # fmt: skip
 
 
