@@ -113,7 +113,7 @@ class Run(RunCurve):
                 return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
             return self._integrated(progress, stop)
         finally:  # for readers there are no change points
-            self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN] = -math.inf
+            self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN], self.ended = -math.inf, self.table[:0]
             if not self.pieces:
                 self.pieces.append((np.vstack([self.here, self.here]), self.engine.choice))
 
