@@ -184,6 +184,6 @@ def check_request(
         (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
          "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
         (several and not elements_of(scene.bodies), "bodies", None, "no body has a beam: there is only one model",
-         "Give a body a beam"),
+         "Give a body a beam, or run it without a tolerance"),
     )  # fmt: skip
     return tuple(sensors or scene.sensors)
