@@ -21,7 +21,7 @@ BASELINE = {
     "report": 5,
     "response": 21,
     "scene": 59,
-    "solve": 21,
+    "solve": 20,
     "study": 44,
     "support": 2,
 }

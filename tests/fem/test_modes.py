@@ -6,7 +6,7 @@ from runs import derived_on_the_fly, model, peaks, run
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
-from kaneflex import SceneError, load, scene_of, simulate, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.model.building import reference_modes
@@ -319,3 +319,16 @@ def test_a_clamped_structure_is_not_free_flying_however_stiff_a_link_is(tmp_path
 def test_motions_that_deform_nothing_are_counted_by_geometry(scene, settings, free):
     found = model(scene, *settings)
     assert mechanism_modes(found, 0.3 * found.options.duration) == free
+
+
+def test_a_link_that_nothing_holds_is_reduced_with_its_rigid_motion():
+    whole = solve(load(read_scene("free-rod")))
+    sensors = ("bow", "end", "mid_moment")
+
+    def apart(modes):
+        found = solve(load(with_settings(read_scene("free-rod"), [f"solve.modes={modes}"])))
+        pairs = ((found[name].values, whole[name].values) for name in sensors)
+        return max(abs(one - other).max() / abs(other).max() for one, other in pairs)
+
+    errors = [apart(modes) for modes in (2, 6, 24)]
+    assert errors[0] < 0.2 and errors[1] < 0.1 * errors[0] and errors[2] < 1e-9

@@ -103,6 +103,7 @@ def parts_of_links(
         parts[name] = load_on_link(scene, link.part, link)
         if options.reduction == "craig-bampton":
             held = interfaces.held_rows(parts[name]) | (_loaded_rows(scene, link) if link.dofs == 3 else set())
+            held = held or {*parts[name].place[0]}  # of a link that nothing holds: its start has the rigid motion
             count = _count_of_modes(options, name, parts[name].size - len(held))
             parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
     return parts, bases
