@@ -184,7 +184,7 @@ def test_kernels_of_free_joints_are_those_of_a_run():
 
 
 def test_coupled_equations_have_kernels_of_their_own():
-    with pytest.raises(SceneError, match="solve.preset = 'coupled': its M, K and F depend.*project"):
+    with pytest.raises(SceneError, match=r"solve.preset = 'coupled': its M, K and F depend.*project"):
         _ = model("elastic-pendulum").kernels
 
 
