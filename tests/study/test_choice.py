@@ -248,6 +248,7 @@ def test_sensors_that_no_model_stores_densely_enough_are_not_said_to_be_within(m
     monkeypatch.setattr(reference, "_DENSEST", 1)
     with pytest.raises(SceneError, match="between its stored instants the finest model changes rod_force_piston by"):
         choose(scene, 0.05, ["rod_force_piston"], purpose="run")
+    assert "rod_force_piston" in choose(scene, 0.05).open
 
 
 @pytest.mark.exhaustive(group="choice", share=3)

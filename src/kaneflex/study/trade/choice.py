@@ -76,8 +76,9 @@ def chosen(
         if others and not (good and known):
             reason = "no model is within it at all compared points"
             raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Choose a larger one, or fewer sensors")
+        good = good or [model]
         times = [each.seconds(good) for each in trials]
-        model = min(good or [model], key=lambda model: sum(of[model] for of in times))
+        model = min(good, key=lambda model: sum(of[model] for of in times))
     dropped = _drop_terms(own, model) if purpose == "code" else []
     model = dropped[-1] if dropped else model
     choices = [_choice(each, trial, model, sensors is not None) for each, trial in zip(scenes, trials, strict=True)]
