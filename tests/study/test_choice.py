@@ -563,13 +563,13 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
 
 def test_the_choices_compared_with_brute_force_are_what_the_page_says_of_them():
     rows = [row for row in csv_tables.read("choices") if row[1].endswith("%")]
-    assert len({row[0] for row in rows}) == 17 and len(rows) == 17 * len({row[1] for row in rows})
-    chosen = [row for row in rows if row[3]]
-    assert len(chosen) >= 30 and all("error estimate of" in row[2] for row in rows if not row[3])
+    assert len({row[0] for row in rows}) >= 45 and len({row[1] for row in rows}) == 4
+    chosen, others = [row for row in rows if row[3]], [row[2] for row in rows if not row[3]]
+    assert len(chosen) >= 170 and all(re.search("error estimate of|rounding errors", reason) for reason in others)
     for case, tolerance, _, error_shown, _, _, _ in chosen:
         allowed, found = (float(cell.removesuffix(" %")) for cell in (tolerance, error_shown))
         assert found <= allowed, case
-    slowest = max(float(row[5]) for row in chosen)
-    within = f"Of {len(chosen)} chosen models {len(chosen)} are within their tolerance"
-    page = (csv_tables.DOCS / "choice-table.md").read_text()
-    assert f"{within}; they take at most {slowest:g} times" in page and slowest < 1.5
+    ratios = [float(row[5]) for row in chosen]
+    page, fast = (csv_tables.DOCS / "choice-table.md").read_text(), sum(ratio <= 1.3 for ratio in ratios)
+    assert f"Of {len(chosen)} chosen models {len(chosen)} are within their tolerance. {fast} of them" in page
+    assert f"all at most {max(ratios):.2f} times" in page and fast > 0.95 * len(chosen) and max(ratios) < 2.0
