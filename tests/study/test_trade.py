@@ -238,6 +238,11 @@ def test_a_short_run_is_repeated_for_its_time():
     assert 0.0 < trials.seconds([model])[model] <= trials.runs.run(model).timing.total
 
 
+def test_nothing_is_told_of_repeats_where_there_are_none():
+    told = []
+    assert Runs(read_scene("engine"), told.append).repeats([], math.inf) == {} and told == []
+
+
 def test_solutions_of_earlier_runs_are_released_and_found_again(monkeypatch):
     monkeypatch.setattr("kaneflex.study.runs._SOLUTIONS", 1)
     runs = Runs(neutral(read_scene("engine")))

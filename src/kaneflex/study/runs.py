@@ -159,7 +159,7 @@ class Runs:
         scenes = {variant: variant.of(self.scene) for variant in variants}
         found: dict[Variant, list[Timing]] = {variant: [] for variant in variants}
         with _uncollected():
-            for number in range(ROUNDS):
+            for number in range(ROUNDS if variants else 0):
                 self.progress(f"timing, round {number + 1}")
                 for variant in variants[:: -1 if number % 2 else 1]:
                     if number and time.perf_counter() > deadline:
