@@ -133,12 +133,12 @@ def test_nothing_is_read_that_was_not_written(monkeypatch):
 def test_a_cycle_of_held_equations_is_that_of_time_steps():
     """Gyroscopic and circulatory, and asymmetric: all 2 n multipliers, and with constant matrices the matrix itself."""
     system, table, _ = made_up()
-    moved = monodromy(Grid.of(system, table, 0.0, PERIOD, 64))
+    moved = monodromy(Grid.of(system, table(PERIOD / 64 * np.arange(64)), PERIOD))
     exact = cycle_map(system, table, 0.0, PERIOD, 4096)
     found, expected = (np.sort_complex(np.linalg.eigvals(each)) for each in (moved, exact.monodromy))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * abs(expected).max())
 
-    still = monodromy(Grid.of(system, lambda t: table(0.0 * t), 0.0, PERIOD, 64))
+    still = monodromy(Grid.of(system, table(np.zeros(64)), PERIOD))
     M, C, K = (system.dense(name, table(np.zeros(1))[0]) for name in "MCK")
     step = PERIOD / 256
     rate = np.block([[np.zeros((2, 2)), np.eye(2) / step], [-step * np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
@@ -263,13 +263,19 @@ def test_the_tail_is_the_energys_share_in_the_highest_quarter(modes):
     """Of two coordinates, which are transformed side by side, and of three."""
     scene = with_settings(kaneflex.read_scene("engine"), ["solve.start=periodic", f"solve.modes={modes}"])
     run = run_of(load(scene))
-    orbit = Grid.of(run.system, run.table, run.t0, run.step * run.n_steps, 64).corrected(None, 1e-6)
+    orbit = grid_of(run, 64).corrected(None, 1e-6)
     grid = orbit.grid
     y = np.einsum("tji,jt->it", at_instants_of(grid)[1], orbit.z)
     harmonics = abs(np.fft.rfft(grid.modes[0].T @ y, axis=1)) ** 2
     energies = (harmonics * (1.0 + grid.modes[1][0][:, None] * grid.frequencies**2)).sum(axis=0)
     assert len(y) == modes + 1
     assert orbit.tail == pytest.approx(np.sqrt(energies[24:].sum() / energies.sum()), rel=1e-9)
+
+
+def grid_of(run, instants):
+    """Equations of a run at so many instants of its cycle."""
+    period = run.step * run.n_steps
+    return Grid.of(run.system, run.table(run.t0 + period / instants * np.arange(instants)), period)
 
 
 def contraction(grid):
@@ -296,5 +302,4 @@ def test_corrections_contract_in_every_norm_only_where_resonances_are_weak(name,
     scene = with_settings(kaneflex.read_scene(name), ["solve.start=periodic", "solve.modes=2"])
     run = run_of(load(scene))
     for instants, expected in ((64, unresolved), (192, resolved)):
-        grid = Grid.of(run.system, run.table, run.t0, run.step * run.n_steps, instants)
-        assert contraction(grid) == pytest.approx(expected, rel=0.03)
+        assert contraction(grid_of(run, instants)) == pytest.approx(expected, rel=0.03)

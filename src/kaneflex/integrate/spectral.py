@@ -74,12 +74,11 @@ class Grid:
     modes: tuple[np.ndarray, np.ndarray]
 
     @classmethod
-    def of(
-        cls, system: AffineSystem, table: Table, t0: float, period: float, instants: int, coarser: Grid | None = None
-    ) -> Grid:
-        """The equations at so many instants from t0 on, a power of two or three times one; modes: of `coarser`."""
-        rows = np.ascontiguousarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
-        n, w, blocks = system.n, system.half_bandwidth, instants // LANES
+    def of(cls, system: AffineSystem, rows: np.ndarray, period: float, coarser: Grid | None = None) -> Grid:
+        """The equations with the scalars of equally spaced instants, (N, n_scalars), N a power of two or three times
+        one; modes: of `coarser`."""
+        rows = np.ascontiguousarray(rows, dtype=float)
+        n, w, blocks = system.n, system.half_bandwidth, len(rows) // LANES
         sums, factor = aligned(blocks, len(system.sums[0]) - 1, LANES), aligned(blocks, n * (w + 1), LANES)
         _equations(n, w, system.sums, rows, aligned(rows.shape[1], LANES), sums, factor)
         modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
@@ -260,7 +259,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
     """
     instants, grids, near, before, grid = FEWEST, tuple[tuple[int, int], ...](), None, 1.0, None
     while True:
-        grid = Grid.of(system, table, t0, period, instants, grid)
+        grid = Grid.of(system, table(t0 + period / instants * np.arange(instants)), period, grid)
         found = grid.corrected(near, tolerance)
         grids += found.grids
         if found.reason or found.error <= tolerance:

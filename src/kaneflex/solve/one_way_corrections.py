@@ -74,14 +74,14 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
     motion = ElasticMotion(model, rigid, (z, v, a))
     for kind, own in richer:
         z = motion.coordinates[0] if own is model else embedded(own, motion)
-        grid = Grid.of(own.system, own.scalars, 0.0, period, count)
+        rigid = rigid if own.motion is motion.model.motion else own.motion.at(instants)
+        grid = Grid.of(own.system, own.scalars_of(rigid), period)
         basis = own.modal_basis
         z = z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0]
         found = improved(grid, z, _LEFT * model.options.tolerance)
         if found is None:
             return
         z, v, a = (part if basis is None else basis @ part for part in (found.z, *grid.rates(found.z)))
-        rigid = rigid if own.motion is motion.model.motion else own.motion.at(instants)
         motion = ElasticMotion(own, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps)[:, read.stored] for part in motion.coordinates)
         yield kind, values_of(_motion_of(read, own, (z, v, a)))

@@ -20,7 +20,7 @@ from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, Products, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -338,6 +338,10 @@ class Model:
     def scalars(self, times: np.ndarray) -> np.ndarray:
         """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""
         return self._products.at(self.motion.table(times))
+
+    def scalars_of(self, motion: RigidMotion) -> np.ndarray:
+        """The same at the instants of a rigid motion."""
+        return self._products.at(motion.values)
 
     @cached_property
     def _products(self) -> Products:
