@@ -257,10 +257,10 @@ class Joined:
         """Map L and its rates at the instants of a motion: rows of tied coordinates, then springs' ends; columns of
         these independent coordinates, (3, n_times, rows, columns)."""
         rows, following, given = choice.rows, self.places(choice.dependent), self.places(choice.independent[columns])
-        J = self.rows(motion, self._named(rows))[:, :, rows]
+        J = self.rows(motion, self._named(rows))
         L = np.zeros((3, len(motion.times), len(self.tied), len(columns)))
         L[0][:, given, np.arange(len(given))] = 1.0
-        own, others = (np.take(J, each, axis=3) for each in (following, given))
+        own, others = (J[:, :, rows[:, None], each] for each in (following, given))
         back = -(np.linalg.inv if len(rows) == len(following) else np.linalg.pinv)(own[0])
         L_0 = back @ others[0]
         L_1 = back @ (others[1] + own[1] @ L_0)
