@@ -259,6 +259,64 @@ def test_free_joints_beside_a_clearance_start_as_the_tight_mechanism():
     assert behind == pytest.approx(math.radians(160) + math.asin(CRANK / ROD * math.sin(math.radians(20))), rel=1e-12)
 
 
+LOOSE_FOUR_BAR = """
+schema = 1
+description = "A four-bar whose coupler is loose at both ends"
+ground = {left = [0, 0], right = ["254 mm", 0]}
+bodies.crank = {length = "108 mm", mass = "31.6 g"}
+bodies.coupler = {length = "279.4 mm", mass = "30 g", free = {}}
+bodies.follower = {length = "270.5 mm", mass = "29.8 g"}
+joints.main = {revolute = ["ground.left", "crank.start"]}
+joints.rocker = {revolute = ["ground.right", "follower.start"]}
+joints.first.revolute = ["crank.end", "coupler.start"]
+joints.first.clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}
+joints.second.revolute = ["coupler.end", "follower.end"]
+joints.second.clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}
+drives.main = {speed = "200 rpm", angle = "90 deg"}
+drives.rocker.free = true
+sensors.rocker = {position = "rocker", component = "angle"}
+sensors.turning = {velocity = "coupler", component = "angle"}
+sensors.a_x = {acceleration = "coupler.mid", component = "x", axes = "global"}
+sensors.a_y = {acceleration = "coupler.mid", component = "y", axes = "global"}
+sensors.first_x = {position = "first", component = "x"}
+sensors.first_y = {position = "first", component = "y"}
+sensors.first_force = {contact_force = "first"}
+sensors.second_x = {position = "second", component = "x"}
+sensors.second_y = {position = "second", component = "y"}
+sensors.second_force = {contact_force = "second"}
+solve = {preset = "coupled", duration = "0.1 s", steps = 1000}
+"""
+
+
+def test_a_four_bar_with_two_loose_pins():
+    """It starts as the tight one, whose rocker it follows (closed form) as far as its clearances let it; the forces in
+    the pins, along their eccentricities, accelerate the coupler."""
+    radial, found = 1e-4, solved(LOOSE_FOUR_BAR)
+    first, second, a = (np.array([found[f"{name}_{x}"] for x in "xy"]) for name in ("first", "second", "a"))
+    forces = [found[f"{pin}_force"].values for pin in ("first", "second")]
+
+    crank = math.pi / 2 + 200 * math.tau / 60 * found.times
+    pin = 0.108 * np.array([np.cos(crank), np.sin(crank)]) - np.array([[0.254], [0.0]])
+    reach = np.hypot(*pin)
+    apart = np.arccos((reach**2 + 0.2705**2 - 0.2794**2) / (2 * reach * 0.2705))
+    between = np.arccos((0.2794**2 + 0.2705**2 - reach**2) / (2 * 0.2794 * 0.2705))
+    tight = np.unwrap(np.arctan2(pin[1], pin[0])) - apart
+    off = found["rocker"].values - tight
+    assert abs(first[:, 0]).max() < 1e-12 and abs(second[:, 0]).max() < 1e-12
+    assert abs(off[0]) < 1e-12
+    speed = found["turning"].values[0]
+    assert speed == pytest.approx(math.pi * 0.108 / 0.2794 * 20 / 3 * np.sin((crank - tight)[0]) / np.sin(between[0]))
+    assert (abs(off) < 1.1 * 2 * radial / (0.2705 * np.sin(between))).all()
+
+    for own in (first, second):
+        assert radial < np.hypot(*own).max() < 1.1 * radial
+    assert all((force > 0).sum() > 100 and force.max() > 5.0 for force in forces)
+    toward = [own / np.maximum(np.hypot(*own), 1e-300) for own in (first, second)]
+    wanted = forces[1] * toward[1] - forces[0] * toward[0]
+    np.testing.assert_allclose(0.03 * a, wanted, rtol=0, atol=1e-8 * max(force.max() for force in forces))
+    assert found.trajectory.energy.drift < 1e-8
+
+
 BRIDGE = """
 schema = 1
 description = "A ball at rest on the far support of an elastic bridge, whose end does not move"

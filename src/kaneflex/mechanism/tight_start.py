@@ -21,12 +21,15 @@ _FORWARD = (-25 / 12, 4.0, -3.0, 4 / 3, -0.25)
 def tight_start(scene: Scene) -> Scene:
     """Scene with pins and blocks in the middle of their clearance, at the speeds of the mechanism without clearance.
 
-    It gives the start of free joints for which the scene gives neither position nor speed. If the others and the
-    drives do not determine them, they start at zero.
+    It gives the start of free joints and of free bodies with clearances for which the scene gives neither position
+    nor speed. If the others and the drives do not determine them, they start at zero.
     """
     given = {"angle", "position", "initial_speed"}
     open_ = [name for name in scene.free_joints if not given & scene.drives[name].model_fields_set]
-    if scene.is_spatial or not scene.loose or not open_:
+    sides = {side.body for loose in scene.loose.values() for side in loose.sides}
+    floating = {name: free for name, body in scene.bodies.items()
+                if name in sides and (free := body.free) is not None and not free.model_fields_set}  # fmt: skip
+    if scene.is_spatial or not scene.loose or not (open_ or floating):
         return scene
     import numpy as np
 
@@ -41,7 +44,8 @@ def tight_start(scene: Scene) -> Scene:
             joints[name] = Joint(prismatic=loose.sides, direction=loose.direction)
     drives = {name: drive for name, drive in scene.drives.items() if name not in open_}
     contacts = {name: contact for name, contact in scene.contacts.items() if contact.joint not in scene.loose}
-    tight = scene.seen(joints=joints, drives=drives, contacts=contacts)
+    held = {name: scene.bodies[name].model_copy(update={"free": None}) for name in floating}
+    tight = scene.seen(bodies=scene.bodies | held, joints=joints, drives=drives, contacts=contacts)
     mechanism = mechanism_of(tight)
     try:
         placement = place(tight)
@@ -60,7 +64,11 @@ def tight_start(scene: Scene) -> Scene:
         start = value.real if joint.slides else math.remainder(value.real, math.tau)
         update = {joint.start_name: start, "initial_speed": value.imag / _TINY}
         started[name] = scene.drives[name].model_copy(update=update)
-    return scene.seen(drives=started)
+    for name, free in floating.items():
+        (x, y, angle), (v_x, v_y, speed) = placement.poses[name].tolist(), rates[name].tolist()
+        update = {"at": (x, y), "angle": angle, "velocity": (v_x, v_y), "angular_speed": speed}
+        held[name] = held[name].model_copy(update={"free": free.model_copy(update=update)})
+    return scene.seen(drives=started, bodies=scene.bodies | held)
 
 
 def _speed(drive: Drive, horizon: float) -> float:

@@ -115,7 +115,7 @@ def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
         return "this joint closes no loop", f"Give branch at {', '.join(closing)}"
     sides = {name: {side.body for side in joint.addresses} for name, joint in scene.joints.items()}
     held = {name: [joint for joint, bodies in sides.items() if name in bodies] for name in scene.bodies}
-    hanging = [f"{name} has only {f'joint {at[0]}' if at else 'no joint'}" for name, at in held.items() if len(at) < 2]
+    hanging = [f"{name} has {f'only joint {at[0]}' if at else 'no joint'}" for name, at in held.items() if len(at) < 2]
     if not hanging:
         return "this joint closes no loop", "Leave branch out"
     free = [f'"{_free_point(scene, name)}"' for name, at in held.items() if len(at) < 2]
