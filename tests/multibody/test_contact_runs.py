@@ -315,6 +315,8 @@ def test_a_four_bar_with_two_loose_pins():
     wanted = forces[1] * toward[1] - forces[0] * toward[0]
     np.testing.assert_allclose(0.03 * a, wanted, rtol=0, atol=1e-8 * max(force.max() for force in forces))
     assert found.trajectory.energy.drift < 1e-8
+    with pytest.raises(SceneError, match=r"penetrate each other by 107\.9 mm"):  # a start that is given stays
+        load(with_settings(scene_of(LOOSE_FOUR_BAR), ["bodies.coupler.free.angle=0"]))
 
 
 BRIDGE = """

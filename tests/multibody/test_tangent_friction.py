@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import changed
 from parity import planar
 from runs import solved
 from scipy.integrate import solve_ivp
@@ -82,6 +83,30 @@ def test_a_sphere_slips_then_rolls():
     assert rubs.speed[rolls] == pytest.approx(0.0, abs=1e-12) and found["drag"].values[rolls] == pytest.approx(0.0)
     assert rubs.lost[-1] == pytest.approx(2 / 7 * speed**2, rel=1e-8)
     assert found.trajectory.energy.drift < 1e-10
+
+
+def test_a_sphere_rolls_in_a_circle_on_a_turntable():
+    """At 2/7 of the table's speed, round a centre that its start gives: friction acts at the point of touch, so its
+    moment of momentum about that point, K = J w + m R n x v, stays the same as it slips.
+    """
+    text = changed(
+        THROWN, ('["puck", "ground"]', '["puck", "table"]'),
+        ("VELOCITY}", "[0.2, 0, 0], angular_velocity = [0, 4, 0]}"),
+        ("NORMAL", "[0, 0, 1]"), ("RADIUS", "0.05"), ("MU", "0.5"), ("J", "0.002"), ("KIND", "velocity"),
+        ("", "bodies.table = {mass = 5, inertia = [0.1, 0.1, 0.2]}"),
+        ("", 'joints.pivot = {revolute = ["ground", "table"], axis = [0, 0, 1]}\ndrives.pivot = {speed = "5 rad/s"}'),
+        ("", 'sensors.place_x = {position = "puck", component = "x", axes = "global"}'),
+        ("", 'sensors.place_y = {position = "puck", component = "y", axes = "global"}'),
+        ("at = [0, 0,", "at = [0.3, 0,"),
+    )  # fmt: skip
+    found = solved(scene_of(text))
+    u, v, x, y = (found[name].values for name in ("x", "y", "place_x", "place_y"))
+    rolls = found.trajectory.frictions.mode[:, 0] == STICKING
+    centre, rate = 0.05 * (0.002 * 4.0 + 2.0 * 0.05 * 0.2) / (0.002 * 5.0), 2 / 7 * 5.0
+    assert not rolls[0] and rolls[10:].all()
+    assert u[rolls] == pytest.approx(-rate * (y[rolls] - centre), abs=1e-8)
+    assert v[rolls] == pytest.approx(rate * x[rolls], abs=1e-8)
+    assert found.trajectory.energy.drift < 1e-9
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.6])
