@@ -422,6 +422,21 @@ sensors = {turn = {position = "seat", component = "%s"}}
         scene_of(welded % "x")
 
 
+def test_a_body_between_two_clearances_has_no_joint_that_closes_a_loop():
+    loose = 'clearance = {radial = 1e-4, contact = {stiffness = 1e9, restitution = 0.8}}}'
+    scene = f"""schema = 1
+bodies = {{arm = {{length = 1, mass = 1}}, rod = {{length = 1, mass = 1, free = {{}}}}, cart = {{mass = 1}}}}
+joints.hub = {{revolute = ["ground", "arm"], branch = "+"}}
+joints.rail = {{prismatic = ["ground", "cart"], direction = [1, 0]}}
+joints.first = {{revolute = ["arm.end", "rod.start"], {loose}
+joints.second = {{revolute = ["rod.end", "cart"], {loose}
+drives = {{hub = {{speed = 1}}, rail = {{free = true}}}}
+solve = {{preset = "coupled", duration = 1}}
+"""
+    with pytest.raises(SceneError, match="arm has only joint hub, rod has no joint, cart has only joint rail"):
+        scene_of(scene)
+
+
 @pytest.mark.parametrize(("written", "text"), [("6000 RPM", "6000 rpm"), ("6000 Rpm", "6000 rpm")])
 def test_capitals_of_a_unit_that_can_mean_no_other(written, text):
     fast, same = (with_settings(read_scene("engine"), [f"main.speed={speed}"]) for speed in (written, text))
