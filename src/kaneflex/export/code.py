@@ -24,7 +24,7 @@ def equations(scene: SceneLike, progress: Progress | None = None) -> str:
     SceneError
         For a scene in space, and where drives and joints do not determine the motion.
     """
-    from kaneflex.scene.spatial_check import refuse_in_space
+    from kaneflex.scene.option_check import refuse_in_space
 
     scene, progress = scene_from(scene), progress or silent
     refuse_in_space(scene, "equations", "equations are printed of")

@@ -12,10 +12,8 @@ import numpy as np
 
 from kaneflex.mechanism.closure import courses_of, instants, reach_lines, without_rounding
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.scene.contacts import ClearanceContact, Contact
 from kaneflex.scene.options import has_term
-from kaneflex.scene.parts import PRESETS, TERM_NAMES
-from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
+from kaneflex.scene.parts import PRESETS, SEVERAL_FREEDOMS, TERM_NAMES
 from kaneflex.support.terminal import block
 
 if TYPE_CHECKING:
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.contact_law import Friction
+    from kaneflex.scene.contacts import Contact
     from kaneflex.scene.drives import Drive
     from kaneflex.scene.parts import Joint, Load, Mass
     from kaneflex.scene.sensors import Event
@@ -309,12 +308,12 @@ def contact_line(contact: Contact) -> str:
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
     stiffness, exponent = contact.pushing
-    if isinstance(contact, ClearanceContact) and contact.kind == "angle":
+    if contact.kind == "angle":
         room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         law = "rigid" if contact.law == "newton" else law
         return f"{where}, {math.degrees(room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
-    if isinstance(contact, ClearanceContact):
+    if contact.joint is not None:
         where = where.replace("circle", "sphere") if contact.of_kind == "spherical" else where
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
-from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
 from kaneflex.scene.load_check import address_problems, drive_problems, event_problems, load_problems, spring_problems
-from kaneflex.scene.modal_check import modal_problems, section_problems, stress_problems
+from kaneflex.scene.parts import IN_THE_PLANE, SEVERAL_FREEDOMS
 from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
-from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
     DRIVE_KINDS,
@@ -22,19 +21,93 @@ from kaneflex.scene.sensors import (
     SPRING_KINDS,
     Sensor,
 )  # fmt: skip
-from kaneflex.scene.spatial_check import dimension_problems, joint_read
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest, taken, unknown
+
+Check = Callable[[Scene], Iterable[Problem]]
 
 
 def problems_of(scene: Scene) -> list[Problem]:
     """Problems between the tables of a scene, in the file's order."""
-    flat = dimension_problems(scene)
+    flat = _dimension_problems(scene)
     if flat:
         return flat
+    whole = scene.with_clearances()
+    if not whole.contacts:
+        return _problems(scene) or list(_periods(scene))
+    from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
+
     loose = list(clearance_problems(scene))
     known = {problem.key for problem in loose}
-    found = [problem for problem in _problems(scene.with_clearances()) if problem.key not in known]
-    return loose + found
+    found = _problems(whole, contact_problems) or [*_periods(whole), *tilt_problems(whole)]
+    return loose + [problem for problem in found if problem.key not in known]
+
+
+def _dimension_problems(scene: Scene) -> list[Problem]:
+    """Problems of mixed vectors with two and three components, and of entries of the other kind of scene."""
+    vectors = list(given_vectors(scene))
+    flat = next((key for key, value in vectors if len(value) == 2), None)
+    deep = next((key for key, value in vectors if len(value) == 3), None)
+    if flat is not None and deep is not None:
+        given = given_value(scene.raw, flat.split("."))
+        reason = f"two components, where {deep} has three"
+        return [Problem(flat, given, reason, "Give all vectors of a scene three components in space, two in the plane")]
+    if scene.is_spatial:
+        from kaneflex.scene.spatial_check import spatial_problems
+
+        return spatial_problems(scene)
+    return list(_spatial_only(scene))
+
+
+_IN_PLANE = "Give vectors three components, or import the body without --space"
+
+
+def _spatial_only(scene: Scene) -> Iterator[Problem]:
+    """Problems of entries that only spatial scenes have."""
+    cure = "Give vectors three components, or leave it out"
+    for name, body in scene.bodies.items():
+        if body.modal is not None and body.modal.dimension == 3:
+            reason = "the file describes a body in space"
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, _IN_PLANE)
+            continue
+        if isinstance(body.inertia, tuple):
+            yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
+        if body.rotation is not None:
+            yield Problem(f"bodies.{name}.rotation", None, "joints give the angles of planar bodies", cure)
+        if body.free is not None and body.free.angular_velocity is not None:
+            yield Problem(f"bodies.{name}.free.angular_velocity", None, "it turns about one axis", "Give angular_speed")
+        for part, sectioned in {} if body.beam is None else body.beam.sections.items():
+            if sectioned.J is not None:
+                right = "Give I, or give vectors three components"
+                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
+    for name, mass in scene.masses.items():
+        if isinstance(mass.inertia, tuple):
+            yield Problem(f"masses.{name}.inertia", None, "a planar body turns about one axis", cure)
+    for name, joint in scene.joints.items():
+        if joint.kind in SEVERAL_FREEDOMS:
+            yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
+    for table, field, reason, right in (
+        ("joints", "axis", "planar joints turn about the plane's normal", cure),
+        ("joints", "axes", "planar joints turn about the plane's normal", cure),
+        ("springs", "bushing", "only scenes in space have bushings", IN_THE_PLANE),
+        ("drives", "angular_velocity", "a planar joint has one speed", "Give initial_speed"),
+        ("drives", "initial_speeds", "a planar joint has one speed", "Give initial_speed"),
+        ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),
+    ):  # fmt: skip
+        for name, entry in getattr(scene, table).items():
+            if getattr(entry, field) is not None:
+                yield Problem(f"{table}.{name}.{field}", None, reason, right)
+    for name, contact in scene.contacts.items():
+        if contact.kind == "point-plane":
+            right = "Use point_on_line in a planar scene"
+            yield Problem(contact.entry(name), None, "planar bodies touch along lines and circles", right)
+    for name, sensor in scene.sensors.items():
+        if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
+            yield Problem(f"sensors.{name}.component", sensor.component, "planar beams need none", "Leave it out")
+        if isinstance(sensor.fibre, tuple):
+            right = "Give its height above the axis"
+            yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)
+        if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
+            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has no such component", cure)
 
 
 _MOST_GRAVITY = 1e15
@@ -47,12 +120,11 @@ def _gravity(scene: Scene) -> Iterator[Problem]:
         yield Problem("gravity", given_value(scene.raw, ("gravity",)), reason, "Write it like [0, '-9.81 m/s^2']")
 
 
-def _problems(scene: Scene) -> list[Problem]:
-    """Problems of the scene with contacts in place of its joints with clearance."""
+def _problems(scene: Scene, *more: Check) -> list[Problem]:
+    """Problems of the scene with contacts in place of its joints with clearance; ``more``: checks of these."""
     checks = (_gravity, _names, _beams, _joints, _masses, _poses, drive_problems, load_problems, spring_problems,
-              contact_problems, _sensors, event_problems, modal_problems, _horizon)  # fmt: skip
-    found = [problem for check in checks for problem in check(scene)]
-    return found or [*_periods(scene), *tilt_problems(scene)]
+              *more, _sensors, event_problems, _modal, _horizon)  # fmt: skip
+    return [problem for check in checks for problem in check(scene)]
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
@@ -148,6 +220,13 @@ def _masses(scene: Scene) -> Iterator[Problem]:
         yield from address_problems(scene, f"masses.{name}.at", mass.at, ground=False)
 
 
+def _modal(scene: Scene) -> Iterator[Problem]:
+    if any(body.modal_data is not None for body in scene.bodies.values()):
+        from kaneflex.scene.modal_check import modal_problems
+
+        yield from modal_problems(scene)
+
+
 def _sensors(scene: Scene) -> Iterator[Problem]:
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
@@ -162,7 +241,7 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     assert isinstance(address, Address)
     if sensor.kind == "position" and address.body in scene.loose and address.point == "start":
         return
-    if (joint := joint_read(scene, sensor)) is not None:
+    if (joint := scene.joint_read(sensor)) is not None:
         kind = scene.joints[joint].kind
         components = ["x", "angle"] if kind == "cylindrical" else ["x"] if kind == "prismatic" else ["angle"]
         if sensor.component not in components:
@@ -186,11 +265,19 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         return
     if sensor.kind not in MOTION_KINDS:
         if body.modal is not None:
+            from kaneflex.scene.modal_check import section_problems
+
             yield from section_problems(scene, f"{key}.{sensor.kind}", sensor, body.modal)
         else:
             yield Problem(f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam")
     if sensor.relative_to == "chord" and body.length is None:
         yield Problem(f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length")
+
+
+def _stress_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    from kaneflex.scene.modal_check import stress_problems
+
+    return stress_problems(scene, key, sensor)
 
 
 def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -259,7 +346,7 @@ def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 
 _OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
-    **dict.fromkeys(POINT_KINDS, _point_sensor), "stress": stress_problems,
+    **dict.fromkeys(POINT_KINDS, _point_sensor), "stress": _stress_sensor,
     **dict.fromkeys(DRIVE_KINDS, _drive_sensor), **dict.fromkeys(SPRING_KINDS, _spring_sensor),
     **dict.fromkeys(CONTACT_KINDS, _contact_sensor), **dict.fromkeys(FRICTION_KINDS, _friction_sensor),
     "joint_force": _joint_sensor,

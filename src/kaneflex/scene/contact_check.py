@@ -8,7 +8,7 @@ from kaneflex.scene.contacts import Contact, contacts_of
 from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
-from kaneflex.support.errors import Fault, Problem, SceneError, taken
+from kaneflex.support.errors import Fault, Problem, taken
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
@@ -80,25 +80,6 @@ def tilt_problems(scene: Scene) -> Iterator[Problem]:
         if turns and pins <= {body.centre} and all(mass.at.body != rider for mass in scene.masses.values()):
             reason = f"it can rotate in the clearance of {name} but has no moment of inertia"
             yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give its inertia")
-
-
-def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
-    """Raise SceneError for contacts or friction in a scene where a smooth motion is required."""
-    if scene.contacts:
-        name, contact = next(iter(scene.contacts.items()))
-        raise SceneError(key, value, f"with {contact.stands(name)} {reason}", cure)
-    for name in scene.frictions:
-        raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
-
-
-def refuse_bristles(scene: Scene, key: str, value: object) -> None:
-    """Raise SceneError for bristle friction: a cycle would start without the bristle states of the previous cycle."""
-    for name, friction in scene.frictions.items():
-        if friction.law != "lugre":
-            continue
-        owner = scene.contacts[name].stands(name) if name in scene.contacts else f"joints.{name}"
-        reason = f"with {owner}.friction a cycle would start without the bristle states of the previous cycle"
-        raise SceneError(key, value, reason, "Start from zero and run long enough, or use law stribeck")
 
 
 def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:

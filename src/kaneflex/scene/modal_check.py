@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 def modal_problems(scene: Scene) -> Iterator[Problem]:
     """Problems of links with modal data: points, damping and modes; in the plane also beams, guides and springs."""
     links = {name: body.modal for name, body in scene.bodies.items() if body.modal is not None}
-    if not links:
-        return
     beams = [name for name, body in scene.bodies.items() if body.elastic]
     if scene.damping is not None and not (scene.is_spatial and beams):
         reason = "the file of modal data gives the damping"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import refuse_bristles, refuse_contacts
 from kaneflex.scene.load_check import load_jump
 from kaneflex.support.errors import SceneError, refuse
 
@@ -86,3 +85,28 @@ def check_laws(scene: Scene, dynamics: str) -> None:
         if jump is not None and free is not None and dynamics != "coupled":
             reason = f"{jump} jumps, and preset {preset} would step over the jump as it integrates {free}"
             raise SceneError(key, load.law, reason, f"Use preset coupled, or a smooth law: {_SMOOTH}")
+
+
+def refuse_in_space(scene: Scene, key: str, what: str) -> None:
+    """Raise SceneError for a spatial scene where only planar scenes are supported."""
+    if scene.is_spatial:
+        raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Use a planar scene")
+
+
+def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
+    """Raise SceneError for contacts or friction in a scene where a smooth motion is required."""
+    if scene.contacts:
+        name, contact = next(iter(scene.contacts.items()))
+        raise SceneError(key, value, f"with {contact.stands(name)} {reason}", cure)
+    for name in scene.frictions:
+        raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
+
+
+def refuse_bristles(scene: Scene, key: str, value: object) -> None:
+    """Raise SceneError for bristle friction: a cycle would start without the bristle states of the previous cycle."""
+    for name, friction in scene.frictions.items():
+        if friction.law != "lugre":
+            continue
+        owner = scene.contacts[name].stands(name) if name in scene.contacts else f"joints.{name}"
+        reason = f"with {owner}.friction a cycle would start without the bristle states of the previous cycle"
+        raise SceneError(key, value, reason, "Start from zero and run long enough, or use law stribeck")

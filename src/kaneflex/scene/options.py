@@ -9,7 +9,6 @@ from typing import Any
 
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
-from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError, refuse
 
 DEFAULT_MODES = 3
@@ -180,7 +179,7 @@ def resolve_options(scene: Scene) -> Options:
         reduction=_reduction(scene, dynamics),
         modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
-        start="given" if isinstance(solve.start, Start) else "zero" if paper else solve.start,
+        start=("zero" if paper else solve.start) if isinstance(solve.start, str) else "given",
         integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _integrator(scene, dynamics),
         steps=solve.steps or default_steps(scene, duration),
         cycles=period is not None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import (
@@ -18,8 +18,6 @@ from pydantic import (
     model_validator,
 )
 
-from kaneflex.scene.contact_law import Friction, friction_in
-from kaneflex.scene.contacts import Clearance, contacts_of
 from kaneflex.scene.headings import SPEEDS, abscissae
 from kaneflex.scene.quantities import (
     Abscissa,
@@ -46,12 +44,21 @@ from kaneflex.scene.quantities import (
     WholeNumber,
     either,
 )
-from kaneflex.scene.start import Start, start_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
+from kaneflex.support.late_types import late
 from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
+
+if TYPE_CHECKING:
+    from kaneflex.scene.contact_law import Friction
+    from kaneflex.scene.contacts import Clearance
+    from kaneflex.scene.start import Start
+else:
+    (Friction,) = late("kaneflex.scene.contact_law", "Friction")
+    (Clearance,) = late("kaneflex.scene.contacts", "Clearance")
+    (Start,) = late("kaneflex.scene.start", "Start")
 
 PRESETS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
@@ -64,10 +71,16 @@ PRESETS = {
 _TIGHTEST = 1e-13
 """Smallest tolerance; below it rounding errors dominate."""
 _LIKE_DIRECTION = "Give it, like direction = [1, 0], in space [1, 0, 0]"
+_STARTS = ("zero", "quasistatic", "periodic")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
 JOINT_KINDS = ("revolute", "prismatic", "weld", "cylindrical", "universal", "spherical")
+SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
+"""Kinds of joints with more than one degree of freedom."""
+START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
+"""Key of the initial speeds of such a joint, if it is free."""
+IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
 
 
 class Joint(SceneTable):
@@ -102,6 +115,8 @@ class Joint(SceneTable):
     @field_validator("friction", mode="before")
     @classmethod
     def _friction_in(cls, value: object, info: ValidationInfo) -> object:
+        from kaneflex.scene.contact_law import friction_in
+
         return friction_in(value, turning=info.data.get("revolute") is not None)
 
     @model_validator(mode="after")
@@ -148,6 +163,8 @@ class Joint(SceneTable):
             friction.check_at(kind)
 
     def _check_clearance(self, kind: str, clearance: Clearance) -> None:
+        from kaneflex.scene.contacts import contacts_of
+
         wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",), "spherical": ("radial",)}.get(kind, ())
         if all(getattr(clearance, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
@@ -337,11 +354,19 @@ class Forward(SceneTable):
     tolerance: Tolerance = 1e-9
 
 
+def _start_of(value: object) -> object:
+    if isinstance(value, str) and value in _STARTS:
+        return value
+    from kaneflex.scene.start import start_of
+
+    return start_of(value)
+
+
 class Solve(SceneTable):
     """Settings of the solution; every entry can also be set on the command line."""
 
     preset: str = "stiffened"
-    start: Annotated[Start | Literal["zero", "quasistatic", "periodic"], BeforeValidator(start_of)] = "zero"
+    start: Annotated[Literal["zero", "quasistatic", "periodic"] | Start, BeforeValidator(_start_of)] = "zero"
     steps: WholeNumber | None = Field(
         default=None, description="steps per cycle, or per run without a cycle"
     )
@@ -374,7 +399,7 @@ class Solve(SceneTable):
 
     @property
     def says_a_file(self) -> bool:
-        return isinstance(self.start, Start) and self.start.file is not None
+        return not isinstance(self.start, str) and self.start.file is not None
 
     @field_validator("preset")
     @classmethod

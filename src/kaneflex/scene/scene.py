@@ -5,22 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body, Free
-from kaneflex.scene.contact_law import Friction
-from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Words
 from kaneflex.scene.sensors import Event, Sensor
-from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.escaping import visible
+from kaneflex.support.late_types import late
 from kaneflex.support.units import SENSED, to_si
+
+if TYPE_CHECKING:
+    from kaneflex.scene.contact_law import Friction
+    from kaneflex.scene.contacts import Contact, LooseJoint
+    from kaneflex.scene.springs import Spring
+else:
+    (Contact,), (Spring,) = late("kaneflex.scene.contacts", "Contact"), late("kaneflex.scene.springs", "Spring")
 
 
 def given_value(raw: object, path: Sequence[str]) -> object:
@@ -176,6 +181,8 @@ class Scene(SceneTable):
         loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
         if not loose:
             return self
+        from kaneflex.scene.contacts import contacts_of
+
         joints = {name: joint for name, joint in self.joints.items() if name not in loose or joint.has_backlash}
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
         return self.seen(joints=joints, contacts={**self.contacts, **made})
@@ -274,6 +281,10 @@ class Scene(SceneTable):
     @property
     def loose(self) -> dict[str, LooseJoint]:
         """Joints with a clearance."""
+        if not self.contacts:
+            return {}
+        from kaneflex.scene.contacts import loose_joints
+
         return loose_joints(self.contacts)
 
     def slides(self, drive: str) -> bool:
@@ -301,6 +312,14 @@ class Scene(SceneTable):
             motion = "rotation" if sensor.component == "angle" else "translation"
             return f"{sensor.kind} of joint {sensor.target.body}, {motion}"
         return sensor.meaning
+
+    def joint_read(self, sensor: Sensor) -> str | None:
+        """Joint whose coordinate, or in space one of its rates, a sensor measures."""
+        kinds = ("position", "velocity", "acceleration") if self.is_spatial else ("position",)
+        target = sensor.target
+        if sensor.kind not in kinds or not isinstance(target, Address) or target.point != "start":
+            return None
+        return target.body if target.body in self.joints else None
 
     def level(self, event: Event) -> float:
         """Value of an event in its sensor's SI unit. Raises Fault for text in another unit."""

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.late_types import LateType
 from kaneflex.support.units import Dimension
 
 _MOST_NAMES = 3
@@ -185,7 +186,8 @@ def _plain(kind: object) -> object:
         rest = [option for option in typing.get_args(kind) if option is not type(None)]
         return _plain(rest[0])
     if typing.get_origin(kind) is typing.Annotated:
-        return _plain(typing.get_args(kind)[0])
+        late = next((mark for mark in kind.__metadata__ if isinstance(mark, LateType)), None)
+        return _plain(typing.get_args(kind)[0]) if late is None else late.table
     return kind
 
 

@@ -1,15 +1,13 @@
-"""Checks of spatial scenes, and of entries that only planar or only spatial scenes have."""
+"""Checks of spatial scenes, and of entries that only planar scenes have."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
-from kaneflex.scene.quantities import Address
-from kaneflex.scene.scene import Scene, given_value, given_vectors
-from kaneflex.scene.sensors import Sensor
-from kaneflex.scene.springs import IN_THE_PLANE
-from kaneflex.support.errors import Fault, Problem, SceneError, taken
+from kaneflex.scene.parts import SEVERAL_FREEDOMS, START_SPEEDS
+from kaneflex.scene.scene import Scene, given_value
+from kaneflex.support.errors import Fault, Problem, taken
 
 _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
@@ -17,88 +15,17 @@ _SENSORS = (
     "spring_torque", "contact_force", "contact_gap", "contact_torque", "contact_angle",
     "friction_force", "friction_torque",
 )  # fmt: skip
-SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
-"""Kinds of joints with more than one degree of freedom."""
-START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
-"""Key of the initial speeds of such a joint, if it is free."""
 
 
 _NO_BRISTLES = "only planar scenes have this law so far"
 
 
-def dimension_problems(scene: Scene) -> list[Problem]:
-    """Problems of mixed vectors with two and three components, and of entries of the other kind of scene."""
-    vectors = list(given_vectors(scene))
-    flat = next((key for key, value in vectors if len(value) == 2), None)
-    deep = next((key for key, value in vectors if len(value) == 3), None)
-    if flat is not None and deep is not None:
-        given = given_value(scene.raw, flat.split("."))
-        reason = f"two components, where {deep} has three"
-        return [Problem(flat, given, reason, "Give all vectors of a scene three components in space, two in the plane")]
-    if scene.is_spatial:
-        parts = _planar_only, _joints, _laws, _bodies, _beams, _drives, _sensors
-        return [problem for part in parts for problem in part(scene)]
-    return list(_spatial_only(scene))
-
-
-def refuse_in_space(scene: Scene, key: str, what: str) -> None:
-    """Raise SceneError for a spatial scene where only planar scenes are supported."""
-    if scene.is_spatial:
-        raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Use a planar scene")
-
-
 _ALONG = math.cos(math.radians(10.0))
 """Smallest cosine of the angle to a body's x axis at which a sliding direction is along the body."""
-_IN_PLANE = "Give vectors three components, or import the body without --space"
-
-
-def _spatial_only(scene: Scene) -> Iterator[Problem]:
-    """Problems of entries that only spatial scenes have."""
-    cure = "Give vectors three components, or leave it out"
-    for name, body in scene.bodies.items():
-        if body.modal is not None and body.modal.dimension == 3:
-            reason = "the file describes a body in space"
-            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, _IN_PLANE)
-            continue
-        if isinstance(body.inertia, tuple):
-            yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
-        if body.rotation is not None:
-            yield Problem(f"bodies.{name}.rotation", None, "joints give the angles of planar bodies", cure)
-        if body.free is not None and body.free.angular_velocity is not None:
-            yield Problem(f"bodies.{name}.free.angular_velocity", None, "it turns about one axis", "Give angular_speed")
-        for part, sectioned in {} if body.beam is None else body.beam.sections.items():
-            if sectioned.J is not None:
-                right = "Give I, or give vectors three components"
-                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
-    for name, mass in scene.masses.items():
-        if isinstance(mass.inertia, tuple):
-            yield Problem(f"masses.{name}.inertia", None, "a planar body turns about one axis", cure)
-    for name, joint in scene.joints.items():
-        if joint.kind in SEVERAL_FREEDOMS:
-            yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
-    for table, field, reason, right in (
-        ("joints", "axis", "planar joints turn about the plane's normal", cure),
-        ("joints", "axes", "planar joints turn about the plane's normal", cure),
-        ("springs", "bushing", "only scenes in space have bushings", IN_THE_PLANE),
-        ("drives", "angular_velocity", "a planar joint has one speed", "Give initial_speed"),
-        ("drives", "initial_speeds", "a planar joint has one speed", "Give initial_speed"),
-        ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),
-    ):  # fmt: skip
-        for name, entry in getattr(scene, table).items():
-            if getattr(entry, field) is not None:
-                yield Problem(f"{table}.{name}.{field}", None, reason, right)
-    for name, contact in scene.contacts.items():
-        if contact.kind == "point-plane":
-            right = "Use point_on_line in a planar scene"
-            yield Problem(contact.entry(name), None, "planar bodies touch along lines and circles", right)
-    for name, sensor in scene.sensors.items():
-        if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
-            yield Problem(f"sensors.{name}.component", sensor.component, "planar beams need none", "Leave it out")
-        if isinstance(sensor.fibre, tuple):
-            right = "Give its height above the axis"
-            yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)
-        if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
-            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has no such component", cure)
+def spatial_problems(scene: Scene) -> list[Problem]:
+    """Problems of a spatial scene that a planar one can't have."""
+    parts = _planar_only, _joints, _laws, _bodies, _beams, _drives, _sensors
+    return [problem for part in parts for problem in part(scene)]
 
 
 def _planar_only(scene: Scene) -> Iterator[Problem]:
@@ -271,22 +198,15 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         elif sensor.kind == "strain" and not isinstance(sensor.fibre, tuple):
             reason = "a fibre in space needs y and z of the section"
             yield Problem(f"{key}.fibre", sensor.fibre, reason, "Give both, like ['10 mm', 0]")
-        elif sensor.component == "angle" and joint_read(scene, sensor) is None:
+        elif sensor.component == "angle" and scene.joint_read(sensor) is None:
             yield Problem(f"{key}.component", "angle", "a rotation in space needs an axis", "Write it like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":
             cure = "Measure a velocity or an acceleration, or the position of a joint"
             yield Problem(f"{key}.component", sensor.component, "no single angle gives an orientation in space", cure)
-        elif (joint := joint_read(scene, sensor)) is not None:
+        elif (joint := scene.joint_read(sensor)) is not None:
             kind = scene.joints[joint].kind
             if kind in ("universal", "spherical", "weld"):
                 reason = f"a {kind} joint has no single coordinate to measure"
                 yield Problem(f"{key}.{sensor.kind}", joint, reason, "Measure points of its bodies")
 
 
-def joint_read(scene: Scene, sensor: Sensor) -> str | None:
-    """Joint whose coordinate, or in space one of its rates, a sensor measures."""
-    kinds = ("position", "velocity", "acceleration") if scene.is_spatial else ("position",)
-    target = sensor.target
-    if sensor.kind in kinds and isinstance(target, Address) and target.point == "start" and target.body in scene.joints:
-        return target.body
-    return None

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import ValidationInfo, field_validator, model_validator
 
+from kaneflex.scene.parts import IN_THE_PLANE
 from kaneflex.scene.quantities import Address, AddressPair, Angle, NonNegativeLength, not_negative, written
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
@@ -15,7 +16,6 @@ from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIO
 Stiffness = Annotated[Any, written("a stiffness, N/m or N m/rad; for a bushing three of each", "array")]
 DampingConstant = Annotated[Any, written("a damping, N s/m or N m s/rad; for a bushing three of each", "array")]
 
-IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
 """Replacement of bushings in planar scenes."""
 
 

@@ -15,7 +15,6 @@ from kaneflex.support.errors import Fault, within
 from kaneflex.support.reading import read_text
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension
 
-STARTS = ("zero", "quasistatic", "periodic")
 _TABLES = "Give tables displacements and velocities, as solution.state() returns them"
 
 
@@ -43,8 +42,8 @@ class Start(SceneTable):
 
 
 def start_of(value: object) -> object:
-    """Start as a word, or as a table merged with its file. Raises Fault, or pydantic's error with the path."""
-    if isinstance(value, Start) or (isinstance(value, str) and value in STARTS):
+    """Start as a table merged with its file. Raises Fault, or pydantic's error with the path."""
+    if isinstance(value, Start):
         return value
     if isinstance(value, dict):
         if isinstance(value.get("file"), str):

@@ -18,7 +18,7 @@ from kaneflex.multibody.time.neighbours import Neighbours
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
 from kaneflex.response.sensors import sensor_values
-from kaneflex.scene.contact_check import refuse_contacts
+from kaneflex.scene.option_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result, undeformed
 from kaneflex.support.errors import SceneError

@@ -22,8 +22,8 @@ from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
+from kaneflex.scene.option_check import refuse_in_space
 from kaneflex.scene.options import Options
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import visible
 from kaneflex.support.sparse_rows import SparseRows

@@ -13,7 +13,7 @@ from kaneflex.multibody.model.independent_speeds import choose, given_speeds, na
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
-from kaneflex.scene.spatial_check import START_SPEEDS
+from kaneflex.scene.parts import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.time_statistics import mean_over_time
 from kaneflex.scene import Scene
-from kaneflex.scene.contact_check import refuse_contacts
+from kaneflex.scene.option_check import refuse_contacts
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.summary_tables import ParameterSensitivity, SensorDerivative
