@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from kaneflex.derive.elements.beam import Element, beam_element
+from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_TERMS, LINK_SCALARS
 from kaneflex.derive.elements.plane import TermRow, element_kernel, in_letters, monomial
 from kaneflex.derive.equations.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.equations.motion import Motion, derive_motion
@@ -15,13 +16,7 @@ from kaneflex.derive.printers import functions_text, module_text, rows
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.scene.structure import structure_hash, structure_of
-from kaneflex.support.contract import (
-    BEAMS,
-    ELEMENT_KERNELS,
-    ELEMENT_TERMS,
-    LINK_SCALARS,
-    beam_module,
-)
+from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
 
 Progress = Callable[[str], None]
 
@@ -35,10 +30,10 @@ class Equations:
     mechanism : SymbolicMechanism
     motion : Motion
     beam : str
-        The module of the element, one of ``contract.BEAMS``; empty where nothing is elastic.
+        The module of the element, one of ``parameters.BEAMS``; empty where nothing is elastic.
     theory : dict
         Options of ``beam_element`` that the elastic links require; those of ``beam`` may include more.
-    terms : tuple of rows of ``contract.ELEMENT_TERMS``
+    terms : tuple of rows of ``parameters.ELEMENT_TERMS``
         What the motion can excite.
     """
 

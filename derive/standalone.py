@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import sympy as sm
 
 from kaneflex.derive.elements.beam import beam_element
+from kaneflex.derive.elements.parameters import BEAMS
 from kaneflex.derive.elements.shapes import length, x
-from kaneflex.support.contract import BEAMS
 
 BEAM = "beam_euler_bernoulli"
 """The element whose integrals are short enough to be read: no rotary inertia, no shear, one section."""

@@ -66,7 +66,7 @@ class Summary(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         self.env.note_reread()
-        from kaneflex.report.summary import documentation
+        from kaneflex.report.summary_schema import documentation
 
         return self.parse_text_to_nodes(documentation(), allow_section_headings=True)
 

@@ -19,6 +19,7 @@ from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, symbols
 
+from kaneflex.derive.elements.parameters import LINK_SCALARS, element_parameters
 from kaneflex.derive.elements.shapes import (
     E_I,
     PARAMETERS,
@@ -35,7 +36,6 @@ from kaneflex.derive.elements.shapes import (
     x_0,
 )
 from kaneflex.derive.elements.slice import SCALARS, X, by_monomials, link_tension, rho_I_z, slice_equations
-from kaneflex.support.contract import LINK_SCALARS, element_parameters
 
 _LINK = omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
 _NODE = ("u", "v", "theta_z")

@@ -15,13 +15,14 @@ from types import MappingProxyType
 import sympy as sm
 
 from kaneflex.derive.elements.beam import Element, beam_element
+from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_TERMS
 from kaneflex.derive.elements.shapes import x_0
 from kaneflex.derive.ir.names import Names
 from kaneflex.derive.ir.program import Program, named, prune, share
 from kaneflex.derive.printers import module_text, packs
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.rows import element_table, rows_text
-from kaneflex.support.contract import BEAMS, ELEMENT_KERNELS, ELEMENT_TERMS
+from kaneflex.support.contract import ELEMENT_KERNELS
 
 TermRow = tuple[str, str, str, tuple[str, ...]]
 """A row of TERMS: name, group, kernel, factors of the scalar."""

@@ -11,7 +11,7 @@ from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff
 
-from kaneflex.support.contract import element_parameters
+from kaneflex.derive.elements.parameters import element_parameters
 
 
 def parameter_symbols(rows: Iterable[tuple[str, str, str]]) -> dict[str, Symbol]:

@@ -19,8 +19,9 @@ from functools import cache
 from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
 
 from kaneflex.derive.bodies import kane
+from kaneflex.derive.elements.parameters import spatial_element_parameters
 from kaneflex.derive.elements.shapes import antiderivative, parameter_symbols, rho_A, x, x_0
-from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE, spatial_element_parameters
+from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
 SCALARS = symbols([name for name, *_ in SPATIAL_LINK_SCALARS], real=True)
 MOTION, P_0 = tuple(SCALARS[:9]), SCALARS[9]

@@ -16,6 +16,7 @@ from math import prod
 
 from sympy import Expr, Poly, Rational, S, factor_terms
 
+from kaneflex.derive.elements.parameters import SPATIAL_BEAMS, SPATIAL_ELEMENT_TERMS, spatial_element_parameters
 from kaneflex.derive.elements.plane import every_matrix, tables_of_all
 from kaneflex.derive.elements.shape_integrals import POWERS, s, shape_integrals_text
 from kaneflex.derive.elements.shapes import length, rho_A, x_0
@@ -26,14 +27,7 @@ from kaneflex.derive.ir.program import Program, share
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.rows import element_table
-from kaneflex.support.contract import (
-    ELEMENT_KERNELS,
-    SPATIAL_BEAMS,
-    SPATIAL_ELEMENT_TERMS,
-    SPATIAL_LINK_SCALARS,
-    SPATIAL_NODE,
-    spatial_element_parameters,
-)
+from kaneflex.support.contract import ELEMENT_KERNELS, SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
 _DOCS = {
     "M": "Mass matrix of one element, 12 x 12 [SI].",

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import sympy as sm
 
+from kaneflex.derive.elements.parameters import LINK_SCALARS
 from kaneflex.derive.equations.rigid import Rates, Solved, multiplier
 from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import BodyPoint, Vector
-from kaneflex.support.contract import LINK_SCALARS
 
 
 def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> tuple[Scalar, ...]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import sympy as sm
 
+from kaneflex.derive.elements.parameters import BODY_SCALARS
 from kaneflex.derive.equations.closure import UnsupportedLoop, place_bodies
 from kaneflex.derive.equations.law_expression import FUNCTIONS, law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, solve_blocks
@@ -27,7 +28,7 @@ from kaneflex.derive.ir.names import Names
 from kaneflex.derive.ir.program import Program, Scalar, Steps
 from kaneflex.mechanism.parts import Load, Mechanism
 from kaneflex.mechanism.planar import GROUND, Pose
-from kaneflex.support.contract import BODY_SCALARS, COURSES
+from kaneflex.support.contract import COURSES
 from kaneflex.support.errors import SceneError
 
 

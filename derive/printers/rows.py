@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 
-from kaneflex.derive.printers import module_text
-from kaneflex.derive.printers.bracketed import LINE, bracketed
-from kaneflex.support.contract import (
+from kaneflex.derive.elements.parameters import (
     BODY_SCALARS,
-    FORMAT,
     LINK_SCALARS,
     element_parameters,
     spatial_element_parameters,
 )
+from kaneflex.derive.printers import module_text
+from kaneflex.derive.printers.bracketed import LINE, bracketed
+from kaneflex.support.contract import FORMAT
 
 Row = tuple[str, ...]
 

@@ -17,8 +17,9 @@ from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame
 import kaneflex
 from kaneflex.derive.elements import slice as beam_slice
 from kaneflex.derive.elements.beam import a_x, a_y, beam_element, epsilon, omega
+from kaneflex.derive.elements.parameters import SPATIAL_BEAMS
 from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length, rho_A, x, x_0
-from kaneflex.support.contract import ELEMENT_KERNELS, SPATIAL_BEAMS, beam_module
+from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
 
 SIZES = {
     "rho_A": 1.1, "rho_I_y": 4e-5, "rho_I_z": 9e-5, "E_I_y": 1.5e3, "E_I_z": 3e3, "E_A": 3e7, "G_J": 800.0,

@@ -13,6 +13,7 @@ from command_line import cli, refused
 from runs import model
 
 from kaneflex.derive.elements.beam import Term
+from kaneflex.derive.elements.parameters import LINK_SCALARS
 from kaneflex.derive.elements.plane import monomial
 from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
@@ -20,7 +21,7 @@ from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames,
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.scene.tables import evaluate_block
-from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
+from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.escaping import latex as escaped
 
 SCENES = ("engine", "four-bar", "double-pendulum")

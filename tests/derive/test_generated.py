@@ -19,6 +19,7 @@ from runs import model, shipped, short, solved
 
 import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
+from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_PARAMETERS, LINK_SCALARS, SPATIAL_BEAMS
 from kaneflex.derive.generate import generate
 from kaneflex.derive.printers.packs import CALLED
 from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
@@ -26,16 +27,7 @@ from kaneflex.generated.packs import fill, pack, unpacked
 from kaneflex.multibody.model.module_loading import find_laws_module, find_module
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import laws_hash, structure_hash
-from kaneflex.support.contract import (
-    BEAMS,
-    ELEMENT_KERNELS,
-    ELEMENT_PARAMETERS,
-    FORMAT,
-    LAWS_ATTRIBUTES,
-    LINK_SCALARS,
-    REQUIRED_ATTRIBUTES,
-    SPATIAL_BEAMS,
-)
+from kaneflex.support.contract import ELEMENT_KERNELS, FORMAT, LAWS_ATTRIBUTES, REQUIRED_ATTRIBUTES
 from kaneflex.support.module_cache import cache_folder
 
 FOLDER = Path(kaneflex.generated.__file__).parent

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.integrate.methods import METHODS
-from kaneflex.report.summary import documentation
+from kaneflex.report.summary_schema import documentation
 from kaneflex.scene import json_schema
 from kaneflex.scene.laws import FUNCTIONS
 from kaneflex.scene.materials import MATERIALS

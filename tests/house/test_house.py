@@ -111,7 +111,7 @@ def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     imported = ("tables", "cluster", "zarr", "vtk", "nastran", "uff")
     entries += [entry for extra in imported for entry in extras[extra]]
     declared = {re.split(r"[^\w-]", entry)[0].replace("-", "_") for entry in entries}
-    brought = {"PIL": "pillow", "mpl_toolkits": "matplotlib"}
+    brought = {"PIL": "pillow", "mpl_toolkits": "matplotlib", "pydantic_core": "pydantic"}
     assert {brought.get(name, name) for name in used} == declared
 
 

@@ -19,7 +19,6 @@ from runs import run
 
 import kaneflex
 from kaneflex.report.summary import (
-    EnergyBalance,
     Instant,
     Operations,
     SensorError,
@@ -29,15 +28,15 @@ from kaneflex.report.summary import (
     Timing,
     _sensor,
     drive_degrees,
-    json_schema,
     summarise,
 )
+from kaneflex.report.summary_schema import json_schema
 from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.error_stages import REQUEST
 from kaneflex.solve.mode_angle_envelope import PeakSpread
-from kaneflex.solve.summary_tables import Attempt, Choice, ParameterSensitivity, SensorDerivative
+from kaneflex.solve.summary_tables import Attempt, Choice, EnergyBalance, ParameterSensitivity, SensorDerivative
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
 from kaneflex.solve.unresolved import UnresolvedMode
 from kaneflex.support.labelled import Labelled
@@ -303,7 +302,7 @@ def test_an_angle_that_does_not_name_one_instant_gives_way_to_the_time(scene, se
 
 
 def test_the_schema_beside_it_is_that_of_the_code():
-    """If this fails: python -m kaneflex.report.summary > docs/data/summary.schema.json"""
+    """If this fails: python -m kaneflex.report.summary_schema > docs/data/summary.schema.json"""
     assert json.loads((DOCS / "data/summary.schema.json").read_text(encoding="utf-8")) == json_schema()
 
 

@@ -66,7 +66,7 @@ class Link:
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m].
     parameters : mapping of str to ndarray (elements,)
-        Parameters of every element, by the names in ``kaneflex.support.contract``.
+        Parameters of every element, by the names in ``kaneflex.derive.elements.parameters``.
     element_terms : tuple of (key, monomial, ndarray (elements, 6, 6 or 1))
         Each term's matrix of every element, for the forces at the elements' ends.
     part : Part

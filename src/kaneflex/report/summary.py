@@ -1,38 +1,38 @@
-"""The summary of a run: what ``summary.json`` holds, and its documentation from the same source.
-
-``python -m kaneflex.report.summary`` prints ``docs/data/summary.schema.json``.
-"""
+"""The summary of a run: what ``summary.json`` holds."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from kaneflex.solve.run_result import MOST_FREQUENCIES
-from kaneflex.solve.summary_tables import (
-    Attempt,
-    Choice,
-    ContactSummary,
-    FrictionSummary,
-    ParameterSensitivity,
-    PeakSpread,
-    PlainTable,
-    SensorDerivative,
-    UnresolvedMode,
-)
 from kaneflex.support.escaping import visible
+from kaneflex.support.plain_tables import PlainTable, late
 
 if TYPE_CHECKING:
     from kaneflex.response.sensors import Series
     from kaneflex.response.time_statistics import Statistics
     from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.solve.solution import Solution
+    from kaneflex.solve.summary_tables import (
+        Choice,
+        ContactSummary,
+        EnergyBalance,
+        FrictionSummary,
+        ParameterSensitivity,
+        PeakSpread,
+        UnresolvedMode,
+    )
+else:
+    Choice, ContactSummary, EnergyBalance, FrictionSummary, ParameterSensitivity, PeakSpread, UnresolvedMode = late(
+        "kaneflex.solve.summary_tables", "Choice", "ContactSummary", "EnergyBalance", "FrictionSummary",
+        "ParameterSensitivity", "PeakSpread", "UnresolvedMode",
+    )  # fmt: skip
 
 SCHEMA_VERSION = 1
 
@@ -96,16 +96,6 @@ class Operations(PlainTable):
 
     written_out: int = Field(description="number of operations without shared subexpressions")
     shared: int = Field(description="number of operations with shared subexpressions, as generated")
-
-
-class EnergyBalance(PlainTable):
-    """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
-
-    stored: float = Field(description="increase of kinetic, strain and potential energy")
-    dissipated: float = Field(description="energy dissipated by damping, in contacts and by friction")
-    supplied: float = Field(description="energy supplied by loads and prescribed drives")
-    gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
-    drift: float = Field(description="gap relative to the largest exchanged energy")
 
 
 class Summary(PlainTable):
@@ -285,48 +275,10 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     energy = solution.energy
     if energy is None or not len(solution.times):
         return None
+    from kaneflex.solve.summary_tables import EnergyBalance
+
     exchanged = {"dissipated": energy.dissipated[-1], "supplied": energy.supplied[-1]}
     stored = energy.stored[-1] - energy.stored[0]
     return EnergyBalance(stored=stored, **exchanged, gap=abs(energy.gap).max(), drift=energy.drift)
 
 
-def json_schema() -> dict[str, Any]:
-    """JSON Schema of ``summary.json``."""
-    schema = Summary.model_json_schema(mode="serialization")
-    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-
-
-def documentation() -> str:
-    """Sections of ``docs/summary.md``: every field of every table."""
-    parts = []
-    for table in _TABLES:
-        about = (table.__doc__ or "").splitlines()[0]
-        parts.append(f"## {table.__name__}\n\n{about}\n\n")
-        parts += [
-            f"- `{name}`, {_type_name(field.annotation)}: {field.description}\n".replace(", number: ", ": ")
-            for name, field in table.model_fields.items()
-        ] + ["\n"]
-    return "".join(parts)
-
-
-_TABLES = (
-    Summary, SensorSummary, SensorError, Instant, StressSummary, PeakSpread, EnergyBalance, ContactSummary,
-    FrictionSummary, UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
-)  # fmt: skip
-
-
-def _type_name(kind: Any) -> str:
-    if get_origin(kind) is dict:
-        return f"table of {_type_name(get_args(kind)[1])}"
-    if get_origin(kind) is list:
-        return f"list of {_type_name(get_args(kind)[0])}"
-    if get_origin(kind) is Literal:
-        return str(get_args(kind)[0])
-    if get_args(kind):
-        return " or ".join(_type_name(option) for option in get_args(kind))
-    names = {float: "number", int: "integer", bool: "true or false", str: "text", type(None): "null", Any: "any"}
-    return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
-
-
-if __name__ == "__main__":
-    print(json.dumps(json_schema(), indent=1, ensure_ascii=False))

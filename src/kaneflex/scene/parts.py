@@ -48,7 +48,7 @@ from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
-from kaneflex.support.late_types import late
+from kaneflex.support.plain_tables import late
 from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
 
 if TYPE_CHECKING:

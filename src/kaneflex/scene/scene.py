@@ -17,7 +17,7 @@ from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Word
 from kaneflex.scene.sensors import Event, Sensor
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.escaping import visible
-from kaneflex.support.late_types import late
+from kaneflex.support.plain_tables import late
 from kaneflex.support.units import SENSED, to_si
 
 if TYPE_CHECKING:

@@ -210,7 +210,7 @@ def properties_of(section: SectionNumbers, E: float, G: float | None, rho: float
 def element_parameters(
     at: Callable[[float], Properties], nodes: np.ndarray, borders: tuple[float, ...] = ()
 ) -> dict[str, np.ndarray]:
-    """Parameters of a link's elements by their names in ``kaneflex.support.contract``, (elements,) each.
+    """Parameters of a link's elements by their names in ``kaneflex.derive.elements.parameters``, (elements,).
 
     A varying property is replaced by its least-squares linear fit: the mean keeps the element's mass and average
     stiffness, and the error is of the fourth order in the element's length. Those that the element holds constant take
@@ -327,7 +327,7 @@ class Profile:
                         "rotary": np.full(len(nodes) - 1, float(self.rotary))}  # fmt: skip
 
     def planar_elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
-        """Parameters of planar elements, by their names in ``kaneflex.support.contract``."""
+        """Parameters of planar elements, by their names in ``kaneflex.derive.elements.parameters``."""
         found, growing = self.elements(nodes), ("rho_A", "E_A", "E_I_z", "rho_I_z")
         names = (*growing, *(f"{name}_rise" for name in growing), "length", "x_0", "m_0", "S_0")
         planar = {name.replace("_z", ""): found[name] for name in names} | {"phi_s": found["phi_y"]}

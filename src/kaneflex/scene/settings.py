@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError, nearest
-from kaneflex.support.late_types import LateType
+from kaneflex.support.plain_tables import LateType
 from kaneflex.support.units import Dimension
 
 _MOST_NAMES = 3

@@ -1,16 +1,22 @@
-"""Tables of ``summary.json`` that computations fill; those of the sensors and of the run are in report."""
+"""Tables of ``summary.json`` that few runs have; those of every run are in report."""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from kaneflex.support.plain_tables import PlainTable
 
 _RELATIVE = "of the {}, relative"
 
 
-class PlainTable(BaseModel):
-    """Table of ``summary.json``; its fields have descriptions."""
+class EnergyBalance(PlainTable):
+    """Energies exchanged during the run, J; unless the preset is coupled, those of the rigid mechanism."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    stored: float = Field(description="increase of kinetic, strain and potential energy")
+    dissipated: float = Field(description="energy dissipated by damping, in contacts and by friction")
+    supplied: float = Field(description="energy supplied by loads and prescribed drives")
+    gap: float = Field(description="largest absolute value of stored + dissipated - supplied")
+    drift: float = Field(description="gap relative to the largest exchanged energy")
 
 
 class PeakSpread(PlainTable):

@@ -1,4 +1,4 @@
-"""Types of entries that few files have, imported at the first one: their checks take longer to build than to use."""
+"""Tables of files: their plain base, and types of entries that few files have, imported at the first one."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
+from pydantic import BaseModel, ConfigDict
 from pydantic_core import core_schema
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel, GetJsonSchemaHandler
+    from pydantic import GetJsonSchemaHandler
+
+
+class PlainTable(BaseModel):
+    """Table of ``summary.json``; its fields have descriptions."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 @dataclass(frozen=True)
