@@ -30,7 +30,7 @@ from kaneflex.study.trade.candidates import candidates_of, check_request, neutra
 from kaneflex.study.trade.choice import choose
 from kaneflex.study.trade.reference import KNOWN, find_reference
 from kaneflex.study.trade.trials import Trials
-from kaneflex.support.atomic_output import write_text
+from kaneflex.support.files import write_text
 
 PAGE = Path(__file__).parent.parent / "docs" / "choice-table.md"
 TOLERANCES = (0.1, 0.01, 0.001, 0.0001)

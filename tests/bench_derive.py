@@ -22,8 +22,8 @@ from rich.progress import track
 
 from kaneflex.multibody.model.module_loading import generate_text, import_file
 from kaneflex.scene.structure import structure_hash
-from kaneflex.support.atomic_output import write_text
 from kaneflex.support.contract import REQUIRED_ATTRIBUTES
+from kaneflex.support.files import write_text
 
 PAGE = Path(__file__).parent.parent / "docs" / "derive-times.md"
 COUNTS = {False: (1, 2, 4, 6, 8), True: (4, 6, 8)}

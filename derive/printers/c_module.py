@@ -16,10 +16,10 @@ from numba.types import CPointer, float64
 from kaneflex.derive.elements.parameters import LINK_SCALARS
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly, Square
-from kaneflex.support.atomic_output import LONGEST_STEM
 from kaneflex.support.c_language import RESERVED, header_text
 from kaneflex.support.contract import ELEMENT_KERNELS
 from kaneflex.support.escaping import ascii_identifier, c_comment, c_inline
+from kaneflex.support.files import LONGEST_STEM
 
 
 def generate_c(module: Any, name: str) -> dict[str, str]:

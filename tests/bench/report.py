@@ -17,7 +17,7 @@ from bench.interleave import Spread
 from bench.machine import describe
 from bench.picture import draw
 from bench.rows import Row, Target
-from kaneflex.support.atomic_output import write_text
+from kaneflex.support.files import write_text
 
 HEAD = """# Benchmarks
 

@@ -15,7 +15,7 @@ from command_line import cli, refused, unrendered
 from kaneflex import OutputError, read_scene
 from kaneflex.report.summary import Summary
 from kaneflex.scene.structure import structure_hash
-from kaneflex.support.atomic_output import _locked, whole_folder
+from kaneflex.support.files import _locked, whole_folder
 
 SMALL = ("--no-plots", "--set", "rod.elements=1", "--steps", "240")
 SENSORS = (

@@ -15,13 +15,13 @@ from runs import model
 from kaneflex import SceneError, load, read_scene, with_settings
 from kaneflex.fem.spatial_map import map_of
 from kaneflex.mechanism.affine import Affine, from_entries
-from kaneflex.solve import memory
+from kaneflex.solve import run_checks
 from kaneflex.solve.simulation import solve
 
 
 @pytest.fixture(autouse=True)
 def eight_gigabytes(monkeypatch):
-    monkeypatch.setattr(memory, "installed", lambda: 8 * 2**30)
+    monkeypatch.setattr(run_checks, "installed", lambda: 8 * 2**30)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "quasistatic", "linear", "stiffened", "coupled"])
@@ -68,7 +68,7 @@ def test_four_hundred_elements_take_no_full_matrix():
 
 def test_what_is_proposed_is_taken(monkeypatch):
     """The motion of the rigid engine, 33 numbers an instant: half of the machine's memory."""
-    monkeypatch.setattr(memory, "installed", lambda: 10_000_000)
+    monkeypatch.setattr(run_checks, "installed", lambda: 10_000_000)
     with pytest.raises(SceneError) as error:
         load(with_settings(read_scene("engine"), ["solve.preset=rigid", "solve.steps=100000"]))
     most = int(error.value.cure.split("at most ")[1].split()[0].replace(",", ""))

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from kaneflex.support.atomic_output import file_stem, refuse_existing, whole_folder, writing
 from kaneflex.support.errors import OutputError
+from kaneflex.support.files import file_stem, refuse_existing, whole_folder, writing
 from kaneflex.support.terminal import LOG, Waiting, echo
 from kaneflex.support.units import plain_number
 

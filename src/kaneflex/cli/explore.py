@@ -17,7 +17,7 @@ from kaneflex.cli.scene import (
     scene_options,
     tolerance_option,
 )
-from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import echo
 
 

@@ -34,8 +34,8 @@ from kaneflex.cli.scene import (
     uncollected,
     undocumented,
 )
-from kaneflex.support.atomic_output import file_stem, refuse_existing, whole_folder, write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError
+from kaneflex.support.files import file_stem, refuse_existing, whole_folder, write_bytes, write_text
 from kaneflex.support.terminal import Waiting, echo
 
 if TYPE_CHECKING:

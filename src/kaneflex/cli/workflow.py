@@ -11,8 +11,8 @@ import numpy as np
 from kaneflex.cli.command import Target
 from kaneflex.cli.scene import uncollected, undocumented
 from kaneflex.scene import with_settings
-from kaneflex.support.atomic_output import whole_folder, writing
 from kaneflex.support.errors import Fault, OutputError
+from kaneflex.support.files import whole_folder, writing
 from kaneflex.support.terminal import Waiting, share_of
 
 if TYPE_CHECKING:

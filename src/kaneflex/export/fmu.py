@@ -24,10 +24,10 @@ from kaneflex.scene.options import resolve_options
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.arguments import takes
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import xml
+from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import silent
 
 _FLAGS = ("-O2", "-fvisibility=hidden")

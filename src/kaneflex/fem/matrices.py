@@ -25,7 +25,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from kaneflex.fem.modal_files import has_modes, read_modes
 from kaneflex.support import machine
 from kaneflex.support.errors import Fault, installed
-from kaneflex.support.reading import check_file
+from kaneflex.support.files import check_file
 
 LARGEST = 2**31
 """Largest size of a file of matrices [bytes]."""

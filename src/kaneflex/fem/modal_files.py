@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from kaneflex.support.errors import Fault, installed
-from kaneflex.support.reading import check_file
+from kaneflex.support.files import check_file
 
 LARGEST = 2**31
 """Largest size of a file [bytes]."""

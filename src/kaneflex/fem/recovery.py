@@ -16,7 +16,7 @@ from kaneflex.fem.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.recovery import STRESSES, Recovery
 from kaneflex.support.errors import Fault
-from kaneflex.support.reading import check_file
+from kaneflex.support.files import check_file
 
 _STILL = 1e-6
 """Largest stress in rigid motions, as a share of the sum of its entries."""

@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 from kaneflex.plots.style import legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import Panel, View, view
 from kaneflex.response.motion import Motion
-from kaneflex.scene.headings import abscissae
 from kaneflex.scene.parts import Load
-from kaneflex.scene.tables import evaluate_block, read_table
+from kaneflex.scene.tables import abscissae, evaluate_block, read_table
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import PRESSURE
 

@@ -304,16 +304,18 @@ _SIDES = {
 
 def contact_line(contact: Contact) -> str:
     """Line of a contact: its two sides, stiffness and restitution."""
+    from kaneflex.scene.contacts import ClearanceContact
+
     where = _SIDES[contact.kind].format(*contact.sides, way="forwards" if contact.direction[0] > 0 else "back")
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
     stiffness, exponent = contact.pushing
-    if contact.kind == "angle":
+    if isinstance(contact, ClearanceContact) and contact.kind == "angle":
         room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         law = "rigid" if contact.law == "newton" else law
         return f"{where}, {math.degrees(room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
-    if contact.joint is not None:
+    if isinstance(contact, ClearanceContact):
         where = where.replace("circle", "sphere") if contact.of_kind == "spherical" else where
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"

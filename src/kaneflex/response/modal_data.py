@@ -19,7 +19,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.options import modes_of, resolve_options
 from kaneflex.scene.recovery import NONE, Recovery
-from kaneflex.support.atomic_output import refuse_existing
+from kaneflex.support.files import refuse_existing
 
 
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:

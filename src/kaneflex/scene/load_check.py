@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.headings import abscissae
 from kaneflex.scene.laws import Law, parse_law, sample_times
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.tables import abscissae
 from kaneflex.support.errors import Fault, Problem, nearest, unknown
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -291,7 +291,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
     """Raise Fault unless a load's law is valid, and finite wherever its joints' motion is known before the run.
 
     A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
-    are sampled with the derived motion (`kaneflex.solve.law_checks.check_laws`).
+    are sampled with the derived motion (`kaneflex.solve.run_checks.check_laws`).
     """
     law = parse_law(load.law, scene.law_names())
     for name in scene.joints:

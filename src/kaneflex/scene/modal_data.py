@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.scene.recovery import NONE, SECTION, STRESS, Recovery, finite_array
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import Fault
-from kaneflex.support.reading import check_file, check_size
+from kaneflex.support.files import check_file, check_size, write_bytes
 
 FORMAT = 1
 """Version of the file format."""

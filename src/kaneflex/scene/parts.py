@@ -18,7 +18,6 @@ from pydantic import (
     model_validator,
 )
 
-from kaneflex.scene.headings import SPEEDS, abscissae
 from kaneflex.scene.quantities import (
     Abscissa,
     Address,
@@ -45,7 +44,7 @@ from kaneflex.scene.quantities import (
     either,
 )
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.scene.tables import Table, read_table
+from kaneflex.scene.tables import SPEEDS, Table, abscissae, read_table
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
 from kaneflex.support.plain_tables import late

@@ -17,7 +17,7 @@ from kaneflex.scene.table import REMOVED, merged, reuse_bodies
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
 from kaneflex.support.escaping import visible
-from kaneflex.support.reading import beside, is_file, read_text
+from kaneflex.support.files import beside, is_file, read_text
 
 if TYPE_CHECKING:
     import kaneflex

@@ -186,7 +186,7 @@ def _plain(kind: object) -> object:
         rest = [option for option in typing.get_args(kind) if option is not type(None)]
         return _plain(rest[0])
     if typing.get_origin(kind) is typing.Annotated:
-        late = next((mark for mark in kind.__metadata__ if isinstance(mark, LateType)), None)
+        late = next((mark for mark in typing.get_args(kind) if isinstance(mark, LateType)), None)
         return _plain(typing.get_args(kind)[0]) if late is None else late.table
     return kind
 

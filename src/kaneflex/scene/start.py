@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from kaneflex.scene.quantities import either, written
 from kaneflex.scene.table import SceneTable, merged
 from kaneflex.support.errors import Fault, within
-from kaneflex.support.reading import read_text
+from kaneflex.support.files import read_text
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension
 
 _TABLES = "Give tables displacements and velocities, as solution.state() returns them"

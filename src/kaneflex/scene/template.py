@@ -6,8 +6,8 @@ import tomllib
 from pathlib import Path
 
 from kaneflex.scene import shipped_scenes
-from kaneflex.support.atomic_output import refuse_existing, write_text
 from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.files import refuse_existing, write_text
 
 _TEMPLATE = Path(__file__).with_name("template.toml")
 _HEADER = """\

@@ -15,8 +15,8 @@ from tomlkit.items import InlineTable
 from kaneflex.scene.read import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.table import REMOVED
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import SceneError
+from kaneflex.support.files import write_bytes
 
 _MARK = "\N{BYTE ORDER MARK}".encode()
 

@@ -34,7 +34,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import given_start
-from kaneflex.solve.law_checks import check_laws, check_repeats
+from kaneflex.solve.run_checks import check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError

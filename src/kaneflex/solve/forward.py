@@ -28,7 +28,7 @@ from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled import along, free_courses, method_of
-from kaneflex.solve.law_checks import check_laws
+from kaneflex.solve.run_checks import check_laws
 from kaneflex.solve.spatial_loading import check_stage
 from kaneflex.support.errors import SceneError
 

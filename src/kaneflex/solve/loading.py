@@ -17,7 +17,6 @@ from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
@@ -25,8 +24,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.law_checks import check_laws
-from kaneflex.solve.memory import MAX_STORED, check_memory
+from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by, silent
@@ -102,7 +100,7 @@ def _bind_one_way(
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
         check_free(mechanism_of(scene))
-    scene = as_it_starts(scene)
+    scene = _as_it_starts(scene)
     if options.dynamics != "rigid" and scene.is_elastic:
         check_elastic(scene)
     module, derived = find_module(scene, progress)
@@ -128,6 +126,15 @@ def _bind_one_way(
         check_closure(mechanism_of(scene), motion, options.duration)
         check_laws(scene, motion, options)
     return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
+
+
+def _as_it_starts(scene: Scene) -> Scene:
+    """Scene with the start of its free joints, and branches, where other entries determine them."""
+    if not (scene.loose or any(joint.near for joint in scene.joints.values())):
+        return scene
+    from kaneflex.mechanism.tight_start import as_it_starts
+
+    return as_it_starts(scene)
 
 
 def _warnings(model: Model) -> tuple[str, ...]:
@@ -190,7 +197,7 @@ def _bind_coupled(
     mechanism = mechanism_of(scene)
     spare = check_determined(mechanism, twice=True)
     check_on_axes(scene)
-    bare, scene = not has_elastic_stage(scene), as_it_starts(scene)
+    bare, scene = not has_elastic_stage(scene), _as_it_starts(scene)
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
     placement = place(scene)
@@ -269,7 +276,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
         from kaneflex.solve.spatial_loading import beside_in_space
 
         return beside_in_space(model, scene, options, model.module.system if alike else None, frozen)
-    scene, like = as_it_starts(scene if model.coupled is None else without_poses(scene)), model if frozen else None
+    scene, like = _as_it_starts(scene if model.coupled is None else without_poses(scene)), model if frozen else None
     scene = acting(scene, options)
     if model.coupled is None:
         return build_model(scene, options, _moved(model, scene, options.duration), like)

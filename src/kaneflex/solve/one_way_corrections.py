@@ -14,7 +14,6 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
@@ -94,6 +93,8 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
     """
     if len(done) == len(richer):
         return
+    from kaneflex.integrate.methods import method_named
+
     _check_work(read, [model for _, model in richer[len(done) :]])
     options, trajectory = read.model.options, read.run.trajectory
     by_radau = isinstance(trajectory, Trajectory) and trajectory.solver.startswith("radau")

@@ -10,8 +10,7 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.solve.law_checks import UNREPEATED, refuse_unrepeated
-from kaneflex.solve.memory import MAX_STORED
+from kaneflex.solve.run_checks import MAX_STORED, UNREPEATED, refuse_unrepeated
 from kaneflex.solve.run_result import RunResult
 
 if TYPE_CHECKING:

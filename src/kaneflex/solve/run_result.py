@@ -211,6 +211,9 @@ class RunResult:
     @cached_property
     def stresses(self) -> dict[str, LinkStresses]:
         """Stresses of every elastic link with section shapes, at the stored times."""
+        beams = [body.beam for body in self.model.scene.bodies.values() if body.beam is not None]
+        if all(part.section is None for beam in beams for part in beam.sections.values()):
+            return {}
         from kaneflex.response.stresses import stresses_of
 
         return stresses_of(self.motion)

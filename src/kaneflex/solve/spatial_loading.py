@@ -32,8 +32,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled_state import closed_state, laid_state
 from kaneflex.solve.initial import given_start
-from kaneflex.solve.law_checks import check_laws
-from kaneflex.solve.memory import check_memory
+from kaneflex.solve.run_checks import check_laws, check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
 

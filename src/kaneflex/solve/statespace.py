@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.support.atomic_output import write_bytes, write_text
 from kaneflex.support.errors import OutputError
 from kaneflex.support.escaping import modelica_name, modelica_string
+from kaneflex.support.files import write_bytes, write_text
 
 
 @dataclass(frozen=True, eq=False)

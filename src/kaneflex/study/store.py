@@ -18,9 +18,8 @@ from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import COMPLETED, Record
-from kaneflex.support.atomic_output import write_text, writing
 from kaneflex.support.errors import Fault, OutputError
-from kaneflex.support.reading import check_file, read_text
+from kaneflex.support.files import check_file, read_text, write_text, writing
 from kaneflex.support.terminal import log_warning
 
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"

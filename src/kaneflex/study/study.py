@@ -21,7 +21,7 @@ from kaneflex.scene.read import problem_in
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.study.poincare import Poincare
 from kaneflex.support.errors import Fault, SceneError
-from kaneflex.support.reading import read_text
+from kaneflex.support.files import read_text
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
 

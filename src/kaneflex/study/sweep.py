@@ -15,8 +15,8 @@ from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import BEGIN_ANEW, RESULT_FILES, Store, alone, open_store
 from kaneflex.support.arguments import takes
-from kaneflex.support.atomic_output import writing
 from kaneflex.support.errors import Fault, OutputError
+from kaneflex.support.files import writing
 from kaneflex.support.labelled import read_dataset, read_labelled
 from kaneflex.support.terminal import silent
 

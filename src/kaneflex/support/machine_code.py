@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import OutputError
+from kaneflex.support.files import write_bytes
 from kaneflex.support.numba_cache import ensure_cache_folder
 
 PACKAGE = Path(__file__).parents[1]

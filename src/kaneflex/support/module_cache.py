@@ -17,8 +17,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.contract import FORMAT
+from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import log_warning
 
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH

@@ -48,9 +48,9 @@ def c_addresses(name: str, kind: Kind, entries: Mapping[str, str], sources: Sequ
 
 def _built(file: Path, kind: Kind, entries: Mapping[str, str]) -> bool:
     """True if the C compiler has written the library; a warning says why not."""
-    from kaneflex.support.atomic_output import write_bytes  # only here: a kept library needs none of it
     from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
     from kaneflex.support.errors import OutputError
+    from kaneflex.support.files import write_bytes  # only here: a kept library needs none of it
     from kaneflex.support.terminal import log_warning
 
     command = c_compiler()
