@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, STRAYED = range(10)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, PARADOX, STRAYED = range(9)
 """Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
-step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
-contacts at rest than before; no consistent stick or slip; loops closed on another branch."""
+step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; no
+consistent stick or slip; loops closed on another branch."""
 UNCLOSED, APART, MASSLESS, INFINITE, UNDECIDED, GROWN = range(1, 7)
 """Outcomes of an instant beside DONE; all but GROWN are failures."""
 REASONS = {

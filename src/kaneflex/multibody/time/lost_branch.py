@@ -29,8 +29,7 @@ def jump(system: System, path: CoupledTrajectory, share: float = LARGEST_JUMP) -
     ``share``: jump of the energy balance, relative to the exchanged energy.
     """
     suspects = path.energy.jumps(share)
-    loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are also kept rows
-    if not len(suspects) or not len(_free(system)) or not loops:
+    if not len(suspects) or not len(_free(system)) or not system.engine.count(at.KEPT):
         return None
     some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
     rows = _loops(system, path.rows[some])

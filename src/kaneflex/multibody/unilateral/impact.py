@@ -8,8 +8,8 @@ Natural Philosophy, sec. 309), the rest is work of the drives.
 
 The same problem with forces and accelerations determines the resting contacts: those that loads press together, and
 that separate so slowly that they would return before the gap exceeds rounding. This ends sequences of ever shorter
-bounces. A resting contact is a row like those of the cuts: it determines a dependent coordinate, and its force is an
-unknown. It opens if the force would become tensile; then the problem of forces is solved again.
+bounces. A resting contact is a row without rate, like sticking friction, and its force is an unknown. It opens if the
+force would become tensile; then the problem of forces is solved again.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from kaneflex.multibody.model.codes import (
     ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import (
-    ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, CUT_ROWS, DRIVES, DUE, FLANK,
-    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, PIVOTS, POWER,
-    PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SHUT, SPRINGS, TOUCH, WHAT, WORKS,
+    ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, DRIVES, DUE, FLANK, FORCE, FREED,
+    GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, PIVOTS, POWER, PRESCRIBED, REACTION,
+    MEMORY, REACTIONS, RESISTING_MASS, ROW_OF, SPRINGS, WHAT, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import rigid_friction
@@ -41,6 +41,7 @@ from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
 from kaneflex.multibody.unilateral.complementarity import complement, listed, moved, vector
 from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
 from kaneflex.multibody.unilateral.relative_rows import meet, near
+from kaneflex.multibody.unilateral.stick_slip import restore_stuck
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, no_force, rigid, row_at
 from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
 
@@ -48,6 +49,8 @@ _TOGETHER = 100.0
 """Tolerances of a gap within which sides meet at one instant."""
 LEAST_HEIGHT = 16.0
 """Tolerances of a gap that a bounce must be high."""
+_LONG = 1e300
+"""Time [s] after which any speed counts."""
 NOISE = 1e-12
 """Rounding error of cancelling speeds and accelerations, relative to them."""
 _TURNS = 40
@@ -59,25 +62,17 @@ several joints stop at once, their loads are statically indeterminate: one solut
 @njit(**OPTIONS)
 def collide(m, state, A, wanted):
     """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
-    state, -2 without a solution with friction.
-
-    RESTED is set if other contacts rest than before: dependent coordinates must be chosen again then.
-    """
+    state, -2 without a solution with friction."""
     apart()
-    plan, w, t = m.plan, m.w, state[0]
-    count, kept, cuts = _gather(m, t), m.pivots[KEPT], 0
+    t = state[0]
+    count = _gather(m, t)
     if count == 0:
         return wanted
-    for r in range(kept):
-        cuts += plan[plan[ROW_OF] + r] < plan[CUT_ROWS]
-    m.pivots[KEPT] = cuts  # resting contacts may separate
     slips = rigid_friction.gather(m, count)
     done = _collided(m, state, A, count, slips)
-    m.pivots[KEPT] = kept
     if done < 0.0:
         return done
-    _settle(m, state, count, slips)
-    if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 2)):
+    if _settle(m, state, count, slips) and not (restore_stuck(m, t, _LONG, A) and mend(m, t, A, 2)):
         return -1.0
     give(m, t, state)
     return wanted
@@ -306,12 +301,11 @@ def _press(m, t, count, slips):
 
 @njit(**OPTIONS)
 def _settle(m, state, count, slips):
-    """Update the modes of the contacts, and record the impacts."""
+    """Update the modes of the contacts, and record the impacts; True if a contact rests."""
     apart()
-    plan, w, t, works = m.plan, m.w, state[0], works_at(m)
+    plan, w, t, works, rest = m.plan, m.w, state[0], works_at(m), False
     for k in range(plan[WORKS]):
         state[works + k] += w[plan[POWER] + k]
-    w[plan[TOUCH] + RESTED] = 0.0
     for i in range(count):
         n = m.pivots[listed(m) + i]
         k, work = at(m, n), works + plan[WORKS] - contacts(m) + n
@@ -330,9 +324,8 @@ def _settle(m, state, count, slips):
         w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass
         w[k + GAP_RATE], w[k + DUE] = new, 0.0
         if resting:
-            w[k + MODE] = CLOSED
+            w[k + MODE], w[k + MEMORY], rest = CLOSED, 0.0, True
         elif rested or p > 0.0:
             part(m, n, t, state[work])
-        if resting != (w[k + SHUT] != 0.0):
-            w[plan[TOUCH] + RESTED] = 1.0
     rigid_friction.settle(m, state, count, slips)
+    return rest

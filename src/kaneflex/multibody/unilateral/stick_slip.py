@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.stand_ins import of_holds, of_reactions
 from kaneflex.multibody.dynamics.algebra import absolute, linear_size
 from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
@@ -21,17 +21,17 @@ from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
     ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
-    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
+    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, RIGID, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
     TURN, WANTED, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import use_rows_now
+from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
 from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
 from kaneflex.multibody.unilateral.relative_rows import extent
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, row_at,
-    second, way,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, held, law_at, magnitude, on_contact,
+    row_at, second, sticks, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11
@@ -124,16 +124,17 @@ def no_rate(m, n):
     return _WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
 
 
-@of_holds(True)
+@of_reactions(True)
 @njit(**OPTIONS)
 def restore_stuck(m, t, h, A):
-    """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
+    """Return sticking frictions, and contacts at rest, to their positions and to zero speed, after a step of h; False:
+    singular."""
     apart()
     w, off, faster = m.w, False, False
     rows_of_frictions(m)
-    for n in range(-frictions(m), 0):
+    for n in range(-frictions(m), m.plan[RIGID]):
         k = at(m, n)
-        if w[k + MODE] == STICKING:
+        if sticks(m, n):
             near = 4.0 * EPS * (abs(w[k + PLACE]) + extent(m, n))
             off = off or abs(w[k + PLACE] - w[k + MEMORY]) > near
             faster = faster or abs(w[k + SLIP]) * h > near
@@ -142,7 +143,7 @@ def restore_stuck(m, t, h, A):
 
 @njit(**OPTIONS)
 def correct_drift(m, t, A, level):
-    """Change positions, or with level 1 speeds, by the least correction that removes the drift of sticking frictions.
+    """Change positions, or with level 1 speeds, by the least correction that removes the drift of rows without rate.
 
     The correction is the least in the norm of the mass matrix, as by an impulse.
     """
@@ -156,11 +157,11 @@ def correct_drift(m, t, A, level):
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for i in range(plan[COORDINATES]):
         A[answer + i] = 0.0
-    for n in range(-frictions(m), 0):
+    prescribe_nothing(m, A)
+    for n in range(-frictions(m), plan[RIGID]):
         k = at(m, n)
-        A[plan[WANTED] - 1 - n] = 0.0
-        if w[k + MODE] == STICKING:
-            A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
+        if sticks(m, n):
+            A[plan[WANTED] + held(m, n)] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
     solve_closed(m, A, plan[PIVOTS])
     for i in range(plan[COORDINATES]):
         moved[i] += A[answer + i]
