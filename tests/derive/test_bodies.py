@@ -19,6 +19,7 @@ from kaneflex.derive.bodies import proof, space_proof
 from kaneflex.derive.bodies.proof import NotKane
 from kaneflex.generated import body, spatial, spatial_shapes
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
 from kaneflex.multibody.model.shape_moments import ShapeMoments
@@ -343,7 +344,7 @@ def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(rod):
     scene = scene_of(LOADED)
     length, blocks = scene.bodies["crank"].length, Blocks(scene, {"rod": lambda held, freed: rod})
     sections = build_tables(mechanism_of(scene), blocks).layout.sections
-    assert {("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
+    assert {Side("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
     middle = blocks.station(rod, *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))
     axial, transverse = rod.counts
     assert middle[:2].tolist() == [axial, axial + transverse]

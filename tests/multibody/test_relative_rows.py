@@ -15,16 +15,18 @@ description = "Two bodies and a contact"
 bodies.one = {length = 0.3, mass = 1, inertia = INERTIA, free = {at = ORIGIN}}
 bodies.two = {length = 0.3, mass = 1, inertia = INERTIA, free = {at = START}}
 CONTACT
-sensors.push = {contact_force = "face"}
+sensors.push = {contact_force = "NAME"}
 solve = {preset = "coupled", duration = "1 ms", steps = 2, start = "zero"}
 """
 LAW = 'contact = {law = "hertz", stiffness = "7e4 N/m", exponent = 1}, friction = {mu = 0.3}'
-REACH, RADIUS = {"face": 0.21, "on": 0.35, "in": 0.35}, 0.21
+REACH, RADIUS = {"face": 0.21, "on": 0.35, "in": 0.35, "pin": 0.35}, 0.21
 KINDS = {
     ("face", 3): 'contacts.face = {point_on_line = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
     ("face", 6): 'contacts.face = {point_on_plane = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
     ("on", 3): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], LAW}',
     ("in", 3): 'contacts.face = {circle_in_circle = ["two.end", "one.end"], radii = [0.21, 0.56], LAW}',
+    ("pin", 6): 'joints.face = {cylindrical = ["one.end", "two.end"], axis = NORMAL, '
+    'clearance = {radial = 0.35, radius = 0.21, length = 0.1, LAW}}',
     ("in", 6): 'joints.face = {spherical = ["one.end", "two.end"], clearance = {radial = 0.35, radius = 0.21, LAW}}',
 }
 NORMAL = {3: (0.6, -0.8), 6: (0.48, -0.64, 0.6)}
@@ -35,9 +37,10 @@ class Pair:
     """Two bodies, apart, at states near that of the scene."""
 
     def __init__(self, kind, d, seed=0):
-        there = (2.0, -2.5, 0.3) if kind != "in" else (0.1, -0.15, 0.1)
+        there = {"in": (0.1, -0.15, 0.1), "pin": (0.15, 0.2, -0.1)}.get(kind, (2.0, -2.5, 0.3))
         axes = d // 3 + 1
-        given = {"CONTACT": KINDS[kind, d], "LAW": LAW, "NORMAL": list(NORMAL[d]), "ORIGIN": [0] * axes,
+        name = "face_2" if kind == "pin" else "face"
+        given = {"CONTACT": KINDS[kind, d], "NAME": name, "LAW": LAW, "NORMAL": list(NORMAL[d]), "ORIGIN": [0] * axes,
                  "START": list(there[:axes]), "INERTIA": 0.01 if d == 3 else [0.01, 0.02, 0.03]}  # fmt: skip
         text = SCENE
         for key, value in given.items():
@@ -47,15 +50,19 @@ class Pair:
         self.engine = self.system.engine
         self.engine.set(self.start)
         self.engine.choose(0.0)
-        self.sides = self.engine.tables.acts[self.engine.count(at.CONTACTS), [at.AT, at.ON]]
+        contact, first = self.engine.count(at.CONTACTS), self.engine.count(at.CUT_ROWS)
+        self.numbers = [first, first - 1, first - 2]  # of the contact, of its friction along and across the slip
+        if kind == "pin":  # its front end; the rear one has the rows in between
+            contact, self.numbers = contact + 1, [first + 1, first - 1, first - 3]
+        self.act = self.engine.tables.acts[contact]
+        self.sides = self.act[[at.AT, at.ON]]
         self.rate = self.random.normal(size=self.engine.size)
         (self.q,) = self.engine.advanced(self.start.q, 0.02 * self.random.normal(size=(1, self.engine.size)))
 
     def rows(self, q, u):
-        """Rows of the contact and its frictions, the last one first, and numbers of both sections."""
+        """Rows of the contact and its frictions, and numbers of both sections."""
         state = self.system.project(0.0, q, u, self.engine.choice)
-        first = self.engine.count(at.CUT_ROWS)
-        return self.engine.work.rows[first::-1].copy(), self.engine.work.sections[self.sides].copy(), state.du
+        return self.engine.work.rows[self.numbers].copy(), self.engine.work.sections[self.sides].copy(), state.du
 
 
 def pairs():
@@ -76,7 +83,10 @@ def test_a_row_has_its_gap_its_normal_and_its_speeds(kind, d):
     rows, (one, two), _ = pair.rows(pair.q, pair.rate)
     axes = d // 3 + 1
     between, normal = (two - one)[:axes], rows[0, 3 + d : 3 + d + axes]
-    length, way = np.linalg.norm(between), -1.0 if kind == "in" else 1.0
+    if kind == "pin":
+        axis = pair.engine.work.axes[int(pair.engine.tables.w[pair.act[at.NUMBERS_AT] + at.AXIS_AT])]
+        between = between - axis @ between * axis
+    length, way = np.linalg.norm(between), -1.0 if kind in ("in", "pin") else 1.0
     gap = normal @ between - REACH[kind] if kind == "face" else way * (length - REACH[kind])
     assert rows[0, 0] == pytest.approx(gap, abs=1e-14) and gap > 0.0
     if kind != "face":
@@ -108,7 +118,8 @@ def test_a_row_has_its_rates_and_its_jacobian(kind, d):
             for h, q in zip((STEP, -STEP), pair.engine.advanced(pair.q, steps), strict=True)]  # fmt: skip
     change = (near[0] - near[1])[:axes] / (2 * STEP)
     assert rows[0, 1] == pytest.approx(change[0, 0], rel=1e-7, abs=1e-8)
-    exact = axes if (kind, d) != ("in", 6) else 1  # friction of spheres has the rate of directions that do not spin
+    # friction of spheres and pins has the rate of directions that do not spin
+    exact = 1 if d == 6 and kind in ("in", "pin") else axes
     assert rows[:exact, 2] == pytest.approx(change[:exact, 1], rel=1e-7, abs=1e-7)
     if kind == "face" and d == 3:  # a way that slides
         assert rows[1, 1] == pytest.approx(change[1, 0], rel=1e-7, abs=1e-8)

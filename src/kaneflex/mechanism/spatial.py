@@ -15,6 +15,7 @@ from kaneflex.mechanism.mechanism import frictions_of
 from kaneflex.mechanism.parts import Contact, Friction, Load, Spring
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
+from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.quantities import Address
 from kaneflex.support.kept import Kept
 
@@ -38,10 +39,11 @@ class SpatialBody:
 
 @dataclass(frozen=True)
 class Side:
-    """Point of a body in its axes [m]."""
+    """Point of a body in its axes [m], of a deforming one at the end of an ``arm`` that turns with its section."""
 
     body: str
     at: tuple[float, ...]
+    arm: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +136,17 @@ class SpatialMechanism:
 
     def stands(self, body: str) -> np.ndarray:
         """Axes of a body at zero joint coordinates, (3, 3)."""
-        return np.eye(3) if body == GROUND else self.bodies[body].rotation
+        return stands(self.bodies, body)
 
     def relative(self, of: SpatialJoint | Spring) -> np.ndarray:
         """Axes of a second body in those of the first, at zero joint coordinates, (3, 3)."""
         first, second = (self.stands(side.body) for side in of.sides)
         return first.T @ second
+
+
+def stands(bodies: Mapping[str, SpatialBody], body: str) -> np.ndarray:
+    """Axes of a body at zero joint coordinates, (3, 3)."""
+    return np.eye(3) if body == GROUND else bodies[body].rotation
 
 
 def spatial_mechanism_of(scene: Scene) -> SpatialMechanism:
@@ -186,6 +193,11 @@ def _made(scene: Scene) -> SpatialMechanism:
             springs[name] = Spring(name, one, other, at, spring.stiffnesses, spring.dampings)
     for name, contact in scene.contacts.items():
         one, other = map(side, contact.sides)
+        if isinstance(contact, ClearanceContact) and contact.offset:
+            turn = stands(bodies, other.body).T @ stands(bodies, one.body)
+            arm, at = turn @ contact.offset, np.array(other.at)
+            deforms = other.body != GROUND and scene.bodies[other.body].deforms
+            other = Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(at + arm))
         keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
         numbers = {key: contact.number(key) for key in keys}
         contacts[name] = Contact(

@@ -113,6 +113,9 @@ def wrenches_on(mechanism: Parts, motion: RigidMotion, body: str) -> Iterator[Wr
             continue
         if contact.kind in CIRCLES:
             gap = on.place(contact.second) - on.place(contact.first)
+            if len(contact.direction) == 3:  # the axis of a bearing in space
+                axis = on.axes(contact.first).to_global(contact.direction)
+                gap = gap - np.sum(axis * gap, axis=0) * axis
             direction = CIRCLES[contact.kind] * gap / np.maximum(np.linalg.norm(gap, axis=0), np.finfo(float).tiny)
         else:
             direction = on.axes(contact.first).to_global(contact.direction)

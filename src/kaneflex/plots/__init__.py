@@ -33,7 +33,7 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
     "displacements": ("displacements.figures", None),
     "surfaces": ("displacements.surfaces", None),
     "stresses": ("stress.figures", "stress.figures"),
-    "clearances": ("clearances.figures", None),
+    "clearances": ("clearances.figures", "clearances.figures"),
     "spectra": ("records.orders records.figures", "records.orders"),
     "energy": ("loads.energy", "loads.energy"),
     "animation": ("animation.animate", "animation.animate"),

@@ -6,15 +6,16 @@ with Imperfect Joints*, ch. 3; a block's place and tilt have a rhombus as it has
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from matplotlib.transforms import ScaledTranslation
 
+from kaneflex.mechanism.spatial import across
 from kaneflex.plots.outlines import seen, view_of
 from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
 
 _CORNERS = ("right, behind", "right, before", "left, behind", "left, before")
 """Names of a block's corners, seen along its guide, in the order of their contacts."""
+_FACES = ("right", "left", "above", "below")
+"""Names of a block's faces in space, each with four contacts."""
+_ENDS = ("rear end", "front end", "rear face", "front face")
+"""Names of a pin's ends and of the faces beside it in space, in the order of their contacts."""
 _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 """Corners of a block: the two of a face often go together."""
 _LEAST = 0.01
@@ -38,32 +43,56 @@ def figures(solution: Solution) -> dict[str, Figure]:
         return {}
     shown = view(solution)
     return {
-        f"clearance_{name}": (_journal if loose.direction is None else _block)(shown, name, loose)
+        f"clearance_{name}": (_block if loose.direction and len(loose.direction) == 2 else _journal)(shown, name, loose)
         for name, loose in solution.model.scene.loose.items()
     }
 
 
 def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
-    """Path of a pin's centre; its eccentricity and the force over time."""
+    """Path of a pin's or ball's middle, in space of a pin's ends or of a block; the eccentricity and the forces."""
     factor, unit = readable("m", np.array([loose.room]))
-    title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} in radius{shown.note}"
+    room, bearing = factor * loose.room, loose.direction is None
+    title = f"Clearance of {name}: {room:.4g} {unit} {'in radius' if bearing else 'to every face'}{shown.note}"
     figure, path, over = _page(title, 2)
-    view, touching = view_of(shown.solution.model.scene), _touching(shown, loose.contacts)
-    place = seen(shown.motion.clearance(name)[: view.shape[1]].T, view).T
-    path.add_patch(Circle((0, 0), factor * loose.room, fill=False, label="clearance circle"))
-    _path(path, shown, loose.contacts, factor * place, f"of the {'pin' if view.shape[1] == 2 else 'ball'}'s middle")
-    reach = factor * max(1.06 * loose.room, 1.06 * float(np.abs(place).max()))
-    right, up = ("x", "y") if view.shape[1] == 2 else ("to the right", "upwards")
-    path.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    touching, ends = _touching(shown, loose.contacts), dict(zip(_ENDS, loose.contacts, strict=False))
+    if bearing:
+        path.add_patch(Circle((0, 0), room, fill=False, label="clearance circle"))
+        called = {end: (key,) for end, key in ends.items()} if loose.axis else {"force": loose.contacts}
+    else:
+        path.add_patch(Rectangle((-room, -room), 2.0 * room, 2.0 * room, fill=False, label="limits of the position"))
+        called = {face: loose.contacts[4 * k : 4 * k + 4] for k, face in enumerate(_FACES)}
+    body = ("ball" if not loose.axis and shown.solution.model.scene.is_spatial else "pin") if bearing else "block"
+    parts = {f"{body}'s middle": (name, loose.contacts)}
+    if loose.axis:
+        parts = {end: (key, (key,)) for end, key in [*ends.items()][:2]}
+    turned, right, up, where = _picture(shown, loose)
+    reach = room
+    for (part, (key, contacts)), colour in zip(parts.items(), PALETTE[::2], strict=False):
+        place = factor * turned(shown.motion.clearance(key))
+        reach = max(reach, float(np.abs(place).max()))
+        _path(path, shown, contacts, place, f"of the {part}", colour)
+    path.set(xlim=(-1.06 * reach, 1.06 * reach), ylim=(-1.06 * reach, 1.06 * reach), aspect="equal")
     path.set(xlabel=f"{right} [{unit}]", ylabel=f"{up} [{unit}]")
-    path.set_title(f"Path in the bearing, {'global axes' if view.shape[1] == 2 else 'seen as the mechanism'}")
+    path.set_title(f"Path in the {'bearing' if bearing else 'guide'}, {where}")
     ratio = eccentricity(shown.solution, name)[shown.instants]
     over[0].plot(shown.x, ratio, color=PALETTE[0], linewidth=0.9, label="eccentricity")
     over[0].axhline(1.0, color="black", linestyle="--", linewidth=0.8, label="the sides touch")
     over[0].set(title="Eccentricity over the clearance", ylabel="eccentricity [1]", xmargin=0)
-    _forces(over[1], shown, {name: "force"})
+    _forces(over[1], shown, called)
     _finish(over, shown, touching)
     return figure
+
+
+def _picture(shown: View, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
+    """Projection of global vectors, (2 or 3, n_times), on a picture, and names of its axes and of their directions."""
+    scene, axis = shown.solution.model.scene, loose.axis or loose.direction
+    if not scene.is_spatial:
+        return lambda way: way[:2], "x", "y", "global axes"
+    if axis is None:
+        return lambda way: seen(way.T, view_of(scene)).T, "to the right", "upwards", "seen as the mechanism"
+    up = np.array(loose.clearance.normal or across(np.array(axis))[0])
+    turned, first = np.array([np.cross(axis, up), up]), loose.sides[0].body
+    return lambda way: turned @ shown.motion.seen_from(first, way), "to the right", "upwards", "seen along its axis"
 
 
 def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
@@ -90,7 +119,7 @@ def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
     over[2].set(title="Tilt", ylabel=f"tilt [{degrees}]", xmargin=0)
     least, (low, high) = _LEAST * turned * most, over[2].get_ylim()
     over[2].set_ylim(min(low, -least), max(high, least))
-    _forces(over[3], shown, corners)
+    _forces(over[3], shown, {corner: (key,) for key, corner in corners.items()})
     _finish(over, shown, _touching(shown, loose.contacts))
     return figure
 
@@ -104,10 +133,12 @@ def _page(title: str, rows: int) -> tuple[Figure, Axes, list[Axes]]:
     return figure, figure.add_subplot(grid[:, 0]), over
 
 
-def _path(axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, of: str) -> None:
+def _path(
+    axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, of: str, colour: str = PALETTE[0]
+) -> None:
     """Free and in contact, and where impacts begin; two rows of coordinates."""
     axes.plot(*path, color=GREY, linewidth=0.7, label=f"path {of}")
-    axes.plot(*np.where(_touching(shown, contacts), path, np.nan), color=PALETTE[0], linewidth=1.4, label="in contact")
+    axes.plot(*np.where(_touching(shown, contacts), path, np.nan), color=colour, linewidth=1.4, label="in contact")
     begins = [each.begin for key in contacts for each in shown.impacts(key)]
     where = [np.interp(begins, shown.times, row) for row in path]
     axes.plot(*where, "v", color=PALETTE[1], markersize=4, label=f"impacts ({len(begins)})")
@@ -115,16 +146,16 @@ def _path(axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, 
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=2)
 
 
-def _forces(axes: Axes, shown: View, contacts: Mapping[str, str]) -> None:
-    """Forces of contacts by what they are called, each with the peaks of its impacts."""
-    impacts = {key: shown.impacts(key) for key in contacts}
-    forces = {key: shown.motion.contact(key)[1] for key in contacts}
-    peaks = {key: np.array([each.peak for each in own]) for key, own in impacts.items()}
+def _forces(axes: Axes, shown: View, parts: Mapping[str, tuple[str, ...]]) -> None:
+    """Forces of contacts, summed over those of a part, by what it is called; with the peaks of the impacts."""
+    impacts = {part: [each for key in own for each in shown.impacts(key)] for part, own in parts.items()}
+    forces = {part: np.sum([shown.motion.contact(key)[1] for key in own], axis=0) for part, own in parts.items()}
+    peaks = {part: np.array([each.peak for each in own]) for part, own in impacts.items()}
     factor, unit = readable("N", *forces.values(), *peaks.values())
-    for (key, called), colour, dashes in zip(contacts.items(), PALETTE, _DASHES, strict=False):
-        axes.plot(shown.x, factor * forces[key], color=colour, linestyle=dashes, linewidth=0.9, label=called)
-        at = np.interp([each.begin for each in impacts[key]], shown.times, shown.x)
-        axes.plot(at, factor * peaks[key], "v", color=colour, markersize=3.5)
+    for part, colour, dashes in zip(parts, PALETTE, _DASHES, strict=False):
+        axes.plot(shown.x, factor * forces[part], color=colour, linestyle=dashes, linewidth=0.9, label=part)
+        at = np.interp([each.begin for each in impacts[part]], shown.times, shown.x)
+        axes.plot(at, factor * peaks[part], "v", color=colour, markersize=3.5)
     axes.plot([], [], "v", color="black", markersize=3.5, label="peaks of impacts")
     axes.set(title="Contact forces", ylabel=f"force [{unit}]", xmargin=0)
 

@@ -175,7 +175,7 @@ class _Pose:
         """Outlines of planes in space about the bodies that touch them, and of the balls on these bodies."""
         found: dict[str, np.ndarray] = {}
         for name, contact in self.scene.contacts.items() if self.scene.is_spatial else ():
-            if contact.kind != "point-plane":
+            if contact.kind != "point-plane" or contact.corner:
                 continue
             from kaneflex.mechanism.spatial import across
 

@@ -301,24 +301,28 @@ _SIDES = {
     "circle-in-circle": "circle about {1} in the circle about {0}", "angle": "flank of {0} that turns {1} {way}",
 }  # fmt: skip
 
+_CORNERS = {
+    (True, False): "corner of {1.body} at a face of {0}", (False, True): "end of {1} in the bearing {0}",
+    (False, False): "{1} at a face beside {0}",
+}  # fmt: skip
+"""Sides of a clearance's contact, by whether the joint is a guide, and whether a bearing is touched."""
+
 
 def contact_line(contact: Contact) -> str:
     """Line of a contact: its two sides, stiffness and restitution."""
     from kaneflex.scene.contacts import ClearanceContact
 
     where = _SIDES[contact.kind].format(*contact.sides, way="forwards" if contact.direction[0] > 0 else "back")
-    if contact.corner:
-        where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
+    if isinstance(contact, ClearanceContact) and contact.corner:
+        where = _CORNERS[contact.of_kind == "prismatic", contact.kind == "circle-in-circle"].format(*contact.sides)
     stiffness, exponent = contact.pushing
     if isinstance(contact, ClearanceContact) and contact.kind == "angle":
-        room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         law = "rigid" if contact.law == "newton" else law
-        return f"{where}, {math.degrees(room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
+        return f"{where}, {math.degrees(contact.room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
     if isinstance(contact, ClearanceContact):
         where = where.replace("circle", "sphere") if contact.of_kind == "spherical" else where
-        room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
-        where += f", clearance {1e3 * room:.6g} mm"
+        where += f", clearance {1e3 * contact.room:.6g} mm"
     if contact.law == "newton":
         return f"{where}, rigid, {restitution_line(contact)}"
     unit = "N/m" if exponent == 1 else f"N/m^{exponent:.4g}"

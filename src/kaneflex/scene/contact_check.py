@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaneflex.scene.contacts import Contact, contacts_of
+from kaneflex.scene.contacts import ClearanceContact, Contact, contacts_of
 from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
@@ -90,7 +90,7 @@ def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[P
     if body.modal_data is not None:
         reason = f"{side.body} has modal data: contacts on such bodies are not available in this version"
         yield Problem(key, str(side), reason, "Put the contact on a rigid body joined to it")
-    elif body.elastic and contact.joint is not None and contact.kind == "point-line":
+    elif body.elastic and isinstance(contact, ClearanceContact) and contact.of_kind == "prismatic":
         reason = f"{side.body} is elastic: a guide cannot hold a deforming body"
         yield Problem(key, str(side), reason, "Put a rigid body into the guide")
     elif body.elastic and body.beam.axially_rigid:

@@ -80,6 +80,10 @@ SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
 """Key of the initial speeds of such a joint, if it is free."""
 IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
+_CLEARANCES = {
+    "revolute": ("radial", "angle"), "prismatic": ("gap",), "spherical": ("radial",), "cylindrical": ("radial",),
+}  # fmt: skip
+"""Clearances, of which a kind of joint has one."""
 
 
 class Joint(SceneTable):
@@ -164,15 +168,14 @@ class Joint(SceneTable):
     def _check_clearance(self, kind: str, clearance: Clearance) -> None:
         from kaneflex.scene.contacts import contacts_of
 
-        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",), "spherical": ("radial",)}.get(kind, ())
+        wanted = _CLEARANCES.get(kind, ())
         if all(getattr(clearance, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
         if clearance.angle is None:
             self.refuse(("branch", "near", "rotation"), "a joint with a clearance does not couple rotations")
         with within("clearance"):
-            if kind == "spherical" and clearance.width is not None:
-                raise Fault("a ball has no width", "Leave it out", below="width")
+            clearance.check_at(kind, self.given_axes[0] if self.given_axes else ())
             for contact in contacts_of("", self).values():
                 _ = contact.pushing
 

@@ -39,9 +39,8 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a planar link", right)
     for name, joint in scene.joints.items():
         yield from _friction(scene, name)
-        for field in ("branch", "near", "clearance", "relative_angle"):
-            known = field == "clearance" and (joint.has_backlash or joint.kind == "spherical")
-            if field in joint.model_fields_set and not known:
+        for field in ("branch", "near", "relative_angle"):
+            if field in joint.model_fields_set:
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
     for name, contact in scene.with_clearances().contacts.items():
@@ -53,7 +52,7 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             right = "Give a contact stiffness with a law such as exact"
             yield Problem(f"{contact.stands(name)}.contact.law", contact.law, reason, right)
         base = scene.bodies.get(contact.sides[0].body)
-        if contact.kind == "point-plane" and base is not None and base.deforms:
+        if contact.joint is None and contact.kind == "point-plane" and base is not None and base.deforms:
             right = "Weld a rigid body to it that has the plane"
             yield Problem(contact.entry(name), str(contact.sides[0]), "the plane's body deforms", right)
     for name in scene.events:

@@ -217,7 +217,7 @@ def labelled(solution: RunResult) -> Labelled:
     if model.options.dynamics == "coupled" and len(solution.times):
         coordinates["state"], more = _last_state(solution)
         variables |= more
-    if model.coupled is not None and len(solution.times):
+    if len(solution.times) and (model.scene.contacts or model.scene.frictions):
         from kaneflex.solve.touching import labelled_contacts, labelled_frictions
 
         for names, found in (labelled_contacts(solution), labelled_frictions(solution)):

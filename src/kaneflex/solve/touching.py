@@ -177,10 +177,12 @@ def eccentricity(solution: RunResult, name: str) -> np.ndarray:
     """Eccentricity of a pin or block in its clearance, (n_times,): 0 in the middle, 1 at contact, more under
     penetration.
 
-    For a block, that of the corner nearest to its face.
+    For a block, that of the corner nearest to its face; for a pin in space of its end nearest to the bearing.
     """
-    loose = solution.model.scene.loose[name]
-    gaps = np.array([solution.motion.contact(key)[0] for key in loose.contacts])
+    scene = solution.model.scene
+    loose = scene.loose[name]
+    keys = [key for key in loose.contacts if not loose.axis or scene.contacts[key].kind == "circle-in-circle"]
+    gaps = np.array([solution.motion.contact(key)[0] for key in keys])
     return 1.0 - gaps.min(axis=0) / loose.room
 
 
@@ -194,7 +196,8 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
         "clearance_angle": ("rad", "angle of a pin's body relative to its bearing's; tilt of a block in its guide"),
     }
     if solution.model.scene.is_spatial:
-        about = {f"clearance_{axis}": ("m", f"position of a ball in its socket along {axis}, global") for axis in "xyz"}
+        from_first = "position of the second side from the first along"
+        about = {f"clearance_{axis}": ("m", f"{from_first} {axis}, global") for axis in "xyz"}
     found: dict[str, Entry] = {
         key: (both, places[:, k].T, {"units": unit, "long_name": meaning})
         for k, (key, (unit, meaning)) in enumerate(about.items())

@@ -130,7 +130,7 @@ def _contact_acts(builder: TreeBuilder, mechanism: AnyMechanism, row: int) -> It
                 assert contact.joint is not None  # whose flanks these are
                 normal, speed = mechanism.joints[contact.joint].moves[0][1], builder.speed(contact.joint)
                 axis = builder.axis(contact.first, contact.direction[0] * normal)
-            elif contact.kind == "point-plane":
+            elif len(contact.direction) == 3:  # of a plane, or of a bearing's axis
                 axis = builder.axis(contact.first, np.asarray(contact.direction))
             numbers = *numbers, axis, speed
         yield contacts.kind_of(contact), *_sections(builder, contact), law, k, builder.w.put(numbers)

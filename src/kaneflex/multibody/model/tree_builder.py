@@ -28,8 +28,10 @@ Row = tuple[int, ...]
 
 def side_of(point: BodyPoint | Side) -> Side:
     """Point of a body, of a planar one as in space."""
-    x, y, z = (*map(float, point.at), 0.0)[:3]
-    return Side(point.body, (x, y, z))
+    if isinstance(point, Side):
+        return point
+    x, y = map(float, point.at)
+    return Side(point.body, (x, y, 0.0))
 
 
 class Numbers:
@@ -113,7 +115,7 @@ class TreeBuilder:
         self.own: dict[str, np.ndarray | None] = {}
         self.cuts = Cuts([], {}, [])
         self.carriers: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
-        self.sections: dict[tuple[str, Place], int] = {(GROUND, ORIGIN): 0}
+        self.sections: dict[Side, int] = {Side(GROUND, ORIGIN): 0}
         self.axes: list[tuple[int, np.ndarray]] = []
         self.node_of = {GROUND: -1}
         self.tree: dict[str, tuple[tuple[int, ...], int]] = {}
@@ -167,14 +169,14 @@ class TreeBuilder:
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """Node that carries a point of a body, and its place in that node's axes; on a deforming body a station."""
-        at = np.asarray(side.at, float)
+        at, arm = np.asarray(side.at, float), np.asarray(side.arm)
         if side.body not in self.shapes:
-            return self.node_of[side.body], at
+            return self.node_of[side.body], at + arm
         shapes = self.shapes[side.body]
         place = shapes.carrier(side.at)
         if (side.body, place) not in self.stations:
             self.stations[side.body, place] = self.station(side.body, place, shapes.at(place))
-        return self.stations[side.body, place], at - place
+        return self.stations[side.body, place], at - place + arm
 
     def station(self, body: str, place: Place, shapes: tuple[np.ndarray, np.ndarray]) -> int:
         """Add the node of a place of a deforming body."""
@@ -187,11 +189,10 @@ class TreeBuilder:
 
     def section(self, side: Side) -> int:
         """Number of the section at a point of a body, which is added if it is new."""
-        key = side.body, side.at
-        if key not in self.sections:
-            self.sections[key] = len(self.carriers)
+        if side not in self.sections:
+            self.sections[side] = len(self.carriers)
             self.carriers.append(self.on(side))
-        return self.sections[key]
+        return self.sections[side]
 
     def mean(self, body: str, rises: bool) -> int:
         """Add the mean section of a body, weighted by a load along it that falls or rises; returns its number.

@@ -137,8 +137,8 @@ class DeformingMotion(RigidMotion, ABC):
             return super().section_frame(side)
         frame = self.frame(side.body)
         at = np.asarray(side.at, float)
-        kind = PlanarSection if len(at) == 2 else SpatialSection
-        return kind(self, side.body, frame, at, self.deformed(side.body, at)), replace(side, at=tuple(0.0 * at))
+        kind, origin = (PlanarSection, (0.0, 0.0)) if len(at) == 2 else (SpatialSection, side.arm)
+        return kind(self, side.body, frame, at, self.deformed(side.body, at)), replace(side, at=origin)
 
     def deformed(self, body: str, at: np.ndarray) -> Deformed:
         """Motion of a point of a deforming body relative to its body's axes."""

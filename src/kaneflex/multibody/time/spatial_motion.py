@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
-from kaneflex.mechanism.spatial import SpatialJoint
+from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.determinacy import COMPONENTS
@@ -294,8 +294,10 @@ class SpatialMotion(DeformingMotion):
         return self[f"{name}.gap"], self[f"{name}.force"]
 
     def clearance(self, name: str) -> np.ndarray:
-        """Position of a ball relative to its socket, global [m], (3, n_times)."""
-        sides = self.system.mechanism.contacts[name].sides
+        """Position of the second side of a joint with clearance, or of a contact, from the first, global [m],
+        (3, n_times)."""
+        loose, contacts, point = self.scene.loose, self.system.mechanism.contacts, self.scene.point
+        sides = [Side(at.body, point(at)) for at in loose[name].sides] if name in loose else contacts[name].sides
         (first, one), (second, other) = (self.section_frame(side) for side in sides)
         return second.place(other.at) - first.place(one.at)
 

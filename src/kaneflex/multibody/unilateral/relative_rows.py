@@ -139,11 +139,32 @@ def between(m, act):
 
 
 @njit(**OPTIONS)
+def _radial(m, n, a):
+    """Part of a vector of circles across the axis of their bearing; all of it in the plane and of spheres."""
+    inside()
+    return a
+
+
+@njit(**OPTIONS)
+def _radial_6(m, n, a):
+    inside()
+    k = int(m.w[law_at(m, n) + AXIS_AT])
+    if k < 0:
+        return a
+    axis = force(m, m.axes[k])
+    return axpy(-dot(axis, a), axis, a)
+
+
+_radial = by_size(_radial, _radial_6)
+
+
+@njit(**OPTIONS)
 def touch(m, n):
     """Unit normal of a contact, a force on its second section, or a moment of flanks, and the gap."""
     act, own, d = act_of(m, n), law_at(m, n), between(m, act_of(m, n))
     what, way, reach = m.acts[act, WHAT], m.w[own], m.w[own + REACH_AT]
     if what == CIRCLES:  # about one centre they have no normal
+        d = _radial(m, n, d)
         length = math.sqrt(dot(d, d) + 1e-300)
         return scaled(way / length, d), way * (length - reach)
     normal = fixed(m, n, way if what == FLANK else 0.0, AXIS_AT)
@@ -152,9 +173,10 @@ def touch(m, n):
 
 @njit(**OPTIONS)
 def _centres_rate(m, n, normal):
-    """Rate of the normal of circles or spheres [1/s], which turns with their centres."""
+    """Rate of the normal of circles or spheres [1/s] against the first body: it turns with their centres."""
     act, own = act_of(m, n), law_at(m, n)
-    v = force(m, minus(twist_at_section(m, m.acts[act, ON]), twist_at_section(m, m.acts[act, AT])))
+    a = twist_at(twist_at_section(m, m.acts[act, AT]), between(m, act))
+    v = _radial(m, n, force(m, minus(twist_at_section(m, m.acts[act, ON]), a)))
     length = larger(m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, n)], 1e-150)
     return scaled(m.w[own] / length, axpy(-dot(v, normal), normal, v))
 
@@ -229,7 +251,7 @@ def fill_row(m, n):
     x, y = minus(place, section_place(m, one)), minus(place, section_place(m, two))
     slide, slow, bends = axpy(-1.0, twist_at(a, x), twist_at(b, y)), turning(a, normal), 0.0
     if c >= 0 and m.acts[act_of(m, c), WHAT] == CIRCLES:
-        own = axpy(-1.0, slow, _centres_rate(m, c, normal))
+        own = _centres_rate(m, c, normal)
         bends = dot(own, slide) if n >= 0 else -dot(along, own) * dot(normal, slide)
         slow = plus(slow, own)
     moves = force(m, axpy(-radius, slow, b))  # rate of the place

@@ -1,0 +1,225 @@
+"""Clearances of pins and guides in space: planar mechanisms turned at random, statics, impacts along the axis."""
+
+import math
+
+import numpy as np
+import pytest
+from lifting import lifted
+from parity import random_turn
+from runs import solved
+from test_spatial_contacts import LOOSE, estimated
+from test_tangent_friction import RUBBED
+
+from kaneflex import SceneError, load, scene_of, with_settings
+from kaneflex.plots.clearances import figures
+from kaneflex.report.presentation import contact_line
+from kaneflex.response.dalembert import Balance
+from kaneflex.response.section_forces import LinkForces
+from kaneflex.solve.touching import eccentricity
+
+FREE = """
+schema = 1
+description = "A shaft in its bearing, or a block in its guide"
+gravity = GRAVITY
+bodies.rider = {mass = 2, inertia = [1e-3, 4e-3, 5e-3], centre = CENTRE, ROTATION, free = {at = [0, 0, 0], MOVES}}
+joints.seat = {KIND = ["ground", "rider"], AXIS, clearance = {CLEARANCE, contact = CONTACT}}
+sensors.across = {position = "seat", component = "y"}
+sensors.speed = {velocity = "rider", component = "x"}
+solve = {preset = "coupled", duration = "TIME", steps = 400, tolerance = 1e-10}
+"""
+ROTOR = """
+schema = 1
+description = "An elastic shaft that turns in two bearings"
+gravity = [0, 0, -9.81]
+ground = {left = [0, 0, 0], right = [0.4, 0, 0]}
+bodies.shaft = {length = 0.4, beam = {material = "steel", section = {circle = "16 mm"}, elements = 4}, free = {at = [0, 0, 0], angular_velocity = [100, 0, 0]}}
+joints.left = {revolute = ["ground.left", "shaft.start"], axis = [1, 0, 0], clearance = {radial = "0.1 mm", length = "20 mm", axial = "0.2 mm", contact = CONTACT}}
+joints.right = {cylindrical = ["ground.right", "shaft.end"], axis = [1, 0, 0], clearance = {radial = "0.1 mm", length = "20 mm", contact = CONTACT}}
+sensors.height = {position = "left", component = "z"}
+solve = {preset = "coupled", duration = "30 ms", steps = 300, modes = 2, tolerance = 1e-10}
+""".replace("CONTACT", '{law = "kelvin-voigt", stiffness = "1e6 N/m", exponent = 1, damping = "500 N s/m"}')  # noqa: E501
+GONE = "stiffness='none', exponent='none', damping='none'"
+PIN = 'radial = "0.1 mm", radius = "10 mm", length = "60 mm"'
+BLOCK = 'gap = "0.1 mm", length = "60 mm", height = "30 mm", breadth = "40 mm", normal = NORMAL'
+DAMPED = '{law = "kelvin-voigt", stiffness = "2e6 N/m", exponent = 1, damping = "2000 N s/m"}'
+
+
+def seated(turn, kind, clearance, contact, gravity=(0, 0, 0), moves=(0, 0, 0), spins=(0, 0, 0), centre=(0, 0, 0),
+           time="0.2 s"):  # fmt: skip
+    """Solution of a free rider whose seat has its axis along x, its vectors turned."""
+
+    def turned(v):
+        return (turn @ np.array(v, float)).tolist()
+
+    text = FREE.replace("CLEARANCE", clearance).replace("CONTACT", contact).replace("TIME", time)
+    given = {
+        "GRAVITY": turned(gravity), "CENTRE": list(centre), "NORMAL": turned((0, 0, 1)),
+        "ROTATION": f"rotation = {{x = {turned((1, 0, 0))}, y = {turned((0, 1, 0))}}}",
+        "MOVES": f"velocity = {turned(moves)}, angular_velocity = {list(spins)}",
+        "KIND": kind, "AXIS": f"{'direction' if kind == 'prismatic' else 'axis'} = {turned((1, 0, 0))}",
+    }  # fmt: skip
+    for key, value in given.items():
+        text = text.replace(key, str(value))
+    return solved(scene_of(text))
+
+
+@pytest.mark.exhaustive(share=7)
+@pytest.mark.parametrize("turn", "abcdefghijklmnopqrst")
+@pytest.mark.parametrize("text", [LOOSE.replace("restitution = 0.9", "law = 'hertz'"), RUBBED])
+def test_a_pin_with_two_ends_hits_as_a_pin_in_the_plane(text, turn):
+    """Both ends touch at once, each with half the stiffness."""
+    flat = scene_of(text)
+    lift = lifted(flat, random_turn(turn)) | {"solve": flat.raw["solve"]}
+    ball = lift["joints"]["wrist"]
+    law = ball["clearance"]["contact"] | {"stiffness": "5e8 N/m^1.5"}
+    clearance = ball["clearance"] | {"contact": law, "length": "30 mm", "axial": "0.1 mm"}
+    lift["joints"]["wrist"] = {"revolute": ball["spherical"], "axis": [0, 0, 1], "clearance": clearance}
+    lift["sensors"] |= {"push": {"contact_force": "wrist_2"}, "drag": {"contact_force": "wrist_3"}}
+    plane, space = solved(flat), solved(scene_of(lift))
+    assert [each.outcome.name for each in (plane, space)] == 2 * ["COMPLETED"]
+    assert len(space.impacts) == 2 * len(plane.impacts) >= 6
+    for one, other in zip(space.impacts[::2], plane.impacts, strict=True):
+        assert one.begin == pytest.approx(other.begin, abs=1e-8)
+        assert one.peak == pytest.approx(other.peak / 2, rel=3e-6)
+        assert one.lost == pytest.approx(other.lost / 2, abs=1e-7)
+    for sensor, share in (("slide", 1.0), ("torque", 1.0), ("push", 0.5)):
+        apart = abs(space[sensor].values - share * plane[sensor].values)
+        assert apart.max() <= 2.0 * estimated(plane, space, sensor)  # which are of the size of rounding
+    assert space["drag"].values.max() == 0.0
+    assert space.trajectory.energy.drift < 1e-8
+
+
+@pytest.mark.parametrize("turn", "abc")
+@pytest.mark.parametrize("kind", ["revolute", "cylindrical"])
+def test_a_pin_tilts_under_an_offset_load_as_statics_says(kind, turn):
+    """Its ends bear the weight by the lever; both lie deeper than the clearance by their forces over the stiffness."""
+    axial = ', axial = "1 mm"' if kind == "revolute" else ""
+    found = seated(random_turn(turn), kind, PIN + axial, DAMPED, (0, 0, -9.81), centre=(0.02, 0, 0))
+    assert found.outcome.name == "COMPLETED"
+    forces = [2 * 9.81 * (0.5 - 0.02 / 0.06), 2 * 9.81 * (0.5 + 0.02 / 0.06)]
+    for key, force in zip(("seat_1", "seat_2"), forces, strict=True):
+        gap, push = found.motion.contact(key)
+        assert push[-1] == pytest.approx(force, rel=1e-6)
+        assert gap[-1] == pytest.approx(-force / 2e6, rel=1e-6)
+    low = [1e-4 + force / 2e6 for force in forces]
+    middle = random_turn(turn).T @ found.motion.clearance("seat")[:, -1]
+    assert middle[1:] == pytest.approx([0.0, -sum(low) / 2], abs=1e-9)
+    front = random_turn(turn).T @ (found.motion.clearance("seat_2") - found.motion.clearance("seat"))[:, -1]
+    tilt = math.asin((low[1] - low[0]) / 0.06)
+    assert front == pytest.approx([0.03 * math.cos(tilt), 0.0, -0.03 * math.sin(tilt)], abs=1e-9)
+
+
+def test_a_pin_that_meets_one_edge_after_the_other_keeps_its_energy():
+    """It shifts, tilts and spins in its bearing; without loss in the contacts the energy stays."""
+    law = '{law = "hertz", stiffness = "2e9 N/m^1.5", exponent = 1.5}'
+    found = seated(random_turn("d"), "revolute", f'{PIN}, axial = "0.2 mm"', law, moves=(0.1, 0.3, -0.1),
+                   spins=(5.0, 2.0, 3.0), centre=(0.004, 1e-3, 0), time="50 ms")  # fmt: skip
+    assert found.outcome.name == "COMPLETED"
+    hits = [each.contact for each in found.impacts]
+    assert min(hits.count(f"seat_{k}") for k in (1, 2, 3, 4)) >= 2
+    assert found.trajectory.energy.drift < 1e-6
+
+
+@pytest.mark.parametrize("turn", "ab")
+def test_a_pin_bounces_between_the_faces_beside_its_bearing(turn):
+    """Each impact takes the share e of its speed: it crosses the play of 1 mm in times that grow by 1/e."""
+    law = '{law = "exact", stiffness = "1e8 N/m^1.5", restitution = 0.8}'
+    found = seated(random_turn(turn), "revolute", f'{PIN}, axial = "0.5 mm"', law, moves=(0.5, 0, 0), time="40 ms")
+    assert [each.contact for each in found.impacts][:4] == ["seat_4", "seat_3", "seat_4", "seat_3"]
+    for k, each in enumerate(found.impacts[:4]):
+        assert each.approach == pytest.approx(0.5 * 0.8**k, rel=1e-6)
+        assert each.separation == pytest.approx(0.5 * 0.8 ** (k + 1), rel=1e-6)
+        assert each.begin - (found.impacts[k - 1].end if k else 0.0) == pytest.approx(
+            (1e-3 if k else 0.5e-3) / (0.5 * 0.8**k), rel=1e-5
+        )
+
+
+@pytest.mark.parametrize("turn", "abc")
+def test_friction_brakes_a_pin_that_slides_along_its_bearing(turn):
+    """Its bearing has given it the impulse m g t, so friction mu m g t, although it bounces at first."""
+    clearance = f"{PIN}, friction = {{mu = 0.2}}"
+    found = seated(random_turn(turn), "cylindrical", clearance, DAMPED, (0, 0, -9.81), moves=(0.3, 0, 0), time="0.1 s")
+    assert found.outcome.name == "COMPLETED" and found.trajectory.energy.drift < 1e-9
+    assert found["speed"].values[-1] == pytest.approx(0.3 - 0.2 * 9.81 * 0.1, abs=1e-7)
+
+
+@pytest.mark.parametrize("turn", "abc")
+def test_a_block_rests_on_four_corners_as_statics_says(turn):
+    found = seated(random_turn(turn), "prismatic", BLOCK, DAMPED, (0, 0, -9.81), centre=(0.01, 0.004, 0))
+    assert found.outcome.name == "COMPLETED"
+    forces = {key: found.motion.contact(key)[1][-1] for key in found.trajectory.contacts.names}
+    below = [forces.pop(f"seat_{k}") for k in (13, 14, 15, 16)]  # left rear, left front, right rear, right front
+    assert max(forces.values()) == 0.0 and sum(below) == pytest.approx(2 * 9.81, rel=1e-6)
+    left, front = below[0] + below[1], below[1] + below[3]
+    assert left == pytest.approx(2 * 9.81 * (0.5 + 0.004 / 0.04), rel=1e-4)  # its centre is above the faces
+    assert front == pytest.approx(2 * 9.81 * (0.5 + 0.01 / 0.06), rel=1e-4)
+
+
+def test_results_name_what_touches_and_the_picture_shows_both_ends(tmp_path):
+    """The eccentricity is that of the end that is farther away from the axis."""
+    found = seated(np.eye(3), "revolute", f'{PIN}, axial = "1 mm"', DAMPED, (0, 0, -9.81), centre=(0.02, 0, 0))
+    deepest = max(found.motion.contact(f"seat_{k}")[0][-1] * -1 for k in (1, 2))
+    assert eccentricity(found, "seat")[-1] == pytest.approx(1.0 + deepest / 1e-4)
+    data = found.dataset
+    assert data["clearance_z"].values[-1, 0] == pytest.approx(found.motion.clearance("seat")[2, -1])
+    lines = [contact_line(contact) for contact in found.model.scene.contacts.values()]
+    assert "end of rider.start in the bearing ground.origin, clearance 0.1 mm" in lines[0]
+    assert "rider.start at a face beside ground.origin, clearance 1 mm" in lines[3]
+    (figure,) = figures(found).values()
+    path = next(axes for axes in figure.axes if axes.get_title().startswith("Path"))
+    labels = [line.get_label() for line in path.lines]
+    assert labels.count("in contact") == 2 and {"path of the rear end", "path of the front end"} <= {*labels}
+    ends = {line.get_label(): line.get_ydata() for line in path.lines}
+    assert ends["path of the front end"][-1] == pytest.approx(-0.1 - 1e3 * deepest, abs=1e-9)
+
+
+def test_a_rotor_of_an_elastic_shaft_runs_in_two_bearings():
+    """A pin's ends move with the section of its joint. The section forces at the shaft's end, from its equilibrium,
+    are the forces of the contacts there, and their moment at the arms of the pin's ends."""
+    found = solved(scene_of(ROTOR))
+    assert found.outcome.name == "COMPLETED"
+    assert {each.contact for each in found.impacts} >= {"left_1", "left_2", "right_1", "right_2"}
+    assert found.trajectory.energy.drift < 1e-7
+    moving = found.motion.moving
+    forces = list(LinkForces(moving.scene, moving).wrenches("shaft"))
+    section = Balance(moving, "shaft", lambda: forces).section(0.4)
+    about_start = sum(each.about_start for each in forces if each.by.startswith("right"))
+    force, moment = about_start[:3], about_start[3:] - np.cross([0.4, 0.0, 0.0], about_start[:3].T).T
+    assert abs(moment).max() > 0.05 and abs(section[:3] - force).max() < 1e-12 * abs(force).max()
+    assert abs(section[3:] - moment).max() < 1e-5 * abs(moment).max()
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    ("length=none", r"clearance\.length: a pin in space needs it\. Give it, like length = '20 mm'"),
+    ("axial=none", r"clearance\.axial: a pin in space needs it\. "),
+    ("axial=0", r"clearance\.axial = 0: "),
+    ("breadth=4 mm", r"clearance\.breadth = '4 mm': does not apply to a radial clearance"),
+    ("width=4 mm", r"clearance\.width = '4 mm': a pin in space has no width"),
+    (f"contact={{law='hertz', materials=['steel', 'steel'], {GONE}}}",
+     r"clearance\.contact: Hertz's theory does not apply to ends and corners\. Give contact\.stiffness"),
+    (f"contact={{law='newton', restitution=0.5, {GONE}}}", r"clearance\.contact\.law = 'newton'.*so far"),
+])  # fmt: skip
+def test_what_a_loose_pin_in_space_can_t_be_is_refused(settings, message):
+    with pytest.raises(SceneError, match=rf"joints\.left\.{message}"):
+        load(with_settings(scene_of(ROTOR), (f"joints.left.clearance.{settings}",)))
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    ("normal=none", r"clearance\.normal: the block of a guide in space needs it\. Give it, like normal = \[0, 1, 0\]"),
+    ("height=0", r"clearance\.height = 0: the block of a guide in space needs it"),
+    ("normal=[1, 0, 1]", r"clearance\.normal = .*: not perpendicular to the guide"),
+    ("axial=1 mm", r"clearance\.axial = '1 mm': does not apply to a gap clearance"),
+])  # fmt: skip
+def test_what_a_loose_block_in_space_can_t_be_is_refused(settings, message):
+    clearance = f"{{{BLOCK}, contact = {DAMPED}}}".replace("NORMAL", "[0, 0, 1]")
+    joint = f'{{prismatic = ["ground.rail", "block"], direction = [1, 0, 0], clearance = {clearance}}}'
+    block = 'bodies.block = {mass = 1, inertia = [1e-3, 1e-3, 1e-3], free = {at = [1, 0, 0]}}'
+    text = ROTOR.replace("right = [0.4, 0, 0]}", "right = [0.4, 0, 0], rail = [1, 0, 0]}")
+    scene = scene_of(text.replace("joints.left", f"{block}\njoints.guide = {joint}\njoints.left"))
+    with pytest.raises(SceneError, match=rf"joints\.guide\.{message}"):
+        load(with_settings(scene, (f"joints.guide.clearance.{settings}",)))
+
+
+def test_pins_have_no_length_in_the_plane():
+    with pytest.raises(SceneError, match=r"wrist\.clearance\.length = '9 mm': a pin in the plane has none"):
+        with_settings(scene_of(LOOSE), ("joints.wrist.clearance.length=9 mm",))
