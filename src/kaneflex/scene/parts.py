@@ -80,10 +80,6 @@ SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
 """Key of the initial speeds of such a joint, if it is free."""
 IN_THE_PLANE = "In a planar scene use two springs between separate points, along x and along y"
-_CLEARANCES = {
-    "revolute": ("radial", "angle"), "prismatic": ("gap",), "spherical": ("radial",), "cylindrical": ("radial",),
-}  # fmt: skip
-"""Clearances, of which a kind of joint has one."""
 
 
 class Joint(SceneTable):
@@ -168,7 +164,8 @@ class Joint(SceneTable):
     def _check_clearance(self, kind: str, clearance: Clearance) -> None:
         from kaneflex.scene.contacts import contacts_of
 
-        wanted = _CLEARANCES.get(kind, ())
+        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
+        wanted = ("radial",) if kind in ("spherical", "cylindrical") else wanted
         if all(getattr(clearance, key) is None for key in wanted):
             cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
