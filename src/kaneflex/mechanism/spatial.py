@@ -195,9 +195,9 @@ def _made(scene: Scene) -> SpatialMechanism:
         one, other = map(side, contact.sides)
         if isinstance(contact, ClearanceContact) and contact.offset:
             turn = stands(bodies, other.body).T @ stands(bodies, one.body)
-            arm, at = turn @ contact.offset, np.array(other.at)
+            arm, centre = turn @ contact.offset, np.array(other.at)
             deforms = other.body != GROUND and scene.bodies[other.body].deforms
-            other = Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(at + arm))
+            other = Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(centre + arm))
         keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
         numbers = {key: contact.number(key) for key in keys}
         contacts[name] = Contact(

@@ -17,6 +17,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from kaneflex.mechanism.spatial import Side
+
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
@@ -174,7 +176,7 @@ class Layout:
 
     node_of: Mapping[str, int]
     stations: Mapping[tuple[str, Place], int]
-    sections: Mapping[tuple[str, Place], int]
+    sections: Mapping[Side, int]
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
