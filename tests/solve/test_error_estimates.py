@@ -222,14 +222,15 @@ def test_a_coupled_cycle_has_a_plus_minus(cycle, kind, settings):
 
 
 def test_one_richer_run_gives_the_error_of_a_coupled_run(monkeypatch):
-    """All parts at once; each by itself is asked for."""
+    """All parts at once, at a tight tolerance by longer steps than the run's; each by itself is asked for."""
     scene, runs = with_settings(kaneflex.read_scene("engine"), [*COUPLED, "solve.steps=72"]), []
     run = coupled_corrections.simulate_coupled
     monkeypatch.setattr(coupled_corrections, "simulate_coupled", lambda *given: runs.append(given) or run(*given))
-    for settings, count in (((), 1), (("solve.errors=all",), 3)):
-        found = solved(scene, *settings)
+    for setting, steps in (("solve.tolerance=1e-8", [36]), ("solve.tolerance=1e-6", [144]), ("solve.steps=75", [150]),
+                           ("solve.errors=all", [144] * 3)):  # fmt: skip
+        found = solved(scene, setting)
         runs.clear()
-        assert found.errors[0] and len(runs) == count
+        assert found.errors[0] and [given[0].options.steps for given in runs] == steps
 
 
 def test_a_link_of_few_elements_does_not_limit_the_modes_of_others():

@@ -45,13 +45,14 @@ class Read:
     steps: int
 
     @classmethod
-    def of(cls, solution: RunResult, periodic: bool) -> Read:
+    def of(cls, solution: RunResult, periodic: bool, apart: int = 1) -> Read:
+        """Instants of a run, or of its part, at multiples of ``apart`` stored ones."""
         run = solution
         while run.whole is not None:
             run = run.whole
         reached = int(np.searchsorted(run.times, solution.times[-1], side="right"))
         count = len(run.times) - 1 if periodic else reached
-        every = 1 if run.model.scene.contacts else max(1, count // READ)
+        every = apart * (1 if run.model.scene.contacts else max(1, count // (apart * READ)))
         return cls(run, np.arange(0, count, every), periodic, every * storing(run.model))
 
     @property
@@ -70,7 +71,7 @@ class Read:
     @cached_property
     def values(self) -> dict[str, np.ndarray]:
         """Sensors of the run at these instants."""
-        return values_of(self.motion)
+        return {name: series.values[self.stored] for name, series in self.run.series.items()}
 
 
 def values_of(motion: Motion) -> dict[str, np.ndarray]:
