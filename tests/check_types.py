@@ -19,7 +19,7 @@ BASELINE = {
     "multibody": 30,
     "plots": 30,
     "report": 5,
-    "response": 21,
+    "response": 20,
     "scene": 59,
     "solve": 20,
     "study": 44,

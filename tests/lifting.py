@@ -7,7 +7,7 @@ from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.model.topology import spanning_tree
 from kaneflex.scene import scene_of
-from kaneflex.scene.bodies import about
+from kaneflex.scene.poses import about
 
 TURN = about(np.array([2.0, -1.0, 2.0]) / 3.0, 1.1)
 VECTORS = ("displacement", "velocity", "acceleration", "position", "joint_force")

@@ -14,7 +14,7 @@ from lifting import global_components, in_plane, lifted
 from runs import shipped
 
 from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, with_settings
-from kaneflex.scene.bodies import about
+from kaneflex.scene.poses import about
 from kaneflex.solve.simulation import solve
 
 ONE_WAY = ("rigid", "quasistatic", "linear", "stiffened")

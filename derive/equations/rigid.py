@@ -16,8 +16,9 @@ from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBod
 from kaneflex.derive.equations.linear import solve_blocks
 from kaneflex.derive.equations.newton import Loop
 from kaneflex.derive.ir.program import Scalar, Steps
+from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
-from kaneflex.mechanism.parts import Joint, Mechanism, Spring
+from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus, pose_at
 
 TIME = dynamicsymbols._t

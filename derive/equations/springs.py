@@ -8,7 +8,8 @@ import sympy as sm
 
 from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.parts import Mechanism, Spring
+from kaneflex.mechanism.force_parts import Spring
+from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_velocity, minus
 
 Values = Mapping[str, Mapping[str, sm.Expr]]

@@ -8,8 +8,9 @@ import pytest
 
 from kaneflex.generated import joints
 from kaneflex.mechanism import springs
+from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.joints import Constraints
-from kaneflex.mechanism.parts import Joint, Spring
+from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import BodyPoint
 
 FIRST, SECOND = BodyPoint("a", "start", (0, 0)), BodyPoint("b", "start", (0, 0))

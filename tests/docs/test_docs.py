@@ -16,8 +16,8 @@ from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, si
 from kaneflex.integrate.methods import METHODS
 from kaneflex.report.summary_schema import documentation
 from kaneflex.scene import json_schema
+from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.laws import FUNCTIONS
-from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES

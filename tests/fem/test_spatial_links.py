@@ -15,7 +15,8 @@ from kaneflex.fem.assembly import assemble
 from kaneflex.fem.element_terms import terms_of_elements
 from kaneflex.fem.links import SpatialLink, build_link, craig_bampton, with_rayleigh
 from kaneflex.mechanism.affine import Affine, as_array
-from kaneflex.scene.sections import Properties, Shape, element_parameters, properties_of
+from kaneflex.scene.sections import Properties, element_parameters, properties_of
+from kaneflex.scene.shapes import Shape
 from kaneflex.support.contract import SPATIAL_LINK_SCALARS, SPATIAL_NODE
 
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())["uniform_beam"]["clamped_free"]["modes"]

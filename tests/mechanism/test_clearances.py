@@ -12,7 +12,7 @@ from kaneflex.plots import clearances, records
 from kaneflex.plots.records import impact_zones, spectrum
 from kaneflex.plots.style import styled
 from kaneflex.plots.view import view
-from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS
+from kaneflex.scene.contact_check import CONTACT_RESULTS, FRICTION_RESULTS
 
 LOOSE = """
 schema = 1

@@ -10,7 +10,7 @@ from machines import changed, four_bar
 from runs import solved
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
-from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+from kaneflex.fem.freedom import count_freedom, mobility_by_rank
 from kaneflex.mechanism.closure import courses_of, followed, reach_lines
 from kaneflex.mechanism.dead_centres import closings
 from kaneflex.mechanism.mechanism import mechanism_of

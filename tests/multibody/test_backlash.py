@@ -9,7 +9,7 @@ from runs import alike
 from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.report.presentation import contact_line
 from kaneflex.report.summary import summarise
-from kaneflex.scene.quantities import CONTACT_RESULTS
+from kaneflex.scene.contact_check import CONTACT_RESULTS
 from kaneflex.solve.simulation import solve
 
 PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0

@@ -11,8 +11,8 @@ from test_contact_runs import BALL
 
 from kaneflex import SceneError, scene_of
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.force_parts import Contact
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import rigid_system

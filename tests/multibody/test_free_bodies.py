@@ -9,7 +9,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, linearise, load, with_settings
-from kaneflex.fem.mobility import count_freedom
+from kaneflex.fem.freedom import count_freedom
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.plots import animation, displacements

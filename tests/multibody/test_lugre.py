@@ -13,7 +13,7 @@ from test_rigid_friction import DISC
 from kaneflex import SceneError
 from kaneflex.generated import friction
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.scene.quantities import FRICTION_RESULTS
+from kaneflex.scene.contact_check import FRICTION_RESULTS
 
 TABLE = """
 schema = 1

@@ -19,7 +19,7 @@ from kaneflex import SceneError, scene_of, shipped_scenes, with_settings
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.report.checked import description
-from kaneflex.scene.sections import torsion_constant
+from kaneflex.scene.shapes import torsion_constant
 
 PRINCETON = """
 schema = 1

@@ -10,8 +10,8 @@ import kaneflex
 from kaneflex.fem.links import link_of_scene
 from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
-from kaneflex.scene.materials import MATERIALS
-from kaneflex.scene.sections import torsion_constant
+from kaneflex.scene.beams import MATERIALS
+from kaneflex.scene.shapes import torsion_constant
 
 ROD = """
 schema = 1

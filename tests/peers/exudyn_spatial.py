@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.mechanism.floating_frames import mesh
+from kaneflex.mechanism.meshes import mesh
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of

@@ -13,7 +13,7 @@ from places import DOCS
 from runs import model, run, shipped, short
 
 from kaneflex import SceneError, read_scene, scene_of, show, with_settings
-from kaneflex.fem.mobility import count_freedom, elastic_coordinates
+from kaneflex.fem.freedom import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import closures, drive_rates, place

@@ -17,7 +17,7 @@ from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.plots.vtk import write_vtk
 from kaneflex.report.page import _as_json, _data
 from kaneflex.report.summary import summarise
-from kaneflex.response.thinning import envelope, frames, missed, thinned
+from kaneflex.response.time_statistics import envelope, frames, missed, thinned
 
 COUNT = 20_001
 SINE = {60: 60.05, 181: 181.05, 1500: 1500.1}

@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import brentq
 
 from kaneflex import SceneError, scene_of, with_settings
-from kaneflex.fem.mobility import count_freedom
+from kaneflex.fem.freedom import count_freedom
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.report.presentation import parts, printed

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from kaneflex import SceneError, scene_of
-from kaneflex.scene.sections import Shape, torsion_constant
+from kaneflex.scene.shapes import Shape, torsion_constant
 
 SCENE = """
 schema = 1

@@ -20,10 +20,11 @@ from kaneflex.cli.stability import orders_of, speed_range
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.plots.stability import _over_speed
-from kaneflex.response.frozen import buckling, freeze, lost_stiffness
+from kaneflex.solve.linear_warnings import lost_stiffness
 from kaneflex.solve.validity import validity_warnings
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
+from kaneflex.study.stability.frozen import buckling, freeze
 from kaneflex.study.stability.sweep import ORDERS, Sweep, check_sweep, sweep
 
 MATHIEU = json.loads((DATA / "mathieu.json").read_text())["computed"]

@@ -95,7 +95,7 @@ def show(
 
 def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list[str]) -> Callable[[], Figure]:
     """Draw a planar mechanism; add its degrees of freedom, the ranges of its joints and notes."""
-    from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+    from kaneflex.fem.freedom import count_freedom, mobility_by_rank
     from kaneflex.mechanism.closure import followed, reach_lines
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
@@ -133,7 +133,7 @@ def _all_branches(scene: Scene, at: Mapping[str, float]) -> Callable[[], Figure]
 
 def _elastic_count(scene: Scene) -> int | None:
     """Number of elastic coordinates; None where they can't be set up, with a warning if the preset needs them."""
-    from kaneflex.fem.mobility import elastic_coordinates
+    from kaneflex.fem.freedom import elastic_coordinates
     from kaneflex.mechanism.rigid_bodies import check_on_axes
 
     try:

@@ -14,7 +14,7 @@ import numpy as np
 
 from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
-from kaneflex.mechanism.floating_frames import forced_points, mesh
+from kaneflex.mechanism.meshes import forced_points, mesh
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.support.contract import SPATIAL_NODE, beam_module

@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from kaneflex.mechanism.parts import CIRCLES, Contact
+from kaneflex.mechanism.force_parts import Contact
+from kaneflex.mechanism.parts import CIRCLES
 from kaneflex.mechanism.planar import Number, Vector, dot
 
 KINDS = ("point-line", "circles", "angle")

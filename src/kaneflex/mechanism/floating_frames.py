@@ -5,21 +5,15 @@ Both follow from the positions of joints, loads and masses, before any number of
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
-from itertools import pairwise
-
-import numpy as np
 
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.meshes import SAME, mesh
 from kaneflex.mechanism.rigid_bodies import prescribed_bodies
 from kaneflex.scene.options import modes_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.support.kept import Kept
-
-_SAME = 1e-9
-"""Distance below which points coincide, as a share of a link's length."""
 
 IN_THE_MEAN = ("chord", "free")
 """Kinds of frames in which a link has no mean axial displacement, weighted by mass."""
@@ -62,7 +56,7 @@ def _stations(scene: Scene, link: str) -> list[Station]:
     def at(address: Address) -> Station:
         x = scene.point(address)[0]
         for station in found:
-            if abs(station.x - x) <= _SAME * length:
+            if abs(station.x - x) <= SAME * length:
                 return station
         found.append(Station(x))
         return found[-1]
@@ -123,29 +117,6 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
     if len(clamped) == 1:
         return Frame("tangent", clamped[0].x, clamped[0].x)
     return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
-
-
-def forced_points(scene: Scene, link: str) -> dict[str, float]:
-    """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
-    inner = sorted({address.point for address in scene.acting_on(link)} - {"start", "end"})
-    return {point: scene.bodies[link].points_all[point][0] for point in inner}
-
-
-def mesh(scene: Scene, link: str, elements: int, also: Collection[float] = ()) -> np.ndarray:
-    """Nodes at the ends, at points with a force, between segments and at ``also`` [m], ``elements`` of nearly equal
-    length in all."""
-    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
-    assert length is not None
-    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders, *also}, length)
-    counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
-    spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
-    return np.concatenate([*spans, [length]])
-
-
-def _apart(stops: Collection[float], length: float) -> list[float]:
-    """Sorted stops; of coinciding stops the first."""
-    ordered = sorted(stops)
-    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
 def most_modes(scene: Scene, name: str) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kaneflex.mechanism.parts import Friction
+from kaneflex.mechanism.force_parts import Friction
 from kaneflex.mechanism.planar import Number, Vector
 
 LAWS = ("coulomb", "stribeck", "viscous", "lugre")

@@ -138,6 +138,13 @@ class Constraints:
         return self.jacobian(poses) * self.scales / self.units[:, None]
 
 
+def normalised(jacobian: np.ndarray, size: float) -> np.ndarray:
+    """Normalised rows, with angles scaled by the mechanism's size: ranks do not depend on the unit of length."""
+    jacobian[..., 2::3] /= size
+    lengths = np.linalg.norm(jacobian, axis=-1, keepdims=True)
+    return jacobian / np.where(lengths > 0.0, lengths, 1.0)
+
+
 def derivatives_of(
     joint: Joint, axes: Mapping[str, Pose], driven: bool, bodies: Container[str]
 ) -> Iterator[tuple[str, list[list[Number]]]]:

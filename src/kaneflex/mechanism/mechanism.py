@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from kaneflex.mechanism.parts import Body, Contact, Drive, Friction, Joint, Load, Mass, Mechanism, Spring
+from kaneflex.mechanism.parts import Body, Drive, Joint, Load, Mass, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.scene import Scene
-from kaneflex.scene.settings import number_at
-from kaneflex.scene.structure import ANY, share_structure, structure_of
+from kaneflex.scene.structure import ANY, number_at, share_structure, structure_of
 from kaneflex.support.contract import COURSES
 from kaneflex.support.kept import Kept
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.force_parts import Contact, Friction, Spring
 
 Numbers = Callable[[str, str, Any], Number]
 """Function from a number's dotted path, its unit and its structure (0, 1, -1 or "*") to the number."""
@@ -111,6 +113,8 @@ def frictions_of(scene: Scene) -> dict[str, Friction]:
 
 def _friction(held: Any) -> Friction:
     """Parameters of a friction; the default of its static coefficient is the kinetic one."""
+    from kaneflex.mechanism.force_parts import Friction
+
     static = held.mu if held.mu_static is None else held.mu_static
     dry = held.mu, static, held.stribeck_speed or 0.0, held.stribeck_exponent, held.viscous, held.preload
     return Friction(held.law, *dry, held.arm, held.bristle_stiffness or 0.0, held.bristle_damping)
@@ -227,6 +231,8 @@ class _Reader:
         return ("m" if self.joints[joint].slides else "rad") + ("" if joint == against else "/s")
 
     def spring(self, name: str, spring: Mapping[str, Any]) -> Spring:
+        from kaneflex.mechanism.force_parts import Spring
+
         path, joint = f"springs.{name}", spring.get("torsional_at")
         if joint is None:
             first, second = (self.point(address) for address in spring["between"])
@@ -239,6 +245,8 @@ class _Reader:
         return Spring(name, first, second, joint, stiffness, damping, free)
 
     def contact(self, name: str, contact: Mapping[str, Any]) -> Contact:
+        from kaneflex.mechanism.force_parts import Contact
+
         path, direction = f"contacts.{name}", (0, 0)
 
         def number(key: str, unit: str) -> Number:

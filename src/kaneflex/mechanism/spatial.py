@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.force_parts import Contact, Friction, Spring
 from kaneflex.mechanism.mechanism import frictions_of
-from kaneflex.mechanism.parts import Contact, Friction, Load, Spring
+from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
 from kaneflex.scene.contacts import ClearanceContact

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kaneflex.mechanism.parts import Spring
+from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.planar import Number
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError

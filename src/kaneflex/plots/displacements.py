@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import Panel, View, view
-from kaneflex.response.thinning import envelope, thinned
+from kaneflex.response.time_statistics import envelope, thinned
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution

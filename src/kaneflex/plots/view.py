@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.style import finish, mark_angles, pages, plot_curves, readable
 from kaneflex.response.motion import Motion
-from kaneflex.response.thinning import MISSED, frames, missed
+from kaneflex.response.time_statistics import MISSED, frames, missed
 
 if TYPE_CHECKING:
     from kaneflex.multibody.unilateral.results import Impact

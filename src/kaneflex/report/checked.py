@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+from kaneflex.fem.freedom import count_freedom, mobility_by_rank
 from kaneflex.mechanism.closure import Courses, courses_of, instants
 from kaneflex.mechanism.dead_centres import Closing, closings
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of

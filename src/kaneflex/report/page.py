@@ -15,7 +15,7 @@ import numpy as np
 
 from kaneflex.report.presentation import modelled, printed
 from kaneflex.report.tables import ending, more_tables, run_lines, sensor_cells, unit_and_factor
-from kaneflex.response.thinning import thinned
+from kaneflex.response.time_statistics import thinned
 from kaneflex.support.arguments import takes
 from kaneflex.support.escaping import html, script_data
 

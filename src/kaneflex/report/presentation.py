@@ -17,7 +17,7 @@ from kaneflex.scene.parts import PRESETS, SEVERAL_FREEDOMS, TERM_NAMES
 from kaneflex.support.terminal import block
 
 if TYPE_CHECKING:
-    from kaneflex.fem.mobility import Freedom
+    from kaneflex.fem.freedom import Freedom
     from kaneflex.mechanism.dead_centres import Closing
     from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model.bound_model import Model

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaneflex.scene.sections import SectionNumbers, Shape
+from kaneflex.scene.sections import SectionNumbers
+from kaneflex.scene.shapes import Shape
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
-from kaneflex.scene.materials import MATERIALS, Constants, Made
-from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveModulus, PositiveSecondMoment, WholeNumber
-from kaneflex.scene.sections import Piece, Profile, SectionNumbers, Shape, ShearCoefficient
-from kaneflex.support.errors import Fault
+from kaneflex.scene.quantities import (
+    NonNegativeRatio,
+    PositiveArea,
+    PositiveDensity,
+    PositiveLength,
+    PositiveModulus,
+    PositiveSecondMoment,
+    WholeNumber,
+)
+from kaneflex.scene.sections import Constants, Piece, Profile, SectionNumbers, ShearCoefficient
+from kaneflex.scene.table import SceneTable
+from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.plain_tables import late
+
+if TYPE_CHECKING:
+    from kaneflex.scene.shapes import Shape
+else:
+    (Shape,) = late("kaneflex.scene.shapes", "Shape")
 
 _THEORIES = {
     "euler-bernoulli": (False, False),
@@ -19,6 +33,62 @@ _THEORIES = {
     "timoshenko": (True, True),
 }
 """Theory -> (has rotary inertia, has shear); names as in Han, Benaroya & Wei (1999), J. Sound Vib. 225."""
+
+
+class Material(NamedTuple):
+    """Young's modulus E in Pa, density rho in kg/m^3 and Poisson's ratio nu."""
+
+    E: float
+    rho: float
+    nu: float
+
+
+MATERIALS = {
+    "steel": Material(2.1e11, 7850.0, 0.3),
+    "aluminium": Material(7.0e10, 2700.0, 0.33),
+    "titanium": Material(1.1e11, 4500.0, 0.34),
+}
+
+
+def _of_material(field: str):
+    def default(data: dict) -> float | None:
+        material = data.get("material")
+        return getattr(MATERIALS[material], field) if material in MATERIALS else None
+
+    return default
+
+
+class Made(SceneTable):
+    """Material by name, by its constants, or both.
+
+    `E`, `rho` and Poisson's ratio `nu` come from `material` unless given; the default of `G` is E/(2 (1 + nu)).
+    """
+
+    material: str | None = None
+    E: PositiveModulus = Field(default_factory=_of_material("E"), description="Young's modulus")
+    rho: PositiveDensity = Field(default_factory=_of_material("rho"), description="density")
+    nu: NonNegativeRatio = Field(default_factory=_of_material("nu"), description="Poisson's ratio")
+    G: PositiveModulus | None = Field(default=None, description="shear modulus")
+
+    @model_validator(mode="after")
+    def _is_a_material(self) -> Made:
+        if self.material is not None and self.material not in MATERIALS:
+            raise Fault("unknown material", nearest(self.material, MATERIALS), below="material")
+        if self.nu is not None and self.nu > 0.5:
+            raise Fault("no solid has a Poisson's ratio above 0.5", "Write one like 0.3", below="nu")
+        if self.G is not None and "nu" in self.model_fields_set:
+            raise Fault("nu and G exclude each other", "Give one of them", below="G")
+        return self
+
+    def constants(self, beam: Made | None = None) -> Constants:
+        """Constants of a segment; missing ones are the beam's, where G and nu count as one."""
+        E = self.E if self.E is not None or beam is None else beam.E
+        rho = self.rho if self.rho is not None or beam is None else beam.rho
+        elastic = self if beam is None or self.G is not None or self.nu is not None else beam
+        if elastic.G is not None:
+            return Constants(E, rho, elastic.G, None if E is None else E / (2 * elastic.G) - 1)
+        G = None if E is None or elastic.nu is None else E / (2 * (1 + elastic.nu))
+        return Constants(E, rho, G, elastic.nu)
 
 
 class Sectioned(Made):

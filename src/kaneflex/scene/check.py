@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from kaneflex.scene.load_check import address_problems, drive_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.parts import IN_THE_PLANE, SEVERAL_FREEDOMS
-from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
+from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
@@ -142,10 +142,10 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 yield Problem(key[:LONGEST_NAME], None, reason, "Choose a shorter one")
             elif name in reserved:
                 yield taken(key, f"a reserved name: {reserved[name]}")
-            elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
-                yield taken(key, "contacts have a result of this name")
-            elif table == "sensors" and scene.frictions and name in FRICTION_RESULTS:
-                yield taken(key, "friction has a result of this name")
+    if scene.contacts or scene.frictions:
+        from kaneflex.scene.contact_check import result_problems
+
+        yield from result_problems(scene)
     yield from (taken(f"joints.{name}", "a body has the same name") for name in scene.joints if name in scene.bodies)
     tables = ("bodies", "joints", "masses", "loads", "springs")
     for own, others in {"springs": tables[:4], "contacts": tables}.items():

@@ -10,6 +10,22 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, taken
 
+_OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
+CONTACT_RESULTS = (
+    *(f"contact_{key}" for key in ("gap", "force", "lost")), *(f"flank_{key}" for key in ("gap", "torque", "lost")),
+    *(f"impact_{key}" for key in ("contact", *_OF_IMPACTS, "x", "y")),
+    *(f"flank_impact_{key}" for key in ("flank", *_OF_IMPACTS)),
+    *(f"clearance_{key}" for key in ("x", "y", "angle")), "contact", "flank", "clearance", "eccentricity",
+    "state", "last_state", "last_rate",
+)  # fmt: skip
+"""Names of further results of a scene with contacts, reserved there."""
+_OF_FRICTION = ("speed", "pressed", "sticks", "lost", "bristles")
+FRICTION_RESULTS = (
+    "friction", *(f"friction_{key}" for key in ("force", *_OF_FRICTION)),
+    "pin", *(f"pin_{key}" for key in ("torque", *_OF_FRICTION)),
+)  # fmt: skip
+"""Names of further results of a scene with friction, reserved there."""
+
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
     """Problems of entries that refer to a joint with a clearance, which has no drive and no reaction."""
@@ -65,6 +81,15 @@ def contact_problems(scene: Scene) -> Iterator[Problem]:
             seen.add((key, side))
         if scene.is_frame:
             yield Problem(key, None, "bodies with poses don't move", "Leave out either the contact or the poses")
+
+
+def result_problems(scene: Scene) -> Iterator[Problem]:
+    """Problems of sensors with the name of a further result."""
+    for name in scene.sensors:
+        if scene.contacts and name in CONTACT_RESULTS:
+            yield taken(f"sensors.{name}", "contacts have a result of this name")
+        elif scene.frictions and name in FRICTION_RESULTS:
+            yield taken(f"sensors.{name}", "friction has a result of this name")
 
 
 def tilt_problems(scene: Scene) -> Iterator[Problem]:

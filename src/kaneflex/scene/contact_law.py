@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from kaneflex.scene.materials import MATERIALS
+from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.quantities import (
     JointDamping,
     JointForce,

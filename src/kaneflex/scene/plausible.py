@@ -11,10 +11,10 @@ import numpy as np
 from kaneflex.scene.beams import Sectioned
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.materials import Constants
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.sections import Constants
 from kaneflex.scene.sensors import SECTION_KINDS
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 from kaneflex.support.units import ANGLE

@@ -19,21 +19,6 @@ from kaneflex.support.units import Dimension, to_si
 
 RESULT_NAMES = {"time": "it names the time axis of the results"}
 """Reserved names of sensors with the reason: a sensor's name is that of a variable of the results."""
-_OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
-CONTACT_RESULTS = (
-    *(f"contact_{key}" for key in ("gap", "force", "lost")), *(f"flank_{key}" for key in ("gap", "torque", "lost")),
-    *(f"impact_{key}" for key in ("contact", *_OF_IMPACTS, "x", "y")),
-    *(f"flank_impact_{key}" for key in ("flank", *_OF_IMPACTS)),
-    *(f"clearance_{key}" for key in ("x", "y", "angle")), "contact", "flank", "clearance", "eccentricity",
-    "state", "last_state", "last_rate",
-)  # fmt: skip
-"""Names of further results of a scene with contacts, reserved there."""
-_OF_FRICTION = ("speed", "pressed", "sticks", "lost", "bristles")
-FRICTION_RESULTS = (
-    "friction", *(f"friction_{key}" for key in ("force", *_OF_FRICTION)),
-    "pin", *(f"pin_{key}" for key in ("torque", *_OF_FRICTION)),
-)  # fmt: skip
-"""Names of further results of a scene with friction, reserved there."""
 RESERVED_NAMES = RESULT_NAMES | {
     **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws use it"),
     **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "addresses use it"),

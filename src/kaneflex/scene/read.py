@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from pydantic import BaseModel, ValidationError
 
 from kaneflex.scene.scene import Scene, given_value
-from kaneflex.scene.settings import known_keys, nested, split_setting
 from kaneflex.scene.table import REMOVED, merged, reuse_bodies
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
@@ -96,6 +95,8 @@ def with_settings(scene: SceneLike, settings: Iterable[str] | Mapping[str, Any])
     """
     if isinstance(settings, str):
         raise SceneError("settings", settings, "a single text instead of a list of settings", f"Write [{settings!r}]")
+    from kaneflex.scene.settings import nested, split_setting
+
     scene = scene_from(scene)
     raw = scene.raw
     given = settings.items() if isinstance(settings, Mapping) else map(split_setting, settings)
@@ -253,6 +254,8 @@ def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> S
 
 def _place_of(path: list[str], model: type[BaseModel]) -> str | None:
     """Advice for a key in the wrong table: the matching table within it, around it, or at the top."""
+    from kaneflex.scene.settings import known_keys
+
     *table, key = path
     within = [[*table, inner] for inner in known_keys(table, model)]
     around = [table[:depth] for depth in range(len(table) - 1, 1, -1)]
@@ -283,6 +286,8 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
         path += fault.below.split(".") if fault.below else []
         reason, cure = fault.reason, fault.cure
     elif error["type"] == "extra_forbidden":
+        from kaneflex.scene.settings import known_keys
+
         reason, cure = _coupling(path) or (
             "unknown key", _place_of(path, model) or nearest(path[-1], known_keys(path[:-1], model))
         )  # fmt: skip

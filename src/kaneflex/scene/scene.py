@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from kaneflex.scene.bodies import Body, Free
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
@@ -23,6 +23,7 @@ from kaneflex.support.units import SENSED, to_si
 if TYPE_CHECKING:
     from kaneflex.scene.contact_law import Friction
     from kaneflex.scene.contacts import Contact, LooseJoint
+    from kaneflex.scene.poses import Free
     from kaneflex.scene.springs import Spring
 else:
     (Contact,), (Spring,) = late("kaneflex.scene.contacts", "Contact"), late("kaneflex.scene.springs", "Spring")

@@ -1,4 +1,4 @@
-"""Paths in a scene: `--set path=value`, the keys that a file may have, and the numbers of generated modules."""
+"""Paths in a scene: `--set path=value`, and the keys that a file may have."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from kaneflex.scene.bodies import Body
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.plain_tables import LateType
@@ -193,41 +192,3 @@ def _plain(kind: object) -> object:
 
 def _is_table(kind: object) -> typing.TypeGuard[type[BaseModel]]:
     return isinstance(kind, type) and issubclass(kind, BaseModel)
-
-
-def number_at(scene: Scene, path: str) -> float:
-    """Number of the scene at a path TABLE.OWNER.NAME, or gravity.AXIS, in SI."""
-    table, owner, name = (*path.split(".", 2), "")[:3]
-    if table == "gravity":
-        return scene.gravity["xy".index(owner)]
-    if table == "ground":
-        return scene.ground[owner]["xy".index(name)]
-    if table == "bodies":
-        return _of_body(scene.bodies[owner], name)
-    entry = getattr(scene, table)[owner]
-    if name.startswith("direction_"):
-        return entry.direction["xy".index(name[-1])]
-    if table == "contacts":
-        return entry.number(name)
-    if table == "drives" and name in ("angle", "position"):
-        return entry.start
-    if table == "joints" and name == "branch":
-        return 1.0 if entry.branch == "+" else -1.0
-    if table == "loads" and name.startswith("profile_"):
-        return entry.profile[name == "profile_end"]
-    return getattr(entry, name)
-
-
-def _of_body(body: Body, name: str) -> float:
-    field, _, inner = name.partition(".")
-    if field == "points":
-        point, _, axis = inner.partition(".")
-        return body.points_all[point]["xy".index(axis)]
-    if field == "element":
-        return body.first_element[inner]
-    if field.startswith("pose_"):
-        assert body.pose is not None  # each body of a fixed frame has a pose
-        return body.pose.angle if field == "pose_angle" else body.pose.at["xy".index(field[-1])]
-    if field.startswith("centre_"):
-        return body.centre["xy".index(field[-1])]
-    return getattr(body, field)

@@ -1,7 +1,8 @@
 """Structure of a scene, on which its equations depend: topology, and numbers that are exactly zero (or +-1 in a
 direction).
 
-Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping matter only at run time.
+Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping matter only at run time;
+:func:`number_at` reads those that are parameters of the equations.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.laws import parse_law
 from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
@@ -185,3 +187,41 @@ def _zeros(numbers: tuple[float, ...]) -> list[Any]:
 
 def _direction(direction: tuple[float, float]) -> list[Any]:
     return [int(component) if component in (0, 1, -1) else ANY for component in direction]
+
+
+def number_at(scene: Scene, path: str) -> float:
+    """Number of the scene at a path TABLE.OWNER.NAME, or gravity.AXIS, in SI."""
+    table, owner, name = (*path.split(".", 2), "")[:3]
+    if table == "gravity":
+        return scene.gravity["xy".index(owner)]
+    if table == "ground":
+        return scene.ground[owner]["xy".index(name)]
+    if table == "bodies":
+        return _of_body(scene.bodies[owner], name)
+    entry = getattr(scene, table)[owner]
+    if name.startswith("direction_"):
+        return entry.direction["xy".index(name[-1])]
+    if table == "contacts":
+        return entry.number(name)
+    if table == "drives" and name in ("angle", "position"):
+        return entry.start
+    if table == "joints" and name == "branch":
+        return 1.0 if entry.branch == "+" else -1.0
+    if table == "loads" and name.startswith("profile_"):
+        return entry.profile[name == "profile_end"]
+    return getattr(entry, name)
+
+
+def _of_body(body: Body, name: str) -> float:
+    field, _, inner = name.partition(".")
+    if field == "points":
+        point, _, axis = inner.partition(".")
+        return body.points_all[point]["xy".index(axis)]
+    if field == "element":
+        return body.first_element[inner]
+    if field.startswith("pose_"):
+        assert body.pose is not None  # each body of a fixed frame has a pose
+        return body.pose.angle if field == "pose_angle" else body.pose.at["xy".index(field[-1])]
+    if field.startswith("centre_"):
+        return body.centre["xy".index(field[-1])]
+    return getattr(body, field)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.fem.mobility import check_determined, check_free, check_held_twice
+from kaneflex.fem.mobility import check_determined, check_free
 from kaneflex.mechanism.closure import SWEEP, check_closure, drive_positions
-from kaneflex.mechanism.floating_frames import link_modes
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
@@ -203,6 +202,8 @@ def _bind_coupled(
     placement = place(scene)
     _check_poses(posed, placement)
     if spare:
+        from kaneflex.fem.freedom import check_held_twice
+
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
@@ -233,6 +234,8 @@ def _check_poses(scene: Scene, placement: Placement) -> None:
 
 def _all_modes(scene: Scene) -> list[str]:
     """Notes on links whose elements have fewer modes than the default number."""
+    from kaneflex.mechanism.floating_frames import link_modes
+
     most, links = modes_of(scene), [name for name, body in scene.bodies.items() if body.elastic]
     return [
         f"{name} has only {count} of the default's {most} modes; more elements give more"

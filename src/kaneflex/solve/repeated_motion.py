@@ -13,7 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from kaneflex.fem.mobility import check_determined, check_free, elastic_coordinates
+from kaneflex.fem.freedom import elastic_coordinates
+from kaneflex.fem.mobility import check_determined, check_free
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model

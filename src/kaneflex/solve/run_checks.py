@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
-from kaneflex.mechanism.floating_frames import frame_of, stations
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
@@ -216,6 +215,8 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     if options.dynamics == "dynamic" and options.start == "periodic":
         matrices = _NUMBER * _MONODROMY * kept**2
     if coupled and not scene.is_spatial:
+        from kaneflex.mechanism.floating_frames import frame_of, stations
+
         floating = (size for name, size in links.items() if frame_of(stations(scene, name)).kind in ("mean", "free"))
         matrices = max(matrices, _NUMBER * 4 * max(floating, default=0) ** 2)
     matrices += size * _ASSEMBLED[scene.is_spatial]

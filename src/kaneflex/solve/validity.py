@@ -9,10 +9,9 @@ import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.time_statistics import at_least, between_steps
+from kaneflex.solve.linear_warnings import lost_stiffness, near_resonance
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
-from kaneflex.solve.resonance import near_resonance
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import UserError
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from kaneflex.fem.links import link_of_scene
-from kaneflex.mechanism.floating_frames import link_modes, mesh, most_modes
+from kaneflex.mechanism.floating_frames import link_modes, most_modes
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.meshes import mesh
 from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at

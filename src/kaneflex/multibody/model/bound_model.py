@@ -18,7 +18,6 @@ from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, Products, as_array, coefficients, numbered_entries
-from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
@@ -208,7 +207,11 @@ class Model:
     @property
     def shapes_given(self) -> tuple[str, ...]:
         """Coordinates of the shapes of bodies with modal data, which preset coupled does not reduce."""
-        return () if self.coupled is None else shapes_given(self.scene)
+        if self.coupled is None:
+            return ()
+        from kaneflex.mechanism.floating_frames import shapes_given
+
+        return shapes_given(self.scene)
 
     @property
     def reference_coordinates(self) -> dict[str, float]:

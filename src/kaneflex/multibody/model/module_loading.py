@@ -18,8 +18,7 @@ import numpy as np
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.options import acting, left_out, resolve_options
-from kaneflex.scene.settings import number_at
-from kaneflex.scene.structure import laws_hash, pruned_hash, structure_hash
+from kaneflex.scene.structure import laws_hash, number_at, pruned_hash, structure_hash
 from kaneflex.support.contract import COURSES, LAWS_ATTRIBUTES, REQUIRED_ATTRIBUTES, beam_module
 from kaneflex.support.errors import SceneError
 

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.solve.free_motion import uncoupled
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
+from kaneflex.study.stability.frozen import FEW_INSTANTS, freeze
 from kaneflex.support.errors import SceneError
 
 _EDGE = 2e-5

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model, keep_terms
+from kaneflex.solve.linear_warnings import load_factors
 
 INSTANTS, FEW_INSTANTS = 144, 36
 """Instants of a cycle at which the equations are frozen: at the scene's own speed, and at each speed of a sweep."""
@@ -47,7 +48,9 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
     from kaneflex.multibody.time.linearisation import state_matrix
 
     count = min(count, model.reduced.size)
-    times = np.arange(instants) * model.scene.period / instants
+    period = model.scene.period
+    assert period is not None  # else there are no cycles to ask about
+    times = np.arange(instants) * period / instants
     rigid = model.motion.at(times)
     M, C, K = (rigid.matrices(model.kept[name]) for name in "MCK")
     undamped = keep_terms(model.reduced, replace(model.options, damping=False))
@@ -66,13 +69,6 @@ def _condition(stack: np.ndarray) -> np.ndarray:
     scale = np.sqrt(abs(np.einsum("kii->ki", stack)))
     scale[scale == 0.0] = 1.0
     return np.linalg.cond(stack / (scale[:, :, None] * scale[:, None, :]))
-
-
-_ROUNDING = 1e-9
-"""Reduction of the stiffness by K_g, as a share, below which it counts as rounding."""
-
-_FREE = 1e-12
-"""Remaining share of a diagonal stiffness, others eliminated, below which the mechanism counts as unrestrained."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,66 +101,3 @@ def buckling(model: Model, times: np.ndarray) -> Buckling | None:
     rigid = model.motion.at(times)
     factors = load_factors(rigid.matrices(model.equations.K_s), rigid.matrices(model.equations.K_g))
     return None if factors is None else Buckling(rigid.times, factors)
-
-
-def load_factors(stiffness: np.ndarray, more: np.ndarray) -> np.ndarray | None:
-    """Smallest lambda > 0 at which stiffness + lambda more is singular, for stacks (n_times, n, n): (n_times,).
-
-    Only the symmetric part of ``more`` counts. None if a stiffness is not positive definite.
-    """
-    try:
-        lower = np.linalg.cholesky(stiffness)
-    except np.linalg.LinAlgError:
-        return None
-    if (np.einsum("kii->ki", lower) ** 2 < _FREE * np.einsum("kii->ki", stiffness)).any():
-        return None
-    half = np.linalg.solve(lower, 0.5 * (more + more.swapaxes(1, 2)))
-    unit = np.linalg.solve(lower, half.swapaxes(1, 2))
-    # stiffness + lambda more = L (1 + lambda U) L^T is singular if 1 / lambda is minus an eigenvalue of U
-    inverse = -np.linalg.eigvalsh(unit)[:, 0]
-    factors = np.full(len(stiffness), np.inf)
-    pushed = inverse > _ROUNDING
-    factors[pushed] = 1.0 / inverse[pushed]
-    return factors
-
-
-_INSTANTS = 36
-"""Instants of a run that are checked."""
-_NO_FREQUENCY = 1e-13
-"""Share of the highest squared frequency below which one counts as zero."""
-_MOST = 200
-"""Coordinates up to which the check costs little compared with a run; for more use `kaneflex stability`."""
-
-
-def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
-    """Warnings if K_s + K_g, or K_s + K_d without K_g, is not positive definite at some of ``times`` [s]."""
-    options, size = model.options, model.equations.size
-    if options.dynamics == "frozen":
-        squares = model.kept["K"].value({}).diagonal()
-        if not squares.min(initial=0.0) < -_NO_FREQUENCY * abs(squares).max(initial=0.0):
-            return []
-        rate = float(np.sqrt(-squares.min()))
-        return [
-            f"the frozen stiffness is not positive definite because of the spin: a mode grows as exp({rate:.4g} t); "
-            "preset stiffened keeps K_g, the stiffening by axial forces"
-        ]
-    if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _MOST:
-        return []
-    if not options.geometric and not options.spin:
-        return []
-    rigid = model.motion.at(times[:: max(1, len(times) // _INSTANTS)])
-    equations = model.equations
-    more = equations.K_g if options.geometric else equations.K_d
-    factors = load_factors(rigid.matrices(equations.K_s), rigid.matrices(more))
-    if factors is None or not factors.min() < 1.0:
-        return []
-    at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"
-    if options.geometric:
-        return [
-            f"the axial forces exceed a buckling load at {at}, with a load factor of {factors.min():.3g}; check with "
-            f"kaneflex stability whether the motion is stable"
-        ]
-    return [
-        f"the stiffness is not positive definite at {at} because of the spin, and K_g, the stiffening by axial forces, "
-        "is left out; use preset stiffened"
-    ]

@@ -1,7 +1,8 @@
-"""Check for runs near resonance, where the peak depends strongly on the distance of excitation and mode.
+"""Warnings from the linear equations of a run: lost stiffness, and resonance.
 
-Each mode of the reference configuration is an oscillator with its mean stiffness and damping over the run, excited by
-its share of the load and of the rigid motion's inertia. Its amplitude for a harmonic of frequency Omega,
+Near resonance the peak depends strongly on the distance of excitation and mode. Each mode of the reference
+configuration is an oscillator with its mean stiffness and damping over the run, excited by its share of the load and of
+the rigid motion's inertia. Its amplitude for a harmonic of frequency Omega,
 
     a = |f| / sqrt((omega^2 - Omega^2)^2 + (c Omega)^2),
 
@@ -40,6 +41,19 @@ class _Resonance(NamedTuple):
     frequency: float
     driven: float
     amplified: float
+
+
+_ROUNDING = 1e-9
+"""Reduction of the stiffness by K_g, as a share, below which it counts as rounding."""
+
+_FREE = 1e-12
+"""Remaining share of a diagonal stiffness, others eliminated, below which the mechanism counts as unrestrained."""
+_CHECKED = 36
+"""Instants of a run that are checked."""
+_NO_FREQUENCY = 1e-13
+"""Share of the highest squared frequency below which one counts as zero."""
+_LARGEST = 200
+"""Coordinates up to which the check costs little compared with a run; for more use `kaneflex stability`."""
 
 
 def near_resonance(solution: RunResult) -> list[str]:
@@ -134,3 +148,58 @@ def _moved(model: Model, shape: np.ndarray) -> float:
 def _translations(dofs: int, nodes: np.ndarray) -> np.ndarray:
     """Axial and transverse displacements of a link's nodes (dofs nodes, n_times), without rotations."""
     return nodes.reshape(-1, dofs, nodes.shape[1])[:, : 2 if dofs == 3 else 3].reshape(-1, nodes.shape[1])
+
+
+def load_factors(stiffness: np.ndarray, more: np.ndarray) -> np.ndarray | None:
+    """Smallest lambda > 0 at which stiffness + lambda more is singular, for stacks (n_times, n, n): (n_times,).
+
+    Only the symmetric part of ``more`` counts. None if a stiffness is not positive definite.
+    """
+    try:
+        lower = np.linalg.cholesky(stiffness)
+    except np.linalg.LinAlgError:
+        return None
+    if (np.einsum("kii->ki", lower) ** 2 < _FREE * np.einsum("kii->ki", stiffness)).any():
+        return None
+    half = np.linalg.solve(lower, 0.5 * (more + more.swapaxes(1, 2)))
+    unit = np.linalg.solve(lower, half.swapaxes(1, 2))
+    # stiffness + lambda more = L (1 + lambda U) L^T is singular if 1 / lambda is minus an eigenvalue of U
+    inverse = -np.linalg.eigvalsh(unit)[:, 0]
+    factors = np.full(len(stiffness), np.inf)
+    pushed = inverse > _ROUNDING
+    factors[pushed] = 1.0 / inverse[pushed]
+    return factors
+
+
+def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
+    """Warnings if K_s + K_g, or K_s + K_d without K_g, is not positive definite at some of ``times`` [s]."""
+    options, size = model.options, model.equations.size
+    if options.dynamics == "frozen":
+        squares = model.kept["K"].value({}).diagonal()
+        if not squares.min(initial=0.0) < -_NO_FREQUENCY * abs(squares).max(initial=0.0):
+            return []
+        rate = float(np.sqrt(-squares.min()))
+        return [
+            f"the frozen stiffness is not positive definite because of the spin: a mode grows as exp({rate:.4g} t); "
+            "preset stiffened keeps K_g, the stiffening by axial forces"
+        ]
+    if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _LARGEST:
+        return []
+    if not options.geometric and not options.spin:
+        return []
+    rigid = model.motion.at(times[:: max(1, len(times) // _CHECKED)])
+    equations = model.equations
+    more = equations.K_g if options.geometric else equations.K_d
+    factors = load_factors(rigid.matrices(equations.K_s), rigid.matrices(more))
+    if factors is None or not factors.min() < 1.0:
+        return []
+    at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"
+    if options.geometric:
+        return [
+            f"the axial forces exceed a buckling load at {at}, with a load factor of {factors.min():.3g}; check with "
+            f"kaneflex stability whether the motion is stable"
+        ]
+    return [
+        f"the stiffness is not positive definite at {at} because of the spin, and K_g, the stiffening by axial forces, "
+        "is left out; use preset stiffened"
+    ]
