@@ -19,12 +19,18 @@ sensors.push = {contact_force = "NAME"}
 solve = {preset = "coupled", duration = "1 ms", steps = 2, start = "zero"}
 """
 LAW = 'contact = {law = "hertz", stiffness = "7e4 N/m", exponent = 1}, friction = {mu = 0.3}'
-REACH, RADIUS = {"face": 0.21, "on": 0.35, "in": 0.35, "pin": 0.35}, 0.21
+REACH, RADIUS = {"face": 0.21} | dict.fromkeys(("on", "rod", "in", "pipe", "pin"), 0.35), 0.21
+INSIDE, AXIAL = ("in", "pipe", "pin"), ("rod", "pipe", "pin")
+"""Kinds of circles of which the second is in the first, and of cylinders."""
 KINDS = {
     ("face", 3): 'contacts.face = {point_on_line = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
     ("face", 6): 'contacts.face = {point_on_plane = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
     ("on", 3): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], LAW}',
     ("in", 3): 'contacts.face = {circle_in_circle = ["two.end", "one.end"], radii = [0.21, 0.56], LAW}',
+    ("on", 6): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], LAW}',
+    ("pipe", 6): 'contacts.face = {circle_in_circle = ["two.end", "one.end"], radii = [0.21, 0.56], axis = NORMAL, '
+    'LAW}',
+    ("rod", 6): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], axis = NORMAL, LAW}',
     ("pin", 6): 'joints.face = {cylindrical = ["one.end", "two.end"], axis = NORMAL, '
     'clearance = {radial = 0.35, radius = 0.21, length = 0.1, LAW}}',
     ("in", 6): 'joints.face = {spherical = ["one.end", "two.end"], clearance = {radial = 0.35, radius = 0.21, LAW}}',
@@ -37,7 +43,7 @@ class Pair:
     """Two bodies, apart, at states near that of the scene."""
 
     def __init__(self, kind, d, seed=0):
-        there = {"in": (0.1, -0.15, 0.1), "pin": (0.15, 0.2, -0.1)}.get(kind, (2.0, -2.5, 0.3))
+        there = (2.0, -2.5, 0.3) if kind not in INSIDE else (0.1, -0.15, 0.1) if kind == "in" else (0.15, 0.2, -0.1)
         axes = d // 3 + 1
         name = "face_2" if kind == "pin" else "face"
         given = {"CONTACT": KINDS[kind, d], "NAME": name, "LAW": LAW, "NORMAL": list(NORMAL[d]), "ORIGIN": [0] * axes,
@@ -83,10 +89,10 @@ def test_a_row_has_its_gap_its_normal_and_its_speeds(kind, d):
     rows, (one, two), _ = pair.rows(pair.q, pair.rate)
     axes = d // 3 + 1
     between, normal = (two - one)[:axes], rows[0, 3 + d : 3 + d + axes]
-    if kind == "pin":
+    if kind in AXIAL:
         axis = pair.engine.work.axes[int(pair.engine.tables.w[pair.act[at.NUMBERS_AT] + at.AXIS_AT])]
         between = between - axis @ between * axis
-    length, way = np.linalg.norm(between), -1.0 if kind in ("in", "pin") else 1.0
+    length, way = np.linalg.norm(between), -1.0 if kind in INSIDE else 1.0
     gap = normal @ between - REACH[kind] if kind == "face" else way * (length - REACH[kind])
     assert rows[0, 0] == pytest.approx(gap, abs=1e-14) and gap > 0.0
     if kind != "face":
@@ -119,7 +125,7 @@ def test_a_row_has_its_rates_and_its_jacobian(kind, d):
     change = (near[0] - near[1])[:axes] / (2 * STEP)
     assert rows[0, 1] == pytest.approx(change[0, 0], rel=1e-7, abs=1e-8)
     # friction of spheres and pins has the rate of directions that do not spin
-    exact = 1 if d == 6 and kind in ("in", "pin") else axes
+    exact = 1 if d == 6 and kind != "face" else axes
     assert rows[:exact, 2] == pytest.approx(change[:exact, 1], rel=1e-7, abs=1e-7)
     if kind == "face" and d == 3:  # a way that slides
         assert rows[1, 1] == pytest.approx(change[1, 0], rel=1e-7, abs=1e-8)

@@ -1,12 +1,14 @@
 """Clearances of pins and guides in space: planar mechanisms turned at random, statics, impacts along the axis."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from lifting import lifted
 from parity import random_turn
 from runs import solved
+from scipy.integrate import solve_ivp
 from test_spatial_contacts import LOOSE, estimated
 from test_tangent_friction import RUBBED
 
@@ -38,6 +40,7 @@ joints.right = {cylindrical = ["ground.right", "shaft.end"], axis = [1, 0, 0], c
 sensors.height = {position = "left", component = "z"}
 solve = {preset = "coupled", duration = "30 ms", steps = 300, modes = 2, tolerance = 1e-10}
 """.replace("CONTACT", '{law = "kelvin-voigt", stiffness = "1e6 N/m", exponent = 1, damping = "500 N s/m"}')  # noqa: E501
+STEEL = "materials=['steel', 'steel'], stiffness='none', exponent='none'"
 GONE = "stiffness='none', exponent='none', damping='none'"
 PIN = 'radial = "0.1 mm", radius = "10 mm", length = "60 mm"'
 BLOCK = 'gap = "0.1 mm", length = "60 mm", height = "30 mm", breadth = "40 mm", normal = NORMAL'
@@ -153,6 +156,88 @@ def test_a_block_rests_on_four_corners_as_statics_says(turn):
     left, front = below[0] + below[1], below[1] + below[3]
     assert left == pytest.approx(2 * 9.81 * (0.5 + 0.004 / 0.04), rel=1e-4)  # its centre is above the faces
     assert front == pytest.approx(2 * 9.81 * (0.5 + 0.01 / 0.06), rel=1e-4)
+
+
+BALLS = """
+schema = 1
+description = "Balls that touch each other and a pipe"
+gravity = GRAVITY
+ground.pipe = [0, 0, 0]
+bodies.a = {mass = 0.5, inertia = [J, J, J], free = {at = A, velocity = V}}
+bodies.b = {mass = 0.5, inertia = [J, J, J], free = {at = B}}
+contacts.hit = {circle_on_circle = ["a", "b"], radii = ["20 mm", "30 mm"], contact = LAW}
+[contacts.pipe]
+circle_in_circle = ["b", "ground.pipe"]
+radii = ["20 mm", "120 mm"]
+axis = AXIS
+contact = LAW
+FRICTION
+[sensors]
+a_x = {velocity = "a", component = "x", axes = "global"}
+a_y = {velocity = "a", component = "y", axes = "global"}
+a_z = {velocity = "a", component = "z", axes = "global"}
+[solve]
+preset = "coupled"
+duration = "TIME"
+steps = 1000
+tolerance = 1e-10
+"""
+
+
+def balls(turn, law, friction="", time="20 ms", **vectors):
+    """Scene of two balls, their vectors turned."""
+    text = BALLS.replace("FRICTION", friction).replace("LAW", law).replace("TIME", time).replace("J", "8e-5")
+    given = {"gravity": (0, 0, 0), "a": (0, 0, 0.5), "v": (0, 0, 0), "b": (0, 0, 0), "axis": (1, 0, 0)} | vectors
+    for key, value in given.items():
+        text = re.sub(rf"= {key.upper()}\b", f"= {(turn @ np.array(value, float)).tolist()}", text)
+    return scene_of(text)
+
+
+@pytest.mark.parametrize("turn", "abcd")
+def test_a_ball_is_deflected_by_another_one_as_a_point_by_a_central_force(turn):
+    """Independent integration of the vector between their centres, whose reduced mass is half that of a ball; the
+    centre of both goes on."""
+    stiffness, speed = 1e7, np.array([0.0, 0.0, -2.0])
+    start = 0.05 * np.array([math.sin(0.5), 0.0, math.cos(0.5)])  # where they touch first, from the second one's centre
+
+    def rates(_, y):
+        length = np.hypot(*y[:2])
+        return [*y[2:], *(stiffness * max(0.05 - length, 0.0) ** 1.5 / 0.25 / length * y[:2])]
+
+    apart = solve_ivp(rates, (0.0, 0.01), [*start[::2], *speed[::2]], "DOP853", rtol=1e-13, atol=1e-13).y[2:, -1]
+    law = f'{{law = "hertz", stiffness = {stiffness}, exponent = 1.5}}'
+    found = solved(balls(random_turn(turn), law, a=start - 2e-3 * speed, v=speed))
+    assert [each.contact for each in found.impacts] == ["hit"]
+    after = random_turn(turn).T @ [found[f"a_{axis}"].values[-1] for axis in "xyz"]
+    assert after == pytest.approx(0.5 * (speed + np.array([apart[0], 0.0, apart[1]])), abs=1e-8)
+
+
+@pytest.mark.parametrize("turn", "abc")
+def test_a_ball_rolls_in_a_pipe_with_the_period_of_a_solid_sphere(turn):
+    """T = 2 pi sqrt(7 (R - r)/(5 g)) (1 + a^2/16) for a swing of a small angle a; J is 2/5 m r^2."""
+    law = '{law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = "1000 N s/m"}'
+    start = 0.1 * np.array([0.0, math.sin(0.05), -math.cos(0.05)])
+    moving = {"gravity": (0, 0, -9.81), "a": (3, 0, 20), "b": start}
+    found = solved(balls(random_turn(turn), law, "friction = {mu = 0.5}", "1.5 s", **moving))
+    place = random_turn(turn).T @ found.motion.clearance("pipe")
+    rises = np.flatnonzero((place[1, :-1] < 0.0) & (place[1, 1:] >= 0.0))
+    zeros = [np.interp(0.0, place[1, k : k + 2], found.times[k : k + 2]) for k in rises]
+    period = 2 * math.pi * math.sqrt(7 * 0.1 / (5 * 9.81)) * (1 + 0.05**2 / 16)
+    assert zeros[1] - zeros[0] == pytest.approx(period, rel=2e-4)
+    assert np.degrees(np.arctan2(place[1], -place[2])).max() == pytest.approx(np.degrees(0.05), rel=1e-3)
+
+
+def test_what_balls_in_space_can_t_be_is_refused():
+    scene = balls(np.eye(3), "{law = 'hertz', stiffness = 1e7, exponent = 1.5}")
+    for settings, message in (
+        (f"contacts.hit={{width='2 mm', contact={{{STEEL}, load=1}}}}",
+         r"contacts\.hit\.width = 0\.002: only planar cylinders have a width"),
+        ("contacts.hit.axis=[1, 0]", r"two components, where "),
+        (f"contacts.pipe.contact={{{STEEL}}}",
+         r"contacts\.pipe\.contact: Hertz's theory of spheres does not apply to cylinders\. Give contact\.stiffness"),
+    ):  # fmt: skip
+        with pytest.raises(SceneError, match=message):
+            load(with_settings(scene, (settings,)))
 
 
 def test_results_name_what_touches_and_the_picture_shows_both_ends(tmp_path):

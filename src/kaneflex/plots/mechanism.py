@@ -172,23 +172,31 @@ class _Pose:
         return Outline(links, bars, boxes, {name: place[:, 0] for name, place in pins.items()})
 
     def _touching(self, fixed: Scenery) -> dict[str, np.ndarray]:
-        """Outlines of planes in space about the bodies that touch them, and of the balls on these bodies."""
+        """Outlines in space of planes and cylinders beside the bodies that touch them, and of balls."""
         found: dict[str, np.ndarray] = {}
         for name, contact in self.scene.contacts.items() if self.scene.is_spatial else ():
-            if contact.kind != "point-plane" or contact.corner:
+            if contact.joint is not None:
                 continue
             from kaneflex.mechanism.spatial import across
 
-            (first, second), normal = contact.sides, np.array(contact.direction)
+            (first, second), along, turns = contact.sides, np.array(contact.direction), np.linspace(0.0, 2 * np.pi, 33)
             middle, frame = self._point(second.body, self.scene.point(second)), frame_of(self.rigid, first.body)
-            foot = frame.to_body(middle - frame.origin)[:, 0]
-            foot -= ((foot - self.scene.point(first)) @ normal) * normal
-            edges = max(_PLANE * fixed.size, 2.0 * contact.touching) * np.array(across(normal))
-            corners = foot + np.array([(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]) @ edges
-            found[f"{name} plane"] = np.array([self._point(first.body, tuple(corner)) for corner in corners.tolist()])
-            turns = np.linspace(0.0, 2.0 * np.pi, ALONG_LINK)
-            ring = contact.touching * np.column_stack([np.cos(turns), np.sin(turns)]) @ fixed.view
-            found[f"{name} ball"] = middle + ring[:, :, None]
+            round_it = np.column_stack([np.cos(turns), np.sin(turns)])
+            found[f"{name} ball"] = middle + (contact.touching * round_it @ fixed.view)[:, :, None]
+            radius = 0.0 if contact.radii is None else contact.radii[1]
+            if len(along) == 2:
+                middle = self._point(first.body, self.scene.point(first))
+                found[f"{name} other ball"] = middle + (radius * round_it @ fixed.view)[:, :, None]
+                continue
+            foot, start = frame.to_body(middle - frame.origin)[:, 0], np.array(self.scene.point(first))
+            height = ((foot - start) @ along) * along
+            if contact.kind == "point-plane":
+                edges, size = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]), _PLANE * fixed.size
+                foot, radius = foot - height, max(size, 2.0 * contact.touching)
+            else:
+                edges, foot = round_it, start + height
+            outline = foot + edges @ (radius * np.array(across(along)))
+            found[f"{name} plane"] = np.array([self._point(first.body, tuple(place)) for place in outline.tolist()])
         return found
 
     def _axis(self, name: str) -> np.ndarray:

@@ -190,7 +190,7 @@ def _touching(scene: Scene) -> Blocks:
     if not (scene.contacts or scene.frictions):
         return {}
     return {
-        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
+        "contacts": {name: contact_line(contact, scene.is_spatial) for name, contact in scene.contacts.items()},
         "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
     }
 
@@ -308,11 +308,15 @@ _CORNERS = {
 """Sides of a clearance's contact, by whether the joint is a guide, and whether a bearing is touched."""
 
 
-def contact_line(contact: Contact) -> str:
+def contact_line(contact: Contact, in_space: bool = False) -> str:
     """Line of a contact: its two sides, stiffness and restitution."""
     from kaneflex.scene.contacts import ClearanceContact
 
     where = _SIDES[contact.kind].format(*contact.sides, way="forwards" if contact.direction[0] > 0 else "back")
+    where = where.replace("circle", "sphere") if in_space else where
+    if contact.axis is not None:
+        where = f"sphere about {contact.sides[1]} {'in' if contact.kind == 'circle-in-circle' else 'on'} the cylinder"
+        where += f" about {contact.sides[0]}"
     if isinstance(contact, ClearanceContact) and contact.corner:
         where = _CORNERS[contact.of_kind == "prismatic", contact.kind == "circle-in-circle"].format(*contact.sides)
     stiffness, exponent = contact.pushing
@@ -321,7 +325,6 @@ def contact_line(contact: Contact) -> str:
         law = "rigid" if contact.law == "newton" else law
         return f"{where}, {math.degrees(contact.room):.6g} deg from the middle, {law}, {restitution_line(contact)}"
     if isinstance(contact, ClearanceContact):
-        where = where.replace("circle", "sphere") if contact.of_kind == "spherical" else where
         where += f", clearance {1e3 * contact.room:.6g} mm"
     if contact.law == "newton":
         return f"{where}, rigid, {restitution_line(contact)}"

@@ -31,6 +31,7 @@ _KINDS = {
 }  # fmt: skip
 _FACES = ("point_on_line", "point_on_plane")
 """Contacts with a face, which has a normal."""
+_STIFFNESS = "Give contact.stiffness"
 _OF_CLEARANCES = {
     "radial": ("radius", "width", "length", "axial"), "gap": ("length", "height", "breadth", "normal"),
     "angle": ("middle",),
@@ -124,8 +125,8 @@ class Clearance(SceneTable):
         self.refuse(strange, f"{side}{where or ' in the plane'} has none")
         if self.width is not None and in_space:
             raise Fault(f"{side}{where} has no width", "Leave it out", below="width")
-        if self.normal is not None and abs(sum(map(mul, self.normal, axis))) > _SQUARE:
-            raise Fault("not perpendicular to the guide", "Give a direction across it", below="normal")
+        if self.normal and (len(self.normal) != 3 or abs(sum(map(mul, self.normal, axis))) > _SQUARE):
+            raise Fault("not perpendicular to the guide", "Give three components across it", below="normal")
 
 
 class Contact(SceneTable):
@@ -134,8 +135,9 @@ class Contact(SceneTable):
     `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on the side of a line through a
     point of another body that the `normal` (in that body's axes) points to; in space `point_on_plane` is the same with
     a plane, and a sphere in place of the circle. `circle_on_circle`, `circle_in_circle`
-    (the first in the second): circles of these `radii` about two points. For a stiffness from materials, circles are
-    spheres, or cylinders of a `width`. `friction` acts in the contact.
+    (the first in the second): circles of these `radii` about two points. In space they are spheres, the second with an
+    `axis` (in its body's axes) an endless cylinder. For a stiffness from materials, circles are spheres, or in the
+    plane cylinders of a `width`. `friction` acts in the contact.
     """
 
     point_on_line: AddressPair | None = None
@@ -145,6 +147,7 @@ class Contact(SceneTable):
     normal: Direction | None = None
     radius: NonNegativeLength = 0.0
     radii: Radii | None = None
+    axis: Direction | None = None
     width: PositiveLength | None = None
     contact: ContactLaw
     friction: Friction | None = None
@@ -161,7 +164,7 @@ class Contact(SceneTable):
             raise Fault(f"the side of the {what} is not given", f"Give normal, like normal = {like}")
         if not face and self.radii is None:
             raise Fault("the circles have no radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
-        self.refuse(("radii",) if face else ("normal", "radius"), f"does not apply to {given}")
+        self.refuse(("radii", "axis") if face else ("normal", "radius"), f"does not apply to {given}")
         radii = self.radii or (0.0, 0.0)
         if given == "circle_in_circle" and not radii[0] < radii[1]:
             raise Fault("the first circle does not fit into the second", "Give the smaller radius first", below="radii")
@@ -189,7 +192,8 @@ class Contact(SceneTable):
 
     @property
     def direction(self) -> Vector:
-        return (0.0, 0.0) if self.normal is None else self.normal
+        """Normal of a line or plane, or axis of a cylinder, in the axes of its body; (0, 0) without them."""
+        return self.normal or self.axis or (0.0, 0.0)
 
     @property
     def touching(self) -> float:
@@ -232,6 +236,8 @@ class Contact(SceneTable):
     @property
     def curvature(self) -> float:
         """Curvature 1/R of two spheres, or of a sphere and a plane [1/m]. Raises Fault without a radius."""
+        if self.axis is not None:
+            raise Fault("Hertz's theory of spheres does not apply to cylinders", _STIFFNESS, below="contact")
         if self.radii is None:
             radii: tuple[float, ...] = (self.radius,)
         else:
@@ -279,8 +285,6 @@ class ClearanceContact(Contact):
     clearance: Clearance
     along: int = 0
     flank: int = 0
-    axis: tuple[float, ...] = ()
-    """Axis of a bearing, or direction of a guide, in space; empty otherwise."""
     offset: tuple[float, ...] = ()
     """In space: vector from the second side's point to the touching one, in the first body's axes at coordinate 0."""
 
@@ -290,9 +294,7 @@ class ClearanceContact(Contact):
 
     @property
     def direction(self) -> Vector:
-        if self.flank:
-            return float(self.flank), 0.0
-        return self.axis if self.axis and self.kind == "circle-in-circle" else super().direction
+        return (float(self.flank), 0.0) if self.flank else super().direction
 
     @property
     def joint(self) -> str:
@@ -331,8 +333,8 @@ class ClearanceContact(Contact):
     @property
     def curvature(self) -> float:
         pin, clearance = self.clearance.radius, self.clearance.radial
-        if self.axis:
-            raise Fault("Hertz's theory does not apply to ends and corners", "Give contact.stiffness", below="contact")
+        if self.axis is not None:
+            raise Fault("Hertz's theory does not apply to ends and corners", _STIFFNESS, below="contact")
         if self.kind == "point-line" or not pin:
             what = "a corner" if self.kind == "point-line" else "a pin"
             cure = "Give contact.stiffness" if self.kind == "point-line" else "Give its radius, or the joint's width"
@@ -449,5 +451,5 @@ def loose_joints(contacts: Mapping[str, Contact]) -> dict[str, LooseJoint]:
         pin, axis = first.kind == "circle-in-circle", first.axis
         x, y = first.direction[:2]  # of a plane guide the normal of its right face
         direction = None if pin else axis or (y, -x)
-        found[name] = LooseJoint(first.sides, first.clearance, direction, tuple(own), axis if pin else ())
+        found[name] = LooseJoint(first.sides, first.clearance, direction, tuple(own), (axis or ()) if pin else ())
     return found

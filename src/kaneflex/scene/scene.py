@@ -62,7 +62,7 @@ def given_vectors(scene: Scene) -> Iterator[tuple[str, tuple[float, ...]]]:
 
 _VECTORS = frozenset((
     "gravity", "ground", "centre", "points", "direction", "axis", "axes", "at", "velocity", "angular_velocity", "x",
-    "y",
+    "y", "normal",
 ))  # fmt: skip
 """Fields that hold vectors, or named points."""
 

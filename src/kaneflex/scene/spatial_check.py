@@ -44,8 +44,11 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
     for name, contact in scene.with_clearances().contacts.items():
-        if contact.joint is None and contact.kind != "point-plane":
+        if contact.joint is None and contact.kind == "point-line":
             yield Problem(contact.entry(name), None, reason, "Use point_on_plane in a scene in space")
+        elif contact.joint is None and contact.width is not None:
+            cure = "Leave it out: circles are spheres"
+            yield Problem(f"contacts.{name}.width", contact.width, "only planar cylinders have a width so far", cure)
         elif contact.friction is not None and contact.friction.law == "lugre":
             yield Problem(f"{contact.stands(name)}.friction.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
         elif contact.law == "newton":
