@@ -183,6 +183,19 @@ def test_a_planar_run_lifted_into_space_is_the_same():
     alike(deep, flat, 1e-4, ("tip", "short", "height", "force", "torque"))
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_rigid_mechanism_beside_free_joints_has_the_rates_of_its_positions(dimension):
+    """Accelerations too: they are not those that the loads would give the rigid mechanism."""
+    turns = {2: ("", "omega", "epsilon"), 3: (", axis = [0, 0, 1]", "omega_z", "epsilon_z")}
+    axis, speed, acceleration = turns[dimension]
+    found = _solution(PENDULUM.format(gravity=[0, -9.81, 0][:dimension], axis=axis, damping=""))
+    step, (body,) = 1e-6 * found.times[-1], found.model.scene.bodies
+    motion = found.model.motion if dimension == 2 else found.model.motion.rigid
+    near = motion.at(found.times[len(found.times) // 2] + step * np.array([-1.0, 0.0, 1.0]))
+    slope = (near[f"{body}.{speed}"][2] - near[f"{body}.{speed}"][0]) / (2.0 * step)
+    assert near[f"{body}.{acceleration}"][1] == pytest.approx(slope, rel=1e-4)
+
+
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("damping", "close"),

@@ -105,8 +105,8 @@ class Joint:
 
 @dataclass(frozen=True)
 class Drive:
-    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), "given" at instants, or
-    "free": by the forces."""
+    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the
+    forces."""
 
     kind: str
     law: str | None

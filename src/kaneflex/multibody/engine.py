@@ -197,10 +197,6 @@ class Engine(Views):
         q, u = self.coordinates, self.motion[1].copy()
         return bool(self.call("project", t, q, u) == codes.DONE)
 
-    def follow(self, rows: np.ndarray, first: int, given: np.ndarray, side: np.ndarray) -> int:
-        """Close the loops of rows in place, see :func:`kaneflex.multibody.dynamics.entries.follow_rows`."""
-        return int(self.call("follow_rows", rows, first, len(rows), given, given.shape[1], side))
-
     def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
         """Records of the states near rows of the integration, (n_times, kept); None if one is singular.
 
@@ -210,7 +206,7 @@ class Engine(Views):
         self.stand(rows[0])
         self.choose(float(rows[0, 0]))
         self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-        found = self.unfold(rows, nearby=True)
+        found = self.unfold(rows, codes.NEAR_STATES)
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
         return found if len(found) == len(rows) else None
 
@@ -221,15 +217,14 @@ class Engine(Views):
         asked = given, len(given), times, len(times), *out, out[-1].shape[1]
         return int(self.call("integrate", method, control, here, *asked))
 
-    def unfold(self, rows: np.ndarray, nearby: bool = False) -> np.ndarray:
-        """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration with closed
-        loops, (n_times, kept).
+    def unfold(self, rows: np.ndarray, near: int = codes.ON_LOOPS) -> np.ndarray:
+        """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration, (n_times,
+        kept), see :func:`kaneflex.multibody.dynamics.entries.unfold`.
 
-        ``nearby``: of the states near these rows, up to the first one that can't be projected; ``work.now`` has its
-        time and outcome.
+        With NEAR_STATES up to the first one that can't be projected; ``work.now`` has its time and outcome.
         """
         out = np.zeros((len(rows), len(self.work.kept)))
-        return out[: self.call("unfold", np.ascontiguousarray(rows), len(rows), nearby, out)]
+        return out[: self.call("unfold", np.ascontiguousarray(rows), len(rows), near, out)]
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""

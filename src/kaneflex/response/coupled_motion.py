@@ -50,10 +50,10 @@ class CoupledMotion(Motion):
 
     @cached_property
     def rigid_forces(self) -> RigidMotion:
-        reference = self.model.module
-        rows = reference.rows(self.times, reference.first)
-        trajectory = by_themselves(reference.system, rows, reference.system.nearby(rows))
-        return FloatingMotion.of(self.model.scene, reference.system, self.rigid, trajectory)
+        motion = cast(Any, self.model.motion)
+        system, record = motion.module.system, motion.curve.record(self.times)
+        trajectory = by_themselves(system, self.times[:, None], record)
+        return FloatingMotion.of(self.model.scene, system, self.rigid, trajectory)
 
     @property
     def scalars(self) -> RigidMotion:

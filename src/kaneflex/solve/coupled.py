@@ -194,7 +194,9 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
         return _in_space(model, trajectory, trajectory.curve, seconds)
     assert isinstance(rigid, ReferenceKinematics)
     bare = FloatingMotion.of(model.scene, system, rigid.at(trajectory.times), trajectory)
-    free = Courses(trajectory.times, *bare.courses(rigid.module.FREE))
+    frames = [k + j for k in system.start.values() for j in range(BODY)]
+    q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], bare.courses(rigid.module.FREE)
+    free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
     run = None if system.engine.shapes.any() else trajectory
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 

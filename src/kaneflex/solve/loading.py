@@ -247,16 +247,10 @@ def check_reference(scene: Scene, motion: ReferenceKinematics, options: Options)
     """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
     mechanism, reference = mechanism_of(scene), motion.module
     rigid = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
-    lost = np.flatnonzero(~np.all([np.isfinite(rigid[f"{name}.c"]) for name in mechanism.bodies], axis=0))
-    if len(lost) and np.isfinite(rigid.known).all():
-        from kaneflex.mechanism.position_analysis import place
-
-        # raises SceneError if the loops can't close at all
-        place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
-        joints = ", ".join(dict.fromkeys(reference.engine.layout.cuts))
+    if not np.isfinite(rigid.values).all() and np.isfinite(rigid.known).all():
         raise SceneError(
-            "joints", joints, f"the loop cannot close at {drive_positions(mechanism, rigid, int(lost[0]))}, or is in a "
-            "singular position there",
+            "joints", ", ".join(dict.fromkeys(reference.engine.layout.cuts)),
+            f"the loop cannot close at {drive_positions(mechanism, rigid)}, or is in a singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
 

@@ -21,7 +21,9 @@ _BOTH = {
     "dynamics.entries.courses_at": "void(m, N, int64, N, int64)",
     "dynamics.entries.magnitudes_at": "void(m, N, int64, N, int64, N, int64)",
     "dynamics.entries.project": "int64(m, float64, N, N)",
-    "dynamics.entries.unfold": "int64(m, N, int64, boolean, N)",
+    "dynamics.entries.unfold": "int64(m, N, int64, int64, N)",
+    "dynamics.entries.place": "void(m, N)",
+    "dynamics.entries.follow": "int64(m, N, int64, N)",
     "dynamics.entries.mass": "void(m, N)",
     "dynamics.reduction.reduced_demand": "int64(m, CPointer(int64), int64, N, int64, N, int64, N)",
     "dynamics.reduction.basis": "void(m, CPointer(int64), int64, N)",
@@ -29,14 +31,10 @@ _BOTH = {
     "dynamics.independent_speeds.choose": "void(m, CPointer(int64), CPointer(int64))",
 }
 _INTEGRATE = {"time.collocation.integrate": "int64(m, TABLE, N, N, N, int64, N, int64, N, N, N, int64)"}
-PLANE = _BOTH | _INTEGRATE | {
-    "dynamics.entries.follow_rows": "int64(m, N, int64, int64, N, int64, N)",
-}  # fmt: skip
+PLANE = _BOTH | _INTEGRATE
 PRESCRIBED = _BOTH | {
-    "dynamics.entries.place": "void(m, N)",
     "dynamics.entries.close": "boolean(m, N)",
     "dynamics.entries.advance": "void(m, N, int64, N)",
-    "dynamics.entries.follow": "int64(m, N, int64, N)",
 }
 SPACE = PRESCRIBED | _INTEGRATE
 EXPORTED = _INTEGRATE | {

@@ -15,34 +15,31 @@ from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import loop_closure, reduction
 from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
-from kaneflex.multibody.dynamics.courses import courses, prescribe
-from kaneflex.multibody.dynamics.cut_rows import cut_rows
-from kaneflex.multibody.dynamics.independent_speeds import is_dependent, open_rows
+from kaneflex.multibody.dynamics.courses import courses
+from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
-from kaneflex.multibody.dynamics.loop_closure import mend, stand
+from kaneflex.multibody.dynamics.loop_closure import gradients, mend, stand
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.dynamics.records import give_coordinates, keep
 from kaneflex.multibody.dynamics.reduction import settled
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
 from kaneflex.multibody.dynamics.tree import use
-from kaneflex.multibody.model.codes import APART, DONE, FAR, GROWN, INFINITE, MASSLESS, UNCLOSED, UNDECIDED
+from kaneflex.multibody.model.codes import (
+    AHEAD, APART, DONE, FAR, GROWN, INFINITE, MASSLESS, NEAR_STATES, ON_LOOPS, UNCLOSED, UNDECIDED,
+)  # fmt: skip
 from kaneflex.multibody.model.layout import (
-    ACCEL, COORDINATES, COURSE, COURSES, DEPENDENT, EXTENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
-    PRESCRIBED, RATE, REACTIONS, RIGID, TOUCH, Y,
+    ACCEL, BENDS, COORDINATES, COURSE, COURSES, DEPENDENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
+    PRESCRIBED, RATE, REACTIONS, RIGID, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
-from kaneflex.multibody.time.state_record import give, row_size, take
+from kaneflex.multibody.time.state_record import row_size, take
 from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
 from kaneflex.multibody.unilateral.rows import frictions
 
 CLOSED = 1e-7
 """Largest violation of redundant rows, in rad or sizes of the mechanism."""
-_OPENED = 1e-6
-"""The same along a path of rigid bodies."""
-_FAR = 0.05
-"""Largest step of a prescribed drive [rad or sizes of the mechanism] in following loops."""
 _GROWTH = 30.0
 """Largest ratio of the other speeds to those of the drives before dependent speeds are chosen again."""
 _AT_ONCE = 256
@@ -162,26 +159,43 @@ def project(m, t, q, u):
 
 
 @njit(**ENTRY)
-def unfold(m, rows, count, nearby, out):
+def unfold(m, rows, count, near, out):
     """Records of rows of the integration; returns their number, with the outcome of the last one in ``now``.
 
-    ``nearby``: the rows are only near states, which are projected first; contacts, frictions and discontinuous loads
-    keep their modes. Otherwise they close the loops.
+    ``near``: ON_LOOPS: the rows close the loops. NEAR_STATES: they are projected first; contacts, frictions and
+    discontinuous loads keep their modes. BESIDE and AHEAD: dependent coordinates and all their rates follow from the
+    independent ones; where loops don't close, or violate redundant constraints, they are NaN.
     """
     m.now[1] = DONE
     for k in range(count):
         row = shifted(rows, k * row_size(m))
         m.now[0] = row[0]
+        for r in range(m.plan[KEPT_ROWS] if near == AHEAD and k > 0 else 0):
+            i = m.plan[m.plan[DEPENDENT] + r]
+            row[1 + i] = m.y[i]
         take(m, row)
         give_coordinates(m)
-        if not nearby:
-            stand(m, row[0])
-        else:
+        if near == NEAR_STATES:
             m.now[1] = _project(m, row[0])
             if m.now[1] != DONE:
                 return k
+        elif near != ON_LOOPS:
+            _close_beside(m, row[0])
+        else:
+            stand(m, row[0])
         keep(m, row[0], after(out, m.counts[KEPT] * k))
     return count
+
+
+@njit(**OPTIONS)
+def _close_beside(m, t):
+    """Close the loops at the current independent coordinates, speeds and accelerations; else dependent ones are NaN."""
+    if _stand(m, t) != DONE:
+        for r in range(m.plan[KEPT_ROWS]):
+            i = m.plan[m.plan[DEPENDENT] + r]
+            m.y[i] = m.u[i] = m.du[i] = math.nan
+        stand(m, t)
+    give_coordinates(m)
 
 
 @njit(**ENTRY)
@@ -210,20 +224,24 @@ def _far(m, t):
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
     for k in range(courses(m)):
         i = plan[plan[PRESCRIBED] + k]
-        farthest = larger(farthest, abs(w[plan[COURSE] + 3 * k] - w[plan[Y] + i]) / w[plan[MEASURE] + i])
-    return math.ceil(farthest / _FAR)
+        if i >= 0:  # in the plane drives at cuts only repeat what others prescribe
+            farthest = larger(farthest, abs(w[plan[COURSE] + 3 * k] - w[plan[Y] + i]) / w[plan[MEASURE] + i])
+    return math.ceil(farthest / FAR)
 
 
 @njit(**OPTIONS)
 def _grown(m):
-    """True if dependent speeds are large relative to the prescribed ones."""
+    """True if dependent speeds are large relative to the prescribed ones, or a dropped row to the kept ones."""
     apart()
     plan, w, largest, driven = m.plan, m.w, 0.0, 0.0
+    if plan[KEPT_ROWS] < plan[JOINT_ROWS] and gradients(m, plan[BENDS] != 0) and outgrown(m):
+        return True
     for s in range(plan[COORDINATES]):
         largest = larger(largest, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
     for k in range(courses(m)):
         s = plan[plan[PRESCRIBED] + k]
-        driven = larger(driven, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
+        if s >= 0:
+            driven = larger(driven, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
     return driven > 0.0 and largest > _GROWTH * driven
 
 
@@ -232,9 +250,10 @@ def follow(m, times, count, out):
     """Rows at ascending times from the current position, with loops followed step by step.
 
     Returns their number; ``now`` has the last instant and its outcome: GROWN is valid, but the next ones need another
-    choice of speeds.
+    choice of speeds. If drives prescribe everything, loops without redundant rows don't pass singular positions.
     """
-    t, taken = m.now[0], 0
+    t, taken, side = m.now[0], 0, orientation(m)
+    fixed = m.now[2] == 0.0 and m.plan[KEPT_ROWS] == m.plan[JOINT_ROWS]
     m.now[1] = DONE
     for i in range(count):
         reached = t == times[i]
@@ -246,69 +265,10 @@ def follow(m, times, count, out):
             t = times[i] if reached else t + (times[i] - t) / steps
             taken += 1
             m.now[0], m.now[1] = t, _find(m, t)
-            if m.now[1] == DONE and _grown(m):
-                m.now[1] = GROWN
+            if m.now[1] == DONE:
+                passed = fixed and side * orientation(m) < 0.0
+                m.now[1] = UNCLOSED if passed else GROWN if _grown(m) else DONE
             if m.now[1] != DONE:
                 return i
         keep(m, t, after(out, m.counts[KEPT] * i))
-    return count
-
-
-@njit(**OPTIONS)
-def _near(m, row):
-    """True if no coordinate with a given course is far from that of a row."""
-    plan, w = m.plan, m.w
-    for i in range(plan[COORDINATES]):
-        if not is_dependent(m, i) and not abs(w[plan[Y] + i] - row[1 + i]) <= 2.0 * FAR * w[plan[MEASURE] + i]:
-            return False
-    return True
-
-
-@njit(**OPTIONS)
-def _stays(m, side):
-    """True if the closed loops are on one side of dead centres, by the sign of their determinant, and redundant
-    constraints are met."""
-    plan, w = m.plan, m.w
-    if plan[KEPT_ROWS] == plan[JOINT_ROWS]:
-        now = orientation(m)
-        if side[0] * now < 0.0:
-            return False
-        side[0] = now
-        return True
-    cut_rows(m)
-    for row in range(plan[JOINT_ROWS]):
-        if not abs(m.rows[row_length(m) * row]) <= _OPENED * w[plan[TOUCH] + EXTENT]:
-            return False
-    return True
-
-
-@njit(**ENTRY)
-def follow_rows(m, rows, first, count, given, width, side):
-    """Close the loops of rows after the ``first`` one, which is closed, each from the last one that closes.
-
-    Returns the number of rows done; if some are left, they need another choice of dependent coordinates.
-
-    rows: all coordinates but the dependent ones are given, or prescribed at the row's time; in a row whose loops do not
-    close the dependent ones become NaN. given: of every row coordinate, speed and acceleration of the last courses,
-    which no law prescribes. side: see :func:`_stays`; 0 if unknown.
-    """
-    apart()
-    plan, w, last = m.plan, m.w, first
-    for k in range(first + 1, count):
-        row, before = shifted(rows, k * row_size(m)), shifted(rows, last * row_size(m))
-        for r in range(plan[KEPT_ROWS]):
-            row[1 + plan[plan[DEPENDENT] + r]] = before[1 + plan[plan[DEPENDENT] + r]]
-        take(m, row)
-        for j in range(width):
-            w[plan[COURSE] + 3 * courses(m) - width + j] = given[width * k + j]
-        prescribe(m, row[0])
-        if (k - last <= 1 or _near(m, before)) and close_all(m, row[0]) and _stays(m, side):
-            last = k
-        else:
-            for r in range(plan[KEPT_ROWS]):
-                i = plan[plan[DEPENDENT] + r]
-                w[plan[Y] + i] = w[plan[RATE] + i] = w[plan[ACCEL] + i] = math.nan
-        give(m, row[0], row)
-        if last == k and plan[KEPT_ROWS] < plan[JOINT_ROWS] and outgrown(m):
-            return k + 1
     return count

@@ -110,7 +110,7 @@ def _system(
     space, switches = isinstance(mechanism, SpatialMechanism), len(getattr(module, "SWITCHES", ()))
     of: Any = scene if space else mechanism
     in_laws, free = (*of.drives, *of.observed), [name for name, drive in of.drives.items() if drive.kind == "free"]
-    driven = sorted((name for name in of.drives if name not in free), key=lambda name: of.drives[name].kind == "given")
+    driven = [name for name in of.drives if name not in free]
     integrates = coupled or not space or bool(free or mechanism.floating)
     numbers = SpatialBlocks(mechanism, flexible) if isinstance(mechanism, SpatialMechanism) else Blocks(scene, flexible)
     built = build_tables(mechanism, numbers, in_laws, driven, switches, rubs)

@@ -11,7 +11,7 @@ from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
-from kaneflex.multibody.time.curves import Curve, Followed, Standing
+from kaneflex.multibody.time.curves import Beside, Curve, Followed, Standing
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 
 
@@ -25,8 +25,16 @@ class CoupledKinematics(SpatialKinematics):
 
     def along(self, curve: Curve) -> CoupledKinematics:
         """This mechanism with another motion."""
-        moved, rigid = SpatialKinematics(self.module, self.parameters, curve), self.rigid
-        beside = _Beside(moved, rigid.module.system, rigid.curve.start)
+        engine, rigid = self.module.system.engine, self.rigid
+        counts = len(engine.layout.positions), engine.size
+        q, u = (np.setdiff1d(np.arange(count), modal) for count, modal in zip(counts, engine.modal, strict=True))
+
+        def near(times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            found = engine.instants(curve.rows(times))
+            return found.q[:, q], found.u[:, u], found.du[:, u]
+
+        beside = Beside(rigid.module.system, replace(rigid.curve.start, t=curve.start.t), near)
+        beside.turned = curve.turned
         return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
 
     def states(self, system: System, times: np.ndarray) -> list[State]:
@@ -54,29 +62,3 @@ def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
         return CoupledKinematics(module, system.parameters, Followed(system, start_of(system)), rigid)
     found = CoupledKinematics(module, system.parameters, Standing(system, first), rigid)
     return found.along(found.curve)
-
-
-class _Beside(Curve):
-    """Curve of the rigid mechanism with the drives and free joints of a coupled one.
-
-    NaN if its loops don't close.
-    """
-
-    def __init__(self, coupled: SpatialKinematics, system: System, start: State) -> None:
-        self.coupled, self.system, self.start = coupled, system, replace(start, t=coupled.begin)
-        of, self.turned = coupled.module.system, coupled.curve.turned
-        coordinates, speeds = of.engine.modal
-        self.q = np.setdiff1d(np.arange(len(of.engine.layout.positions)), coordinates)
-        self.u = np.setdiff1d(np.arange(of.engine.size), speeds)
-
-    def rows(self, times: np.ndarray) -> np.ndarray:
-        found = self.coupled.module.system.engine.instants(self.coupled.curve.rows(times))
-        engine = self.system.engine
-        engine.choose_speeds(self.start.choice)
-        rows = engine.rows_of(times, found.q[:, self.q], found.u[:, self.u])
-        out, done = np.full((len(times), len(engine.work.kept)), np.nan), 0
-        while done < len(times):
-            closed = engine.unfold(rows[done:], nearby=True)
-            out[done : done + len(closed)] = closed
-            done += len(closed) + 1
-        return out

@@ -16,7 +16,7 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.dynamics.arrays import Columns, Work
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.codes import DONE, check
+from kaneflex.multibody.model.codes import DONE, ON_LOOPS, check
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SIGN, SPEED, Layout, leading
@@ -109,9 +109,9 @@ class System:
         check(engine.call("project", t, np.ascontiguousarray(q), np.ascontiguousarray(u)))
         return engine.state(t, choice)
 
-    def unfold(self, rows: np.ndarray, nearby: bool = False) -> np.ndarray:
+    def unfold(self, rows: np.ndarray, near: int = ON_LOOPS) -> np.ndarray:
         """Records of rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.unfold`."""
-        return self._determined(self.engine.unfold(rows, nearby))
+        return self._determined(self.engine.unfold(rows, near))
 
     def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
         """Records of states near rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.nearby`.
@@ -195,8 +195,14 @@ class System:
     def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
         """States at ``times`` [s] by frames x, y, phi of undeformed bodies, and their rates, (n_times, 3 bodies);
         loops are not closed."""
+        engine = self.engine
+        each = zip(times.tolist(), *self.coordinates_of(q, v), strict=True)
+        return [State(t, y, u, 0.0 * u, engine.sizes.copy(), engine.choice) for t, y, u in each]
+
+    def coordinates_of(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates of these states and their rates, (n_times, speeds) each."""
         engine, layout, joints = self.engine, self.layout, self.mechanism.joints
-        found, moved = np.zeros((len(times), engine.size), complex), q + 1j * _STEP * v
+        found, moved = np.zeros((len(q), engine.size), complex), q + 1j * _STEP * v
         poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.start)}
         for body, name, fields in zip(layout.node_of, layout.inboard, engine.tables.bodies, strict=True):
             own = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
@@ -204,8 +210,7 @@ class System:
                 found[:, own] = poses[body].T
             elif fields[at.DOF]:
                 found[:, own.start] = course(joints[name], poses)
-        each = zip(times.tolist(), found.real.copy(), found.imag / _STEP, strict=True)
-        return [State(t, y, u, 0.0 * u, engine.sizes.copy(), engine.choice) for t, y, u in each]
+        return found.real.copy(), found.imag / _STEP
 
     def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Frames and shapes of the bodies with their rates at a state, (size,) each; loops are not closed, and drives

@@ -126,11 +126,11 @@ class Views:
         q[self.balls[:, :1] + np.arange(4)] = row[columns["quaternions"]].reshape(-1, 4)
         return q, row[columns["u"]].copy()
 
-    def rows_of(self, times: np.ndarray, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Rows of the integration near states with coordinates q and speeds u, (n_times, .) each, with the current
-        modes of contacts and frictions."""
+    def rows_of(self, times: np.ndarray, q: np.ndarray, u: np.ndarray, du: np.ndarray | float = 0.0) -> np.ndarray:
+        """Rows of the integration near states with coordinates q, speeds u and accelerations du, (n_times, .) each,
+        with the current modes of contacts and frictions."""
         (own, speeds), of, found = self.own.T, self.columns, np.tile(self.row(0.0), (len(times), 1))
-        found[:, 0], found[:, of["q"]], found[:, of["u"]] = times, 0.0, u
+        found[:, 0], found[:, of["q"]], found[:, of["u"]], found[:, of["du"]] = times, 0.0, u, du
         found[:, of["q"]][:, speeds] = q[:, own]
         found[:, of["quaternions"]] = q[:, self.balls[:, :1] + np.arange(4)].reshape(len(times), -1)
         return found

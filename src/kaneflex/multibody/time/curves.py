@@ -1,20 +1,24 @@
-"""Curves of a mechanism in space: its states by time."""
+"""Curves of a mechanism in the plane or in space: its states by time."""
 
 from __future__ import annotations
 
 import bisect
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import not_integrated
-from kaneflex.multibody.model.codes import GROWN, check
+from kaneflex.multibody.model.codes import AHEAD, BESIDE, FAR, GROWN, check
 from kaneflex.multibody.model.independent_speeds import choose_anew
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.support.errors import SceneError
 
+_MOST_PLACES = 2_000_000
+"""Largest number of positions at which loops are closed between instants: some seconds."""
+_ROUNDED = 1e-6
+"""Share of a step that counts as rounding."""
 _STUCK = 1e-9
 """Share of the time to the next instant within which many steps indicate a diverging drive, as at a law's pole."""
 
@@ -74,31 +78,55 @@ class Followed(Curve):
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         out, done = np.zeros((len(times), len(self.system.work.kept))), 0
+        self._check_courses(times)
         state = self._before(times[0])
-        self.system.project(state.t, state.q, state.u, state.choice)
         t, choice = state.t, state.choice
-        while done < len(times):
-            before, asked = t, times[done]
-            count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
-            done += count
-            try:
+        try:
+            self.system.project(t, state.q, state.u, choice)
+            while done < len(times):
+                before, asked = t, times[done]
+                count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
+                done += count
                 if outcome == GROWN:
                     here = self.system.engine.state(t, choice)
                     choice = choose_anew(self.system, here.q, choice)
                     self.system.project(t, here.q, here.u, choice)
                 else:
                     check(outcome)
-            except ArithmeticError as reason:
-                raise SceneError(
-                    "joints", ", ".join(self.system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
-                    "Change the lengths, or limit the drives' range",
-                ) from None  # fmt: skip
-            if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
-                raise self._runs_away(t)
-            self.last = self.system.engine.state(t, choice)
-            if done < len(times):
-                bisect.insort(self.track, self.last, key=lambda known: known.t)
+                if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
+                    raise self._runs_away(t)
+                self.last = self.system.engine.state(t, choice)
+                if done < len(times):
+                    bisect.insort(self.track, self.last, key=lambda known: known.t)
+        except ArithmeticError as reason:
+            raise self._open(t, str(reason)) from None
         return out
+
+    def _check_courses(self, times: np.ndarray) -> None:
+        """Raise SceneError if the course of a drive at these times [s] is not finite, or too long to be followed."""
+        driven = self.system.driven
+        courses = self.system.engine.courses(times).reshape(len(times), len(driven), 3)
+        for k, drive in np.argwhere(~np.isfinite(courses).all(axis=2))[:1].tolist():
+            raise SceneError(
+                f"drives.{driven[drive]}", self.system.scene.drives[driven[drive]].law,
+                f"the motion or a derivative of it has no finite value at t = {times[k]:.6g} s",
+                "Give a law that is finite over the run, or another duration",
+            )  # fmt: skip
+        steps_between(courses[:, :, 0] / self.system.engine.measure[self.system.engine.prescribed], driven)
+
+    def _open(self, t: float, reason: str) -> SceneError:
+        """Error for loops that don't close at t [s]. Raises another one where they can't close in the plane at all."""
+        scene, driven = self.system.scene, self.system.driven
+        places = dict(zip(driven, self.system.courses(t)[:, 0].tolist(), strict=True))
+        if not self.system.in_space:
+            from kaneflex.mechanism.position_analysis import place
+
+            place(scene, places)
+        at = " and ".join(f"{name} = {scene.written_coordinate(name, where)}" for name, where in places.items())
+        return SceneError(
+            "joints", ", ".join(driven) or "joints", f"{reason}, at t = {t:.6g} s" + (f", where {at}" if at else ""),
+            "Change the lengths, or limit the drives' range",
+        )  # fmt: skip
 
     def _runs_away(self, t: float) -> SceneError:
         """Error for the drive that diverges at t [s]."""
@@ -112,3 +140,51 @@ class Followed(Curve):
         """The last known state before t, or the start."""
         found = self.track[max(0, bisect.bisect_right(self.track, t, key=lambda known: known.t) - 1)]
         return self.last if found.t < self.last.t <= t else found
+
+
+def steps_between(places: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Numbers of steps between instants over which loops can be followed, (n_times - 1,).
+
+    ``places``: coordinates of the joints with these names in their measures, (n_times, n). Raises SceneError for more
+    positions than some seconds allow.
+    """
+    moved = abs(np.diff(places, axis=0)) / FAR
+    steps = np.maximum(1.0, np.ceil(moved.max(axis=1, initial=0.0) - _ROUNDED))
+    if steps.sum() > _MOST_PLACES:
+        far = f"it turns so often that the loops would have to be closed at {steps.sum():.3g} positions"
+        cure = "Give a lower speed or a shorter duration"
+        raise SceneError(f"drives.{names[int(moved.max(axis=0).argmax())]}.speed", None, far, cure)
+    return steps.astype(int)
+
+
+class Beside(Curve):
+    """Curve of the rigid mechanism beside a deforming one, with its independent coordinates, speeds and accelerations.
+
+    Dependent coordinates are NaN where loops don't close, or redundant constraints are violated. ``near``: function of
+    times [s] that returns coordinates from which they close, speeds and accelerations, (n_times, .) each.
+    """
+
+    def __init__(self, system: System, start: State, near: Callable[[np.ndarray], Iterable[np.ndarray]]) -> None:
+        self.system, self.start, self.near = system, start, near
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        return self.closed(times, BESIDE)
+
+    def closed(self, times: np.ndarray, near: int) -> np.ndarray:
+        """Rows at ``times`` [s] with closed loops, see :func:`kaneflex.multibody.dynamics.entries.unfold`."""
+        engine = self.system.engine
+        engine.choose_speeds(self.start.choice)
+        return engine.unfold(engine.rows_of(times, *self.near(times)), near)
+
+
+class Ahead(Beside):
+    """The same before a run: ``near`` gives the independent coordinates, and the others at the start, from which the
+    loops are followed."""
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        engine, ends, free = self.system.engine, np.append(self.start.t, times), self.start.choice.independent
+        places = np.hstack([next(iter(self.near(ends)))[:, free], engine.courses(ends)[:, ::3]])
+        given = np.append(free, engine.prescribed)
+        names = [engine.layout.speeds[k].rpartition(".")[0] for k in given.tolist()]
+        last = np.append(0, np.cumsum(steps_between(places / engine.measure[given], names)))
+        return self.closed(np.interp(np.arange(last[-1] + 1), last, ends), AHEAD)[last[1:]]

@@ -14,7 +14,7 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.spatial_frame import rotation_rates
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.codes import REASONS
+from kaneflex.multibody.model.codes import NEAR_STATES, REASONS
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.curves import Curve
@@ -196,7 +196,7 @@ class RunCurve(Curve):
         for k in np.unique(steps):
             parts.append(self._curves[k](times[steps == k]))
             engine.choose_speeds(self.pieces[k][1])
-            records.append(self.system.unfold(parts[-1], nearby=True))
+            records.append(self.system.unfold(parts[-1], NEAR_STATES))
             if len(records[-1]) < len(parts[-1]):
                 t, outcome, _ = engine.work.now.tolist()
                 raise self.stopped(f"the motion can't continue after t = {t:.6g} s: {REASONS[int(outcome)]}", CURE)

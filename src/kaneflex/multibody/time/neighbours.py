@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.multibody.model.codes import check
+from kaneflex.multibody.model.codes import NEAR_STATES, check
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.curves import Curve
@@ -30,7 +30,7 @@ class Neighbours(Curve):
         for row, added in zip(self.states, inputs, strict=True):
             engine.additions[:] = added
             try:
-                records.append(system.unfold(row[None], nearby=True))
+                records.append(system.unfold(row[None], NEAR_STATES))
             finally:
                 engine.additions[:] = 0.0
             check(int(engine.work.now[1]))
