@@ -152,6 +152,15 @@ def test_terms_that_are_left_out_are_a_source_of_error():
         assert solved(scene, setting).errors[0][sensor].terms > 0
 
 
+@pytest.mark.parametrize("name", ["engine", "spatial-slider-crank-elastic"])
+def test_equations_are_assembled_anew_for_other_elements_alone(monkeypatch, name):
+    """They have all groups of terms, and the run with fewer terms has the motion of their scalars."""
+    found, build, built = solved(kaneflex.read_scene(name), "solve.preset=linear"), one_way_corrections.build_model, []
+    monkeypatch.setattr(one_way_corrections, "build_model", lambda *given: built.append(given) or build(*given))
+    estimates, reason = found.errors
+    assert reason == "" and any(each.terms > 0.0 for each in estimates.values()) and len(built) == 1
+
+
 def test_statics_of_a_drive_that_does_not_come_back_are_corrected_from_a_slow_start():
     """Not on harmonics: what jumps from the end of a cycle to its beginning is none. They know no other start."""
     drives = ["drives.main.speed=none", "drives.main.cycle=none", "drives.main.law='600 * t + 900 * t**2'",

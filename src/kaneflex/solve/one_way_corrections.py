@@ -21,7 +21,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
 from kaneflex.response.elastic_motion import ElasticMotion
-from kaneflex.scene.options import resolve_options
+from kaneflex.scene.options import Options, resolve_options
 from kaneflex.solve.error_stages import READ, REQUEST, Read, Stage, Unknown, values_of, with_half_elements
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.solve.run_result import RunResult, seconds_of_steps
@@ -49,7 +49,8 @@ def one_way_stages(solution: RunResult) -> tuple[Read, list[Stage]]:
 
 def _motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
     """Motion of a model with these coordinates at the compared instants."""
-    return ElasticMotion(richer, richer.motion.at(read.times), coordinates)
+    rigid = read.motion.rigid if richer.motion is read.model.motion else richer.motion.at(read.times)
+    return ElasticMotion(richer, rigid, coordinates)
 
 
 def _is_periodic(model: Model, richer: Sequence[tuple[str, Model]]) -> bool:
@@ -57,7 +58,7 @@ def _is_periodic(model: Model, richer: Sequence[tuple[str, Model]]) -> bool:
     options = model.options
     if not options.cycles or (options.dynamics == "dynamic" and options.start != "periodic"):
         return False
-    repeats = not any(not_repeated(own) for _, own in richer)
+    repeats = not not_repeated(richer[-1][1])  # which has all scalars of the others
     if options.start == "periodic" and not repeats:
         raise Unknown("the motion or its loads are not periodic")
     return repeats
@@ -182,15 +183,25 @@ def _richer(model: Model) -> Iterator[tuple[str, Model]]:
     if options.dynamics == "dynamic":
         yield "time", model
     rich = resolve_options(model.scene.seen(solve=model.scene.solve.model_copy(update=_RICHEST)))
-    whole = replace(options, reduction="none", modes="all")
+    own, whole = model, replace(options, reduction="none", modes="all")
     if options.reduction != "none":
-        yield "modes", build_model(model.scene, whole, model.motion)
+        own = build_model(model.scene, whole, model.motion)
+        yield "modes", own
     terms = replace(rich, elements=options.elements, mode_angle=options.mode_angle, weld_pins=options.weld_pins)
     terms = replace(terms, free_drives=options.free_drives, steps=options.steps)
     if replace(terms, preset=whole.preset, integrator=whole.integrator, start=whole.start,
                tolerance=whole.tolerance) != whole:  # fmt: skip
-        yield "terms", build_model(model.scene, terms, model.motion)
+        yield "terms", _with_terms(own, terms)
     yield "elements", build_model(with_half_elements(model.scene), replace(terms, elements=None), model.motion)
+
+
+def _with_terms(model: Model, options: Options) -> Model:
+    """The model with other groups of terms; its equations have them all, unless they are of another form."""
+    module, form = model.module, (options.dynamics, options.convective)
+    lost = model.in_space and module.open_reactions & {name for name, *_ in module.more}  # forces that are not known
+    if lost or form != (model.options.dynamics, model.options.convective):
+        return build_model(model.scene, options, model.motion)
+    return replace(model, options=options)
 
 
 def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
