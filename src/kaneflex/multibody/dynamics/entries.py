@@ -170,7 +170,7 @@ def unfold(m, rows, count, near, out):
     for k in range(count):
         row = shifted(rows, k * row_size(m))
         m.now[0] = row[0]
-        for r in range(m.plan[KEPT_ROWS] if near == AHEAD and k > 0 else 0):
+        for r in range(m.plan[KEPT_ROWS] if near == AHEAD else 0):
             i = m.plan[m.plan[DEPENDENT] + r]
             row[1 + i] = m.y[i]
         take(m, row)
@@ -218,11 +218,11 @@ def mass(m, unit):
 
 @njit(**OPTIONS)
 def _far(m, t):
-    """Least number of steps from the drives' current position to that at t."""
+    """Least number of steps from the drives' current position to that at t; loops are followed in more than one."""
     apart()
     plan, w, farthest = m.plan, m.w, 0.0
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
-    for k in range(courses(m)):
+    for k in range(courses(m) if plan[JOINT_ROWS] else 0):
         i = plan[plan[PRESCRIBED] + k]
         if i >= 0:  # in the plane drives at cuts only repeat what others prescribe
             farthest = larger(farthest, abs(w[plan[COURSE] + 3 * k] - w[plan[Y] + i]) / w[plan[MEASURE] + i])

@@ -15,8 +15,10 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.support.errors import SceneError
 
-_MOST_PLACES = 2_000_000
-"""Largest number of positions at which loops are closed between instants: some seconds."""
+_MOST_PLACES = 20_000_000
+"""Largest number of positions at which loops are closed between instants: some minutes."""
+_AT_ONCE = 1000
+"""Positions whose records are in memory at a time."""
 _ROUNDED = 1e-6
 """Share of a step that counts as rounding."""
 _STUCK = 1e-9
@@ -112,7 +114,8 @@ class Followed(Curve):
                 f"the motion or a derivative of it has no finite value at t = {times[k]:.6g} s",
                 "Give a law that is finite over the run, or another duration",
             )  # fmt: skip
-        steps_between(courses[:, :, 0] / self.system.engine.measure[self.system.engine.prescribed], driven)
+        if self.system.layout.cuts:
+            steps_between(courses[:, :, 0] / self.system.engine.measure[self.system.engine.prescribed], driven)
 
     def _open(self, t: float, reason: str) -> SceneError:
         """Error for loops that don't close at t [s]. Raises another one where they can't close in the plane at all."""
@@ -146,7 +149,7 @@ def steps_between(places: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """Numbers of steps between instants over which loops can be followed, (n_times - 1,).
 
     ``places``: coordinates of the joints with these names in their measures, (n_times, n). Raises SceneError for more
-    positions than some seconds allow.
+    positions than some minutes allow.
     """
     moved = abs(np.diff(places, axis=0)) / FAR
     steps = np.maximum(1.0, np.ceil(moved.max(axis=1, initial=0.0) - _ROUNDED))
@@ -186,5 +189,10 @@ class Ahead(Beside):
         places = np.hstack([next(iter(self.near(ends)))[:, free], engine.courses(ends)[:, ::3]])
         given = np.append(free, engine.prescribed)
         names = [engine.layout.speeds[k].rpartition(".")[0] for k in given.tolist()]
-        last = np.append(0, np.cumsum(steps_between(places / engine.measure[given], names)))
-        return self.closed(np.interp(np.arange(last[-1] + 1), last, ends), AHEAD)[last[1:]]
+        moved = places / engine.measure[given] if self.system.layout.cuts else places[:, :0]
+        last = np.append(0, np.cumsum(steps_between(moved, names)))
+        path, found = np.interp(np.arange(1, last[-1] + 1), last, ends), [self.closed(ends[:1], BESIDE)[:0]]
+        for first in range(0, len(path), _AT_ONCE):
+            asked = last[(last > first) & (last <= first + _AT_ONCE)] - first - 1
+            found.append(self.closed(path[first : first + _AT_ONCE], AHEAD)[asked])
+        return np.concatenate(found)
