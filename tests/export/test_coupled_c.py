@@ -142,6 +142,30 @@ def test_a_ball_is_thrown_back_in_c_as_in_python(more, compiler, tmp_path):
         assert found[:, names.index(name)] == pytest.approx(expected, abs=allowed)
 
 
+PIN = """
+schema = 1
+description = "A shaft that falls, tilts and slides in its bearing, and hits a ball"
+gravity = [1, 0, -9.81]
+bodies.shaft = {mass = 2, inertia = [1e-3, 4e-3, 4e-3], centre = [0.01, 0, 0], free = {at = [0, 0, 0]}}
+bodies.ball = {mass = 1, inertia = [1e-3, 1e-3, 1e-3], free = {at = [0.2, 0, 0], velocity = [-3, 0, 0]}}
+contacts.hit = {circle_on_circle = ["ball", "shaft"], radii = ["50 mm", "20 mm"], contact = LAW}
+joints.bush = {revolute = ["ground", "shaft"], axis = [1, 0, 0], clearance = {radial = "0.1 mm", radius = "10 mm", \
+length = "60 mm", axial = "0.5 mm", contact = LAW}}
+solve = {preset = "coupled", duration = "60 ms", steps = 60, tolerance = 1e-10}
+""".replace("\\\n", "").replace("LAW", "{stiffness = 1e8, restitution = 0.5}")
+
+
+def test_a_pin_hits_its_bearing_and_a_ball_in_c_as_in_python(compiler, tmp_path):
+    solution = solved(kaneflex.scene_of(PIN))
+    names, found = in_c(solution.model.scene, tmp_path, compiler)
+    motion, times = solution.model.motion, found[:, 0]
+    assert {each.contact for each in solution.impacts} >= {"hit", "bush_1", "bush_2", "bush_4"}
+    moving = motion.at(times)
+    for name in ("shaft.x", "shaft.y", "shaft.z", "ball.x"):
+        expected = moving.values[:, motion.column[name]]
+        assert found[:, names.index(name)] == pytest.approx(expected, abs=1e-9 * 0.06)
+
+
 def test_a_run_in_c_has_more_impacts_than_the_engine_stores(compiler, tmp_path):
     """Some 400 of them: the engine stops when it has 256 that nobody read."""
     _, found = in_c(model("slider-crank-clearance").scene, tmp_path, compiler, level="-O1")

@@ -175,7 +175,7 @@ class _Parts:
             if not contact.corner and contact.kind != "angle":
                 self._contact(name)
         for name, loose in self.scene.loose.items():
-            if loose.direction is not None:
+            if loose.direction or loose.axis:
                 self.labels.add(name, self.at(loose.sides[1]), "#555555", size=8)
         for name, load in self.scene.torques.items():
             self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)

@@ -96,7 +96,7 @@ def spatial_mobility(system: System, choice: Choice) -> Blocks:
     spare = rows - tied
     free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
     return {"degrees of freedom": {
-        "joints": f"{speeds} at {', '.join(system.layout.tree)}",
+        "joints": f"{speeds} at {', '.join([*system.layout.tree, *system.mechanism.floating])}",
         "closing": f"{rows} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
         + (f", {spare} of them redundant" if spare else ""),
         "driven": f"{len(system.driven)}",
