@@ -281,7 +281,7 @@ class _Parts:
         """The face that a point stays before, hatched, or two circles; and the circle about what is pushed."""
         contact = self.scene.contacts[name]
         first, second = (self.at(address) for address in contact.sides)
-        radii = [(second, contact.touching)]
+        radii, middle = [(second, contact.touching)], first
         if contact.kind == "point-line":
             n = self.stand.direction(contact.sides[0].body, contact.direction)
             n /= np.hypot(*n)
@@ -290,8 +290,7 @@ class _Parts:
             strokes = hatched(np.array([middle - along, middle + along]), self.size, below=True)
             self.axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
             self.labels.block(np.concatenate(strokes))
-        else:
-            middle = first
+        elif contact.axis is None:
             outer = contact.reach + (contact.touching if contact.kind == "circle-in-circle" else -contact.touching)
             radii.append((first, outer))
         for centre, radius in radii:
