@@ -19,7 +19,7 @@ import numpy as np
 
 import kaneflex
 from kaneflex import load, shipped_scenes, simulate, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve import error_estimates
 
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"

@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 30,
     "report": 5,
     "response": 20,
-    "scene": 59,
+    "scene": 58,
     "solve": 20,
     "study": 44,
     "support": 2,

@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex import Model, Scene, Solution, load, read_scene, shipped_scenes, with_settings
 from kaneflex.generated import body as kernels
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
 from kaneflex.mechanism.planar import BodyPoint

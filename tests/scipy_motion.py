@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time.run import Run, finished
 from kaneflex.solve.coupled import as_result, beginning, method_of

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import sympy as sm
 
 from kaneflex.derive.ir.functions import around, chosen, clamped, larger, sign, smaller
-from kaneflex.scene.laws import parse_law, smooth
+from kaneflex.scene.law_parser import parse_law
+from kaneflex.scene.laws import smooth
 from kaneflex.support.errors import SceneError
 
 _NOT_A_NUMBER = (sm.zoo, sm.nan, sm.oo, sm.S.NegativeInfinity, sm.I)

@@ -17,8 +17,8 @@ from bench.interleave import interleave
 from bench.rows import Row
 from kaneflex import Model, load, read_scene, with_settings
 from kaneflex.derive.generate import derive_equations
-from kaneflex.integrate.outcome import Trajectory
 from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.system import Trajectory
 from kaneflex.scene.structure import structure_of
 
 TITLE = "Whole runs against solve_ivp"

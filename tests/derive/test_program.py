@@ -18,7 +18,8 @@ from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
 from kaneflex.generated import laws
 from kaneflex.generated.packs import unpacked
-from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS, parse_law
+from kaneflex.scene.law_parser import parse_law
+from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS
 from kaneflex.scene.structure import structure_of
 
 a, b, c, x, y, z = sm.symbols("a b c x y z")

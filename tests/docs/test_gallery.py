@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +31,7 @@ def four_bar_deviation(*settings: str) -> np.ndarray:
     worst = np.zeros(3)
     loaded = model("four-bar", *settings)
     for angle, *exact in reference("four_bar_frequencies")["exact_locked_crank_table_SI_rounded"]["rows"]:
-        options = replace(loaded.options, mode_angle=np.radians(angle))
+        options = loaded.options._replace(mode_angle=np.radians(angle))
         found = reference_modes(build_model(loaded.scene, options, loaded.motion), 3)[0]
         worst = np.maximum(worst, deviation(found, exact[:3]))
     return worst

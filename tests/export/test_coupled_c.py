@@ -19,7 +19,7 @@ from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export.coupled_in_c import coupled_in_c
 from kaneflex.generated import body
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.compile.types import N, Z
 from kaneflex.multibody.model.coordinate_rates import rates_of

@@ -12,8 +12,8 @@ from scipy_motion import jacobian
 from kaneflex import UserError, scene_of
 from kaneflex.integrate import stepping
 from kaneflex.integrate.methods import METHODS
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve.simulation import solve
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")

@@ -10,9 +10,9 @@ from integrate_cases import affine, constant, parametric, solved_by_scipy
 
 from kaneflex.integrate.by_steps import cycle_map, periodic_near, set_up
 from kaneflex.integrate.methods import tableau
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
 from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.system import Outcome
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")

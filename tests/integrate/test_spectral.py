@@ -14,10 +14,9 @@ from kaneflex import load, simulate, with_settings
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.conventions import ORDER, aligned, turns
 from kaneflex.integrate.fourier import to_harmonics, to_instants
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, integrate, monodromy
 from kaneflex.integrate.spectral import Grid, at_instants, periodic_orbit
-from kaneflex.integrate.system import AffineSystem
+from kaneflex.integrate.system import AffineSystem, Outcome
 from kaneflex.solve.one_way_run import run_of
 
 W = 3.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from runs import run
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.plots import clearances, records
 from kaneflex.plots.records import impact_zones, spectrum
 from kaneflex.plots.style import styled

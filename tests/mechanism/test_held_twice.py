@@ -9,7 +9,7 @@ from test_mobility import CARRIED_RHOMBUS, TAIL, THREE_CRANKS, TWO_GUIDES
 
 import kaneflex
 from kaneflex import SceneError, scene_of
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve.variants import Variants
 
 COUPLED = '\nsolve = {preset = "coupled", duration = "0.5 s", steps = 100}\n'

@@ -6,7 +6,7 @@ from chains import bars
 from rigid_bars import hanging_chain
 from runs import solved
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 
 
 @pytest.fixture(scope="module")

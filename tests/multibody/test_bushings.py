@@ -11,7 +11,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, compare, load
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.sensitivity.parameters import find_parameters
 

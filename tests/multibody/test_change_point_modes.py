@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy_motion import scipy_motion
 
 from kaneflex import SceneError, load, scene_of, simulate
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.time import lost_branch
 
 PARALLELOGRAM = four_bar(

@@ -10,7 +10,7 @@ from runs import folded, solved
 from test_contact_runs import BALL
 
 from kaneflex import SceneError, scene_of
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.force_parts import Contact
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import BodyPoint

@@ -13,7 +13,7 @@ from runs import alike, solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles

@@ -16,7 +16,7 @@ from scipy_motion import scipy_motion
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.trajectory import by_themselves

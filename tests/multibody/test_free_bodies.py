@@ -10,7 +10,7 @@ from runs import solved
 import kaneflex
 from kaneflex import SceneError, linearise, load, with_settings
 from kaneflex.fem.freedom import count_freedom
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.plots import animation, displacements
 from kaneflex.plots.style import styled

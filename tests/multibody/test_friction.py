@@ -7,7 +7,7 @@ import pytest
 from machines import WEIGHT, block, pendulum, slider_crank
 
 from kaneflex import SceneError, linearise, load, read_scene, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.report.summary import summarise
 from kaneflex.scene.contact_check import FRICTION_RESULTS
 from kaneflex.solve.simulation import solve

@@ -12,7 +12,7 @@ from runs import changes, solved
 from scipy.linalg import expm
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.study.sensitivity.report import check_differentiable
 
 J = 0.02

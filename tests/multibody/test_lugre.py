@@ -12,7 +12,7 @@ from test_rigid_friction import DISC
 
 from kaneflex import SceneError
 from kaneflex.generated import friction
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.scene.contact_check import FRICTION_RESULTS
 
 TABLE = """

@@ -9,7 +9,7 @@ from machines import WEIGHT, pendulum
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
 from kaneflex import SceneError, load, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.report.presentation import parts, printed
 from kaneflex.report.summary import summarise
 from kaneflex.solve.simulation import solve

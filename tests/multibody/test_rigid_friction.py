@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from test_friction import CRANK, FALLING, ROD, solved
 
 from kaneflex import SceneError
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.layout import BENDING, OPEN
 
 G = 9.81

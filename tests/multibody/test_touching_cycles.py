@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kaneflex
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import kaneflex
 from kaneflex import SceneError, load, scene_of, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.time import run
 from kaneflex.solve.simulation import solve
 

@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection
 from PIL import Image
 
 from kaneflex import Solution, draw_all, figures, load, read_scene, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import animation, modes, style
 from kaneflex.plots import enlarged as enlarged_module

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +69,7 @@ def test_a_page_has_a_megabyte_at_most(sensors, picture, kept, too_large, tmp_pa
     times = np.linspace(0.0, 0.02, len(solution.times))
     for k, name in enumerate(own):  # 300 curves whose extremes are 600 instants
         values = np.sin(2e3 * times + k) - 7.0 * (np.arange(len(times)) == 2 * k)
-        solution.series[name] = replace(solution.series[name], values=values)
+        solution.series[name] = solution.series[name]._replace(values=values)
     files = [tmp_path / name for name in ("sensors.png", "mechanism.png", "animation.gif")]
     for file in files:
         file.write_bytes(bytes(picture))

@@ -9,7 +9,7 @@ import pytest
 from runs import model, solved
 
 from kaneflex import Solution, scene_of
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.plots import animation, displacements
 from kaneflex.plots.mechanism import scenery
 from kaneflex.plots.style import styled

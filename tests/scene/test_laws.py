@@ -9,7 +9,8 @@ from scipy.interpolate import BPoly
 
 from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.derive.equations.law_expression import law_expression
-from kaneflex.scene.laws import ON_ARRAYS, parse_law
+from kaneflex.scene.law_parser import parse_law
+from kaneflex.scene.laws import ON_ARRAYS
 from kaneflex.support.errors import Fault
 
 NAMES = ("t", "main", "main_speed")

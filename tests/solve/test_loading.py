@@ -7,7 +7,7 @@ from runs import model
 
 import kaneflex
 from kaneflex import SceneError, load, read_scene, with_settings
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.time.run import Run
 from kaneflex.solve.simulation import solve
 

@@ -142,7 +142,7 @@ def _differentiated(
     """Derivatives of a run by its parameters; None without parameters or after an early stop."""
     if not parameters:
         return None
-    from kaneflex.integrate.outcome import Outcome
+    from kaneflex.integrate.system import Outcome
     from kaneflex.study.sensitivity.report import sensitivities
 
     if solution.outcome is not Outcome.COMPLETED:

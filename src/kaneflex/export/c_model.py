@@ -9,7 +9,7 @@ import numpy as np
 
 from kaneflex.export.c_text import RUN, Arrays, array_in_c, cmake_text, number_in_c, shared_texts, structure_in_c
 from kaneflex.integrate.methods import METHODS, Method
-from kaneflex.integrate.outcome import Trajectory
+from kaneflex.integrate.system import Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene

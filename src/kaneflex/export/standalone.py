@@ -9,7 +9,7 @@ from kaneflex.export import standalone_text as parts
 from kaneflex.export.standalone_numbers import ELSE, LINE, assigned, data, filled, functions, tables
 from kaneflex.export.standalone_points import Points
 from kaneflex.export.standalone_sensors import sensor_text
-from kaneflex.integrate.outcome import Trajectory
+from kaneflex.integrate.system import Trajectory
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene

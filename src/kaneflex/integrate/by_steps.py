@@ -8,11 +8,20 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.methods import method_named
-from kaneflex.integrate.outcome import LEFT, Outcome, Progress, Run, Table, Trajectory, check_arguments, steps_of_cycle
 from kaneflex.integrate.periodic import Beginning, Cycle, corrected_state, over_a_cycle, periodic_state
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
 from kaneflex.integrate.streams import CoefficientStream
-from kaneflex.integrate.system import AffineSystem
+from kaneflex.integrate.system import (
+    LEFT,
+    AffineSystem,
+    Outcome,
+    Progress,
+    Run,
+    Table,
+    Trajectory,
+    check_arguments,
+    steps_of_cycle,
+)
 from kaneflex.support.errors import UserError
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.integrate.gmres import gmres
-from kaneflex.integrate.outcome import Outcome, leading
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
+from kaneflex.integrate.system import Outcome, leading
 from kaneflex.support.errors import SceneError
 
 _GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10

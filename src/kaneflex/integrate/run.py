@@ -10,7 +10,8 @@ from functools import partial, reduce
 import numpy as np
 
 from kaneflex.integrate.conventions import LANES, aligned
-from kaneflex.integrate.outcome import (
+from kaneflex.integrate.spectral import Grid, Orbit, periodic_orbit
+from kaneflex.integrate.system import (
     LEFT,
     Floquet,
     Outcome,
@@ -21,7 +22,6 @@ from kaneflex.integrate.outcome import (
     leading,
     steps_of_cycle,
 )
-from kaneflex.integrate.spectral import Grid, Orbit, periodic_orbit
 from kaneflex.support.machine_code import Kernel
 
 _LONGEST_STEP = 1e4

@@ -25,8 +25,7 @@ from kaneflex.integrate.conventions import (
     aligned,
     turns,
 )
-from kaneflex.integrate.outcome import Table
-from kaneflex.integrate.system import AffineSystem
+from kaneflex.integrate.system import AffineSystem, Table
 from kaneflex.support.machine_code import Kernel
 
 FEWEST, MOST = 64, 8192

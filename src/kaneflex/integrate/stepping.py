@@ -12,9 +12,8 @@ import numpy as np
 
 from kaneflex.integrate.conventions import COMPLETED, SINGULAR, UNBOUNDED
 from kaneflex.integrate.methods import Method
-from kaneflex.integrate.outcome import Outcome, Progress
 from kaneflex.integrate.streams import CoefficientStream
-from kaneflex.integrate.system import AffineSystem, Layout, layout_of
+from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress, layout_of
 from kaneflex.support.machine_code import Kernel
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Table
+from kaneflex.integrate.system import Table
 from kaneflex.support.errors import UserError
 
 LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB

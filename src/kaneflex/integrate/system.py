@@ -1,13 +1,16 @@
-"""Linear second-order equations for integration, with coefficients affine in a table of scalars."""
+"""Linear second-order equations with coefficients affine in a table of scalars, their integration and its outcome."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from kaneflex.support.errors import UserError
 from kaneflex.support.sparse_rows import SparseRows, rows_of
 
 if TYPE_CHECKING:
@@ -114,3 +117,129 @@ def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
     last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
     places = (each.astype(np.uint64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
     return Layout(np.uint64(n * copies), np.uint64(n * copies * width), *places)
+
+
+Floquet = np.ndarray | Callable[[], np.ndarray] | None
+
+
+class Outcome(Enum):
+    """Outcome of a run; the value is the text for the user."""
+
+    COMPLETED = "completed"
+    UNSTABLE = "unstable: the motion grows without bound"
+    STUCK = "stuck: the motion can't be continued"
+    SINGULAR = "singular step: a pivot of its equations vanishes"
+    NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
+    CASCADE = "cascade: contacts close and open without end at one instant"
+    PARADOX = "paradox: no combination of sticking and sliding satisfies the friction laws"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Motion at the stored steps, in the units of the system.
+
+    times: shape (n_out,), in s
+    z, v, a: shape (n_out, n), displacements, velocities, accelerations; they satisfy the equation
+    outcome, message: outcome; the message adds time and reason
+    floquet: the multipliers, or a function that computes them on demand
+    ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns
+    solver: method used and the reason, as text; empty without a choice
+
+    A run that stopped early holds the steps before; without a periodic state it is empty.
+    """
+
+    times: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    outcome: Outcome
+    message: str
+    floquet: Floquet
+    ns_per_step: float
+    solver: str = ""
+
+    def at(self, times: np.ndarray) -> Trajectory:
+        """Motion at other instants: the quintic through the stored z, z', z''."""
+        from scipy.interpolate import BPoly
+
+        knots = np.stack([self.z, self.v, self.a], axis=1)
+        if not knots.size:
+            empty = np.zeros((len(times), 0))
+            return replace(self, times=times, z=empty, v=empty, a=empty)
+        curve = BPoly.from_derivatives(self.times, knots)
+        z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
+        return replace(self, times=times, z=z, v=v, a=a)
+
+    @cached_property
+    def multipliers(self) -> np.ndarray | None:
+        """Complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus.
+
+        None if not computed.
+        """
+        return self.floquet() if callable(self.floquet) else self.floquet
+
+
+def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
+    """Multipliers of largest modulus (2 n of them), largest first."""
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
+
+
+LEFT = "; the result is the unstable periodic motion"
+"""Message about a periodic motion whose disturbances grow."""
+Progress = Callable[[float], None]
+"""Called with the finished share of the work, 0 to 1, a few times a second."""
+Table = Callable[[np.ndarray], np.ndarray]
+"""Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
+Start = str | tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Input of an integration: system, table, start, steps and method.
+
+    table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a
+        cycle if `period_steps` is given, else for one piece of the run after the other.
+    t0, step: in s. n_steps: at least 1.
+    method: a name in `methods.METHODS`.
+    start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
+        `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one
+        factorisation a step), so that no transient has to die.
+    period_steps: steps of one cycle of the table.
+    every: store one step in so many, the first one included.
+    rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
+    tolerance: of the method "spectral": error of the motion, relative, in the energy norm.
+    """
+
+    system: AffineSystem
+    table: Table
+    t0: float
+    step: float
+    n_steps: int
+    method: str = "newmark"
+    start: Start = "zero"
+    period_steps: int | None = None
+    every: int = 1
+    rho_infinity: float = 0.8
+    tolerance: float = 1e-6
+
+
+def check_arguments(run: Run) -> None:
+    """Raise UserError for the first argument of a run that is invalid."""
+    step, start = run.step, run.start
+    if not (np.isfinite(step) and step > 0.0):
+        raise UserError("step", step, "a step must be a positive time", "Give it in s")
+    for name, value in (("steps", run.n_steps), ("every", run.every), ("period_steps", run.period_steps)):
+        if value is not None and value < 1:
+            raise UserError(name, value, "there must be at least one step", "Give a whole number from 1 on")
+    if isinstance(start, str) and start not in ("zero", "periodic"):
+        raise UserError("start", start, "unknown start", "Give zero, periodic or a state")
+    if start == "periodic" and run.period_steps is None:
+        raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
+    if start != "periodic" and run.method == "spectral":
+        raise UserError("start", start, "the integrator spectral finds periodic motions only", "Use radau")
+
+
+def steps_of_cycle(run: Run) -> int:
+    """Number of steps in a cycle of a run that has one."""
+    assert run.period_steps is not None  # or no periodic start was asked for: `check_arguments`
+    return run.period_steps

@@ -75,7 +75,7 @@ def _made(scene: Scene) -> NumericMechanism:
         structure_of(scene), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
     joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
-    bodies = {name: replace(body, free=scene.floating[name].place) if name in scene.floating else body
+    bodies = {name: body._replace(free=scene.floating[name].place) if name in scene.floating else body
               for name, body in found.bodies.items()}  # fmt: skip
     contacts = {
         name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)

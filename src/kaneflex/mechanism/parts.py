@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
 
@@ -27,8 +27,7 @@ def floating_coordinates(body: str) -> tuple[str, str, str]:
     return f"{body}.x", f"{body}.y", f"{body}.phi"
 
 
-@dataclass(frozen=True)
-class Body:
+class Body(NamedTuple):
     """Body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose in a fixed structure.
 
     ``free``: initial pose [m, m, rad] of a free body; only for numerical values.
@@ -103,8 +102,7 @@ class Joint:
         return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value) + 0.0:.6g} deg"
 
 
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the
     forces."""
 
@@ -116,8 +114,7 @@ class Drive:
         return self.kind == "free"
 
 
-@dataclass(frozen=True)
-class Mass:
+class Mass(NamedTuple):
     """Lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
 
     name: str
@@ -126,8 +123,7 @@ class Mass:
     inertia: Number
 
 
-@dataclass(frozen=True)
-class Load:
+class Load(NamedTuple):
     """Load: force [N] on a point along a direction fixed in global or in body axes, or torque [N m] at a joint.
 
     A distributed force [N/m] has a ``spread`` instead of a point: the body's start and end, and the factors there,

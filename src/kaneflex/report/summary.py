@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
+from kaneflex.scene.table import PlainTable, late
 from kaneflex.solve.run_result import MOST_FREQUENCIES
 from kaneflex.support.escaping import visible
-from kaneflex.support.plain_tables import PlainTable, late
 
 if TYPE_CHECKING:
     from kaneflex.response.sensors import Series
@@ -247,7 +246,7 @@ def _sensor(
 ) -> SensorSummary:
     own: dict[str, Any] = found._asdict()
     own |= {key: _instant(times, degrees, own[key]) for key in ("at_min", "at_max")}
-    own["plus_minus"] = None if error is None else SensorError(**asdict(error))
+    own["plus_minus"] = None if error is None else SensorError(**error._asdict())
     return SensorSummary(unit=series.unit, meaning=series.meaning, **own)
 
 

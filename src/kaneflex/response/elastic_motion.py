@@ -61,7 +61,7 @@ class ElasticMotion(Motion):
         spring, placed = self.model.scene.springs[name], self.model.sprung.get(name)
         if placed is None or not placed.L.terms:
             return super().spring_tension(name)
-        material = replace(self.model.options, geometric=False)
+        material = self.model.options._replace(geometric=False)
         force = demanded(self.model, self.rigid, self.coordinates, placed, material)
         directed = spring.torsional_at is not None or spring.length or spring.damping
         return force[0] if directed else reduce(np.hypot, force[1:])

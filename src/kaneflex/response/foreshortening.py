@@ -15,7 +15,7 @@ Drives are fixed. Undetermined motions (bodies that hang freely) are minimal. S 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ _CHUNK = 2_000_000
 """Numbers in one batch of matrices: 16 MB."""
 
 
-@dataclass(frozen=True, eq=False)
-class Displaced:
+class Displaced(NamedTuple):
     """Deformations of all links and the coordinates of carried rigid bodies, foreshortening included.
 
     ``coordinates``: z, z', z'', each (n, n_times), for :func:`kaneflex.response.deformation.follow`.
@@ -67,8 +66,7 @@ def displaced(
     return Displaced(shortened, tuple(z + more for z, more in zip(coordinates, moved, strict=True)))
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
+class _End(NamedTuple):
     """A link as seen from its joints.
 
     Attributes
@@ -86,8 +84,7 @@ class _End:
     pushes: tuple[Affine, Affine, Affine]
 
 
-@dataclass(frozen=True, eq=False)
-class _Joined:
+class _Joined(NamedTuple):
     """All links as seen from their joints, independent of the motion: models with the same equations share it.
 
     Attributes

@@ -26,7 +26,7 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
     """Modal data of every elastic link of a scene, in the plane or in space."""
     if scene.is_spatial:
         module, _ = find_laws_module(scene, progress)
-        options = replace(resolve_options(scene), modes=modes_of(scene))
+        options = resolve_options(scene)._replace(modes=modes_of(scene))
         shapes = bound_system(scene, module, options).shapes
     else:
         shapes = build_system(scene, progress)[0].shapes

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator
-from dataclasses import dataclass
 from functools import cache, partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from kaneflex.response.elastic_motion import ElasticMotion
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
+class Series(NamedTuple):
     """Values (n_times,) of a sensor in ``unit`` (SI), and their meaning."""
 
     values: np.ndarray
@@ -38,8 +36,7 @@ class Series:
     meaning: str
 
 
-@dataclass(frozen=True, eq=False)
-class Read:
+class Read(NamedTuple):
     """Name, unit (SI), meaning and function for the values (n_times,) of a series."""
 
     name: str

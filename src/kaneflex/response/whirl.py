@@ -8,7 +8,7 @@ Omega + w and B at Omega - w, forward if positive (Genta 2005, Dynamics of Rotat
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def whirl(model: Model) -> Whirl | None:
     omega = np.array([rigid.frame(name).omega for name in model.links])
     spin = omega[0, :, 0]
     speed = float(np.linalg.norm(spin))
-    terms = keep_terms(model.reduced, replace(model.options, damping=False))
+    terms = keep_terms(model.reduced, model.options._replace(damping=False))
     M, C, K = (rigid.matrices(terms[name]) for name in "MCK")
     varies = any(np.ptp(part, axis=0).max() > _SAME * abs(part).max() for part in (M, C, K))
     if varies or speed == 0.0 or abs(omega - spin[:, None]).max() > _SAME * speed:

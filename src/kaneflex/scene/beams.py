@@ -17,9 +17,8 @@ from kaneflex.scene.quantities import (
     WholeNumber,
 )
 from kaneflex.scene.sections import Constants, Piece, Profile, SectionNumbers, ShearCoefficient
-from kaneflex.scene.table import SceneTable
+from kaneflex.scene.table import SceneTable, late
 from kaneflex.support.errors import Fault, nearest
-from kaneflex.support.plain_tables import late
 
 if TYPE_CHECKING:
     from kaneflex.scene.shapes import Shape

@@ -10,9 +10,8 @@ from pydantic import Field, field_validator, model_validator
 from kaneflex.scene.beams import Beam
 from kaneflex.scene.quantities import BodyInertia, Point, PositiveLength, PositiveMass, Vector
 from kaneflex.scene.sections import Profile
-from kaneflex.scene.table import SceneTable
+from kaneflex.scene.table import SceneTable, late
 from kaneflex.support.errors import Fault
-from kaneflex.support.plain_tables import late
 
 if TYPE_CHECKING:
     from kaneflex.scene.modal_data import ModalData

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from kaneflex.scene.laws import parse_law
 from kaneflex.scene.quantities import (
     Angle,
     AngularVelocity,
@@ -114,6 +113,8 @@ class Drive(SceneTable):
         Raises Fault for a law or a table that can't be read.
         """
         if self.law is not None:
+            from kaneflex.scene.law_parser import parse_law
+
             return parse_law(self.law, ("t",)).on_arrays({"t": t})
         if self.table is not None:
             return evaluate_block(self.curve(), t)

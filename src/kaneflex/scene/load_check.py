@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.laws import Law, parse_law, sample_times
+from kaneflex.scene.laws import Law, sample_times
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
@@ -209,6 +209,8 @@ _ROUNDING = 1e-12
 
 def check_drive_law(scene: Scene, drive: Drive) -> None:
     """Raise Fault unless a drive's law is valid, without kinks, and finite over the run."""
+    from kaneflex.scene.law_parser import parse_law
+
     law = parse_law(drive.law, ("t",))
     kink = law.kinks(smooth=("atan2",))
     if kink is not None:
@@ -293,6 +295,8 @@ def check_load_law(scene: Scene, load: Load) -> None:
     A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
     are sampled with the derived motion (`kaneflex.solve.run_checks.check_laws`).
     """
+    from kaneflex.scene.law_parser import parse_law
+
     law = parse_law(load.law, scene.law_names())
     for name in scene.joints:
         if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):

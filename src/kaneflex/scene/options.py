@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
@@ -19,8 +18,7 @@ PAPER_DURATION = 0.04
 """The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
 
 
-@dataclass(frozen=True)
-class Options:
+class Options(NamedTuple):
     """All options of a run of a scene.
 
     Attributes
@@ -104,7 +102,7 @@ class Options:
 
     def as_dict(self) -> dict[str, object]:
         """Options by name, as plain data."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in self._asdict().items()}
 
 
 _ALL = dict.fromkeys(

@@ -43,11 +43,10 @@ from kaneflex.scene.quantities import (
     WholeNumber,
     either,
 )
-from kaneflex.scene.table import SceneTable, first_given, the_one_given
+from kaneflex.scene.table import SceneTable, first_given, late, the_one_given
 from kaneflex.scene.tables import SPEEDS, Table, abscissae, read_table
 from kaneflex.support.errors import Fault, nearest, within
 from kaneflex.support.interpolation import Interpolation
-from kaneflex.support.plain_tables import late
 from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
 
 if TYPE_CHECKING:

@@ -11,13 +11,12 @@ from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.laws import Law, parse_law
+from kaneflex.scene.laws import Law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Words
 from kaneflex.scene.sensors import Event, Sensor
-from kaneflex.scene.table import SceneTable
+from kaneflex.scene.table import SceneTable, late
 from kaneflex.support.escaping import visible
-from kaneflex.support.plain_tables import late
 from kaneflex.support.units import SENSED, to_si
 
 if TYPE_CHECKING:
@@ -354,13 +353,16 @@ class Scene(SceneTable):
 
     def law(self, load: str) -> Law | None:
         """Law of a load that has one."""
-        text = self.loads[load].law
-        return None if text is None else parse_law(text, self.law_names())
+        return self.argument(load) if self.loads[load].against is None else None
 
     def argument(self, load: str) -> Law | None:
         """Law of a load, or the abscissa of its table as a law; its magnitude depends on the names in it."""
-        against = self.loads[load].against
-        return self.law(load) if against is None else parse_law(against, self.law_names())
+        text, names = self.loads[load].against or self.loads[load].law, self.law_names()
+        if text is None or text in names:
+            return None if text is None else Law.of(text)
+        from kaneflex.scene.law_parser import parse_law
+
+        return parse_law(text, names)
 
     @property
     def observed(self) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -138,8 +137,7 @@ class Inertia(NamedTuple):
     about_z: float
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """Piece of a beam from `start` to `stop` [m] whose section's dimensions vary linearly from end to end.
 
     `made_of`: constants of its material; `shape`, a Shape or None, has the dimensions `first` and `last`.
@@ -163,8 +161,7 @@ class Piece:
         return tuple(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True))
 
 
-@dataclass(frozen=True)
-class Profile:
+class Profile(NamedTuple):
     """Profile of a beam by its pieces; `rotary` and `shear` tell if its theory includes them."""
 
     pieces: tuple[Piece, ...]
@@ -199,8 +196,8 @@ class Profile:
     def of_mass(self, mass: float) -> Profile:
         """Profile with densities scaled so that the beam's mass is exactly `mass` [kg]."""
         share = mass / self.inertia(self.length).mass
-        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
-        return replace(self, pieces=tuple(scaled))
+        scaled = (p._replace(made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
+        return self._replace(pieces=tuple(scaled))
 
     def elements(self, nodes: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of elements in space, see :func:`element_parameters`."""

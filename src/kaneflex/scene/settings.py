@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from kaneflex.scene.scene import Scene
+from kaneflex.scene.table import LateType
 from kaneflex.support.errors import SceneError, nearest
-from kaneflex.support.plain_tables import LateType
 from kaneflex.support.units import Dimension
 
 _MOST_NAMES = 3

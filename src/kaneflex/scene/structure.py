@@ -14,7 +14,6 @@ from copy import deepcopy
 from typing import Any
 
 from kaneflex.scene.bodies import Body
-from kaneflex.scene.laws import parse_law
 from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.kept import Kept
@@ -133,6 +132,8 @@ def _mass(scene: Scene, name: str) -> dict[str, Any]:
 def _drive(scene: Scene, name: str) -> dict[str, Any]:
     drive = scene.drives[name]
     if drive.kind == "law":
+        from kaneflex.scene.law_parser import parse_law
+
         return {"kind": "law", "law": parse_law(drive.law, ("t",)).text}
     return {"kind": drive.kind}
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -109,8 +110,7 @@ def largest_of_block(block: np.ndarray) -> float:
     return float(abs(_extremes(block.tobytes())[1]).max())
 
 
-@dataclass(frozen=True)
-class Overshoot:
+class Overshoot(NamedTuple):
     """Largest overshoot of a block: x, value, and the values of the two rows of its interval."""
 
     x: float

@@ -116,7 +116,7 @@ def along(model: Model, run: Run) -> SpatialKinematics:
 
     module, coupled = SpatialModule(run.system), model.coupled_in_space
     motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
-    reached = replace(model.options, duration=float(run.here[0]) - run.start.t)
+    reached = model.options._replace(duration=float(run.here[0]) - run.start.t)
     if module.FREE:
         motion = with_open_reactions(motion, reached)
         check_laws(model.scene, motion, reached)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.response.motion import Motion
@@ -68,14 +68,14 @@ def _richer(model: Model, longer: bool = False) -> Iterator[tuple[str, Scene, Op
     scene, options = model.given or model.scene, model.options
     factor, steps = (_TIGHTER, options.steps // 2) if longer else (1.0 / _TIGHTER, 2 * options.steps)
     tolerance, forward = (max(_LEAST, factor * each) for each in (options.tolerance, options.forward_tolerance))
-    options = replace(options, tolerance=tolerance, forward_tolerance=forward, steps=steps)
+    options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=steps)
     yield "time", scene, options
     if not scene.is_elastic:
         return
     # twice as many, or four more, covers symmetric links, too; every third mode is one of stretch
     modes = int(options.modes)
     modes = max(4, min(2 * modes + 1, modes + 4))
-    scene, options = _with_modes(scene, modes), replace(options, modes=modes)
+    scene, options = _with_modes(scene, modes), options._replace(modes=modes)
     yield "modes", scene, options
     yield "elements", with_half_elements(scene), options
 
@@ -92,7 +92,7 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
     reached, steps, given = len(read.run.times) - 1, options.steps, read.model.options.steps
     if reached < given:  # an event stopped the run
         fewer = reached * steps // given
-        options = replace(options, steps=fewer, duration=options.duration / steps * fewer)
+        options = options._replace(steps=fewer, duration=options.duration / steps * fewer)
     scene = scene.seen(events={})
     coupled = options.dynamics == "coupled"
     model = neighbour(read.model, scene, options=options) if coupled else replace(load(scene), options=options)

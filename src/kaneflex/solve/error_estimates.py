@@ -9,11 +9,11 @@ equations are integrated again: :mod:`kaneflex.solve.coupled_corrections`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown
@@ -28,8 +28,7 @@ _SECOND_ORDER = 4.0 / 3.0
 """Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
 
-@dataclass(frozen=True)
-class ErrorEstimate:
+class ErrorEstimate(NamedTuple):
     """A sensor's estimated error: the largest over the run, in its SI unit.
 
     Attributes

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.closure import check_closure, check_loops, check_passage, drive_positions, locked
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.planar import wrapped

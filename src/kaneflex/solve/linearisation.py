@@ -205,7 +205,7 @@ class _Readings:
     """Readings of the sensors at one instant as affine functions of z, z', z'' and the inputs."""
 
     def __init__(self, model: Model, t: float, sensors: Mapping[str, Sensor]):
-        options = replace(model.options, foreshortening=False)
+        options = model.options._replace(foreshortening=False)
         scene = model.scene.model_copy(update={"sensors": dict(sensors)})
         self.model, self.t, self.count = replace(model, options=options, scene=scene), t, len(sensors)
 

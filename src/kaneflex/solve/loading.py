@@ -292,9 +292,9 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
 def neighbour_options(model: Model, scene: Scene) -> Options:
     """Options of a model of a scene that differs in numbers only, including its period."""
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
-    options = replace(model.options, duration=duration)
+    options = model.options._replace(duration=duration)
     # a spectral grid and its corrections may differ between neighbours
-    return replace(options, integrator="radau") if options.integrator == "spectral" else options
+    return options._replace(integrator="radau") if options.integrator == "spectral" else options
 
 
 def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:

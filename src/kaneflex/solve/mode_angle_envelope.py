@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
@@ -37,7 +35,7 @@ def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
         angle = 2 * np.pi * k / ANGLES
         if stands_at(model.scene, angle, model.motion) is None:  # a drive may not reach every angle
             continue
-        options = replace(model.options, mode_angle=angle)
+        options = model.options._replace(mode_angle=angle)
         solution = solve(build_model(model.scene, options, model.motion))
         for name, sensor in model.scene.sensors.items():
             if sensor.kind not in _RIGID_KINDS:

@@ -14,9 +14,9 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.run import Run, integrate
 from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model
@@ -183,16 +183,16 @@ def _richer(model: Model) -> Iterator[tuple[str, Model]]:
     if options.dynamics == "dynamic":
         yield "time", model
     rich = resolve_options(model.scene.seen(solve=model.scene.solve.model_copy(update=_RICHEST)))
-    own, whole = model, replace(options, reduction="none", modes="all")
+    own, whole = model, options._replace(reduction="none", modes="all")
     if options.reduction != "none":
         own = build_model(model.scene, whole, model.motion)
         yield "modes", own
-    terms = replace(rich, elements=options.elements, mode_angle=options.mode_angle, weld_pins=options.weld_pins)
-    terms = replace(terms, free_drives=options.free_drives, steps=options.steps)
-    if replace(terms, preset=whole.preset, integrator=whole.integrator, start=whole.start,
-               tolerance=whole.tolerance) != whole:  # fmt: skip
+    terms = rich._replace(elements=options.elements, mode_angle=options.mode_angle, weld_pins=options.weld_pins)
+    terms = terms._replace(free_drives=options.free_drives, steps=options.steps)
+    alike = terms._replace(preset=whole.preset, integrator=whole.integrator, start=whole.start)
+    if alike._replace(tolerance=whole.tolerance) != whole:
         yield "terms", _with_terms(own, terms)
-    yield "elements", build_model(with_half_elements(model.scene), replace(terms, elements=None), model.motion)
+    yield "elements", build_model(with_half_elements(model.scene), terms._replace(elements=None), model.motion)
 
 
 def _with_terms(model: Model, options: Options) -> Model:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.run_checks import MAX_STORED, UNREPEATED, refuse_unrepeated
 from kaneflex.solve.run_result import RunResult

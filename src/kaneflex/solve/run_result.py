@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.support.errors import SceneError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.read import SceneLike
 from kaneflex.solve.loading import model_from

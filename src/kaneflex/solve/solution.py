@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import installed, told
 from kaneflex.support.labelled import Entry, Labelled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from kaneflex.support.plain_tables import PlainTable
+from kaneflex.scene.table import PlainTable
 
 _RELATIVE = "of the {}, relative"
 

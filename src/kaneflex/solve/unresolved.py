@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Trajectory
+from kaneflex.integrate.system import Trajectory
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.summary_tables import UnresolvedMode
 from kaneflex.support.errors import SceneError

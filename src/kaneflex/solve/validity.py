@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.time_statistics import at_least, between_steps
 from kaneflex.solve.linear_warnings import lost_stiffness, near_resonance
@@ -276,7 +276,7 @@ def _in_half_steps(solution: RunResult) -> RunResult:
     from kaneflex.integrate.run import integrate
 
     model = solution.model
-    halved = replace(model, options=replace(model.options, steps=2 * model.options.steps))
+    halved = replace(model, options=model.options._replace(steps=2 * model.options.steps))
     try:
         found = integrate(replace(run_of(halved), every=2 * storing(model)))
     except UserError:
@@ -379,7 +379,7 @@ def _left_ringing(solution: RunResult) -> list[str]:
     if not rings or nominal_seconds(solution) > LONGEST_SECOND:
         return found
     tenth = 0.1 * options.tolerance
-    other = simulate_coupled(replace(model, options=replace(options, tolerance=tenth)))
+    other = simulate_coupled(replace(model, options=options._replace(tolerance=tenth)))
     parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
     return found + [
         f"{text}: vibrations below the tolerance affect accelerations; lower solve.tolerance, or use preset "

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from kaneflex.fem.assembly import ElasticEquations
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import of_an_instant
 from kaneflex.scene import Scene, with_settings

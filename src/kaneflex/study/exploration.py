@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.scene import given_value
 from kaneflex.scene.settings import demand_once, resolved

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene import Scene

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from typing import NamedTuple
 
 _LONGEST_VALUE = 200  # characters of a value that a message repeats
 LONGEST_NAME = 100
@@ -70,8 +70,7 @@ def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterat
         raise Fault(f"{said} is not installed", f'Run: pip install "kaneflex[{extra}]"{other}') from None
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(NamedTuple):
     """Error in one entry: its path (`key`), its `value`, the `reason` and what to do (`cure`)."""
 
     key: str

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import cache
 from tokenize import TokenError
+from typing import NamedTuple
 
 from kaneflex.support.errors import Fault
 
@@ -27,8 +27,7 @@ _UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>
 _POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s0-9.-]*(\^|\*\*)")
 
 
-@dataclass(frozen=True)
-class Dimension:
+class Dimension(NamedTuple):
     """Physical quantity: its name with article, its SI unit and an example for messages."""
 
     name: str

@@ -132,7 +132,7 @@ def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, lik
 
     A speed enters the scalars of the motion only, unless the equations are those of one instant.
     """
-    as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
+    as_before = options._replace(duration=like.options.duration, steps=like.options.steps)
     if motion.module is not like.module or as_before != like.options or of_an_instant(scene, options):
         return False
     return options.dynamics != "coupled" and same_mechanism(scene, like.scene)

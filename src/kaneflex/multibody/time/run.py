@@ -13,7 +13,7 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at

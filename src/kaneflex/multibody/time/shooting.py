@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.error_bounds import Method
@@ -248,8 +248,8 @@ class Cycles:
 
     def judged(self, cycle: CoupledTrajectory) -> Verdict:
         """Stability verdict from a cycle's Floquet multipliers."""
-        from kaneflex.integrate.outcome import LEFT
         from kaneflex.integrate.periodic import exceeds_one
+        from kaneflex.integrate.system import LEFT
 
         def unknown(why: str, floquet: np.ndarray | None = None) -> Verdict:
             return Verdict(Outcome.COMPLETED, f"{Outcome.COMPLETED.value}; {_UNKNOWN}: {why}", floquet)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.energy import Energy
 from kaneflex.multibody.dynamics.arrays import Columns
 from kaneflex.multibody.unilateral.results import RowRecord

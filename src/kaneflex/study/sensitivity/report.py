@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.response.time_statistics import mean_over_time
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import refuse_contacts

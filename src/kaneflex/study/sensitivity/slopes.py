@@ -15,7 +15,7 @@ from itertools import groupby
 import numpy as np
 
 from kaneflex.fem.links import mesh
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour

@@ -9,8 +9,8 @@ import numpy as np
 
 from kaneflex.integrate.by_steps import cycle_map
 from kaneflex.integrate.methods import METHODS
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import leading
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.solve.one_way_run import not_repeated
 from kaneflex.support.errors import SceneError

@@ -5,7 +5,7 @@ Buckling: Przemieniecki 1968, chapter 15.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
     times = np.arange(instants) * period / instants
     rigid = model.motion.at(times)
     M, C, K = (rigid.matrices(model.kept[name]) for name in "MCK")
-    undamped = keep_terms(model.reduced, replace(model.options, damping=False))
+    undamped = keep_terms(model.reduced, model.options._replace(damping=False))
     C_0, K_0 = (rigid.matrices(undamped[name]) for name in "CK")
     lowest, growth = np.empty((instants, count)), np.empty(instants)
     for k in range(instants):
