@@ -27,13 +27,14 @@ FAR = 0.05
 MOST_TURNED = 3.0
 """Largest rotation of a bushing [rad]: at half a turn the rotation vector jumps."""
 (
-    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
+    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, PARTS, RESTED_BEFORE, QUIET,
     SCALES, UNIT, TRIED, VECTORS,
-) = range(17)  # fmt: skip
+) = range(18)  # fmt: skip
 """Vectors of the problem of rigid contacts at one instant, over the rows of touching contacts, then of frictions: rates
 before and after, impulses, forces at rest, accelerations, the problem's b, active rows; for a friction its mu, constant
-resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether it was at rest, and
-a negligible rate; row scales, one unit force, the solution of a mode combination."""
+resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether its force has
+ended, whether it was at rest (of a friction whether it stuck), and a negligible rate; row scales, one unit force, the
+solution of a mode combination."""
 
 
 def room_of(contacts: int, frictions: int) -> int:

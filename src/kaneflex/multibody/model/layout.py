@@ -65,8 +65,9 @@ BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
 bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. Of bristles a node has
 speed, g, deflection, force."""
-BORE = FIRMEST
-"""Numbers of sticking friction, which has no bristles: the force at which it slips."""
+BORE, ROUNDED = FIRMEST, PEAK
+"""Numbers of frictions without bristles: the force at which sticking friction slips; rounding error of the speed after
+an impact."""
 RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
 """Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.results`), and places of its force and its
 stored energy; its gap is the first one."""
