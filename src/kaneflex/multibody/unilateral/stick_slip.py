@@ -258,7 +258,7 @@ def _try_all(m, t, A, free):
 def _shut(m, n, t, closes):
     """Close or open a contact, with the first modes of its frictions."""
     w, k = m.w, at(m, n)
-    w[k + MODE], w[k + MEMORY], m.multipliers[row_at(m, n)] = CLOSED if closes else OPEN, 0.0, 0.0
+    w[k + MODE], m.multipliers[row_at(m, n)] = CLOSED if closes else OPEN, 0.0
     for q in range(-frictions(m), 0):
         if on_contact(m, q) == n:
             w[at(m, q) + DUE] = 0.0
@@ -348,6 +348,9 @@ def settle(m, t, A):
     without convergence."""
     apart()
     w = m.w
+    for n in range(m.plan[RIGID]):  # friction is linear in a force that grows from zero
+        if w[at(m, n) + DUE] < 0.0:
+            m.multipliers[row_at(m, n)] = 0.0
     if not frictions(m):
         return 0 if mend(m, t, A, 2) else 1
     for turn in range(_SETTLED):
@@ -376,13 +379,13 @@ def _bears(m, n):
 
 @njit(**OPTIONS)
 def _least_consistent(m):
-    """Row with the largest inconsistency of its mode among those to be chosen; the number of contacts if all are
-    consistent."""
+    """Row with the largest inconsistency of its mode among those to be chosen, frictions first; the number of contacts
+    if all are consistent."""
     apart()
     w, worst, found = m.w, 0.0, contacts(m)
     for n in range(-frictions(m), m.plan[RIGID]):
         k = at(m, n)
-        if w[k + DUE] >= 0.0:
+        if w[k + DUE] >= 0.0 or (n >= 0 and found < 0):
             continue
         if n >= 0:
             least = no_rate(m, n)
