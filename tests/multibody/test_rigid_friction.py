@@ -235,6 +235,22 @@ def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution():
             assert abs(v[-1]).max() < 1e-12 and (record.mode[-1] == 2).sum() == 2
 
 
+def test_a_box_stays_where_its_corners_stick():
+    """Impulses found anew let a corner slip and stick again: it returned to a place 1 m away, without a speed."""
+    rng = np.random.default_rng(5)
+    for mu, e in itertools.product((1.0, 2.0), (0.3, 0.6)):
+        for _ in range(6):
+            begun = f"free.angle={rng.uniform(0, 360)} deg", f"free.angular_speed={rng.uniform(-5, 5)}"
+            keys = f"contact.restitution={e}", f"friction.mu={mu}"
+            corners = (f"contacts.{corner}.{key}" for corner in "abcd" for key in keys)
+            found = solved(BOX, *(f"bodies.box.{key}" for key in begun), *corners)
+            times, v, moved = found.times, abs(found.trajectory.v[:, 0]), abs(np.diff(found.trajectory.q[:, 0]))
+            fastest = max(v.max(), 0.25 * abs(found.trajectory.v[:, 2]).max())  # corners are 0.22 m from the centre
+            assert (moved < 2 * fastest * np.diff(times) + 1e-9).all()
+            rests = (found.trajectory.frictions.mode[:-1] == 2).sum(axis=1) == 2
+            assert moved[rests].max(initial=0.0) < 1e-12
+
+
 @pytest.mark.parametrize(("mu", "e"), [*itertools.product((0.05, 0.3, 2.0), (0.0, 0.5))])
 def test_a_disc_jams_between_two_steep_walls(mu, e):
     """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""

@@ -18,7 +18,7 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import works_at
 from kaneflex.multibody.unilateral.complementarity import listed, moved, vector
-from kaneflex.multibody.unilateral.frictions import normal_force, row_of
+from kaneflex.multibody.unilateral.frictions import normal_force, row_of, stick
 from kaneflex.multibody.unilateral.rows import (
     ARM, LAW_AT, MU_AT, VISCOUS_LAW, act_of, at, contacts, frictions, law_at, on_contact, rigid,
 )  # fmt: skip
@@ -121,7 +121,9 @@ def after_impact(m, t, touching, slips):
             w[k + DUE] = 0.0
         w[k + ROUNDED] = _ROUNDING * moved(m, r, p, rows)[1]
         stuck = w[vector(m, RESTED_BEFORE) + r] != 0.0 and abs(w[vector(m, NEW) + r]) <= no_speed(m, n, t)
-        w[k + MODE] = STICKING if stuck else OPEN
+        w[k + MODE] = OPEN
+        if stuck:  # here, as an earlier choice may have let it slip
+            stick(m, n)
 
 
 @of_holds(None)
