@@ -11,7 +11,7 @@ from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.entries import project, unfold
 from kaneflex.multibody.dynamics.independent_speeds import choose, differs, is_dependent, open_rows
 from kaneflex.multibody.dynamics.records import give_coordinates
-from kaneflex.multibody.model.codes import DONE, PRESCRIBED
+from kaneflex.multibody.model.codes import DONE, ON_LOOPS, PRESCRIBED
 from kaneflex.multibody.model.layout import (
     BENDS,
     COORDINATES,
@@ -34,7 +34,7 @@ SAME, CHANGED, PROJECTED, FAILED = range(4)
 @njit(**ENTRY)
 def read(m, row):
     """Record of a row of the integration."""
-    unfold(m, row, 1, False, m.kept)
+    unfold(m, row, 1, ON_LOOPS, m.kept)
 
 
 @njit(**ENTRY)
