@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.mechanism.body_frame import acceleration, applied
+from kaneflex.mechanism.body_frame import Rates, acceleration, applied
 from kaneflex.mechanism.spatial_frame import rotation_matrix
 from kaneflex.mechanism.wrenches import Wrench, moment_of
+from kaneflex.multibody.time.sections import Deformed, deformed
 from kaneflex.response.section_forces import LinkForces, carried, rate_of_momentum, spread_loads
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.time.sections import Deformed, DeformingMotion
+    from kaneflex.multibody.time.sections import DeformingMotion
 
 _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
@@ -83,7 +84,13 @@ class Balance:
 
     def _at(self, x: float) -> Deformed:
         """Motion of the axis at x [m] from the start."""
-        return self.motion.deformed(self.link, np.array(self.motion.scene.vector((x, 0.0))))
+        at = np.array(self.motion.scene.vector((x, 0.0)))
+        return deformed(self.motion.shapes[self.link], at, self._amplitudes)
+
+    @cached_property
+    def _amplitudes(self) -> Rates:
+        q, u, b = map(np.ascontiguousarray, self.motion.modal(self.link))
+        return q, u, b
 
     @cached_property
     def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,7 +135,7 @@ class Balance:
     @cached_property
     def _turned(self) -> np.ndarray:
         """Axes of the components in the body's axes, columns (3, 3, n_times)."""
-        q, *_ = self.motion.modal(self.link)
+        q, *_ = self._amplitudes
         turn = self.motion.shapes[self.link].turn
         return cast(np.ndarray, rotation_matrix((turn @ q).T).transpose(1, 2, 0))
 
