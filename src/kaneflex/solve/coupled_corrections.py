@@ -26,12 +26,12 @@ from kaneflex.solve.loading import load, neighbour
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult
 
-_TIGHTER, _LEAST = 8.0, 1e-13
-"""Factor by which the tolerance of richer runs is smaller, and its least value: they leave about an eighth of the
-error, in 1.5 times as many steps of fifth order."""
+_ORDER, _LEAST = 3, 1e-13
+"""Power of their steps' length with which the tolerance of richer runs changes, and its least value: half as long steps
+of fifth order leave about an eighth of the error."""
 _TIGHT = 1e-7
-"""Largest tolerance at which one richer run with longer steps is enough: its change has about eight times their error,
-which is small beside that of modes and elements. At 1e-5 it missed half of an error, with contacts the peaks."""
+"""Largest tolerance at which a richer run has no shorter steps, as their error is small beside that of modes and
+elements; that of longer ones is eight times as large. At 1e-5 longer steps missed half of an error."""
 _CLOSER = 1e-3
 """Tolerance of a richer model's cycle, relative to that of the run's."""
 _MANY = 6
@@ -44,12 +44,10 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
 
     By default the richest one alone, which has all parts of the error.
     """
-    scene, options, alone = solution.model.scene, solution.model.options, solution.model.options.errors != "all"
-    longer = alone and scene.is_elastic and not scene.contacts
-    longer = longer and options.tolerance <= _TIGHT and options.steps % 2 == 0
-    read = Read.of(solution, options.start == "periodic", 2 if longer else 1)
-    richer, stages = list(_richer(solution.model, longer)), list[Stage]()
-    if alone:
+    model, longer = solution.model, _step_of_richer(solution.model)
+    read = Read.of(solution, model.options.start == "periodic", max(1, int(longer)))
+    richer, stages = list(_richer(model, longer)), list[Stage]()
+    if model.options.errors != "all":
         richer = [(TOGETHER, *richer[-1][1:])]
 
     def share(done: float) -> None:
@@ -60,15 +58,22 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
     return read, stages
 
 
-def _richer(model: Model, longer: bool = False) -> Iterator[tuple[str, Scene, Options]]:
-    """Successively richer models and the part that each adds; those without effect are left out.
+def _step_of_richer(model: Model) -> float:
+    """Step of a richer run, relative to the model's."""
+    options = model.options
+    if options.errors == "all" or not model.scene.is_elastic or options.tolerance > _TIGHT:
+        return 0.5
+    if model.scene.contacts:  # whose peaks need all instants
+        return 1.0
+    return 0.5 if options.steps % 2 else 2.0
 
-    ``longer``: with longer steps than the run's in place of shorter ones.
-    """
+
+def _richer(model: Model, longer: float = 0.5) -> Iterator[tuple[str, Scene, Options]]:
+    """Successively richer models with steps ``longer`` times the model's, and the part that each adds; those without
+    effect are left out."""
     scene, options = model.given or model.scene, model.options
-    factor, steps = (_TIGHTER, options.steps // 2) if longer else (1.0 / _TIGHTER, 2 * options.steps)
-    tolerance, forward = (max(_LEAST, factor * each) for each in (options.tolerance, options.forward_tolerance))
-    options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=steps)
+    tolerance, forward = (max(_LEAST, longer**_ORDER * each) for each in (options.tolerance, options.forward_tolerance))
+    options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=round(options.steps / longer))
     yield "time", scene, options
     if not scene.is_elastic:
         return

@@ -23,7 +23,7 @@ from kaneflex.support.errors import SceneError
 KINDS = ("time", "modes", "terms", "elements")
 """Sources of error, in the order in which the model is enriched."""
 LONGEST = 1.0
-"""Nominal seconds of a coupled run up to which its error is estimated by default, in about three times that."""
+"""Nominal seconds of a coupled run up to which its error is estimated by default, in at most three times that."""
 _SECOND_ORDER = 4.0 / 3.0
 """Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
