@@ -346,6 +346,36 @@ def test_a_loop_that_does_not_close_is_named():
         load(scene_of(beyond)).motion.at(np.linspace(0.0, 1.0, 11))
 
 
+def test_a_drive_of_a_loop_whose_law_has_a_pole_is_named():
+    turned = DEAD_CENTRE.replace('slide = {law = "2.4 + 0.5985*sin(2*pi*t)"}', 'shaft = {law = "tan(20 * t)"}')
+    with pytest.raises(SceneError, match=r"drives\.shaft = 'tan.*: its motion is unbounded at t = 0\.0785398 s"):
+        load(scene_of(turned)).motion.at(np.linspace(0.0, 1.0, 11))
+
+
+PARALLELOGRAM = """
+ground.d = ["300 mm", 0, 0]
+bodies.crank = {length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}}
+bodies.coupler = {length = "300 mm", mass = 0.1}
+bodies.rocker = {length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}}
+joints.a = {revolute = ["ground", "crank"], axis = [0, 0, 1]}
+joints.d = {revolute = ["ground.d", "rocker"], axis = [0, 0, 1]}
+joints.b = {universal = ["crank.end", "coupler"], axes = [[0, 0, 1], [0, 1, 0]]}
+joints.c = {spherical = ["coupler.end", "rocker.end"]}
+drives.a.speed = "10 rad/s"
+sensors.y = {position = "rocker.end", component = "y"}
+solve = {preset = "rigid", duration = "0.3 s", steps = 30}
+"""
+
+
+def test_a_prescribed_loop_that_would_leave_its_branch_is_refused():
+    """At 120 deg from its start the bars are in line. Without notice it went on as an antiparallelogram."""
+    with pytest.raises(SceneError, match=r"singular, at t = 0\.21.*, where a = 12[0-3]\.\d* deg"):
+        load(scene_of(PARALLELOGRAM)).motion.at(np.linspace(0.0, 0.3, 31))
+    shorter = solved(scene_of(PARALLELOGRAM.replace("0.3 s", "0.2 s")))
+    expected = 0.1 * np.sin(np.pi / 3.0 + 10.0 * shorter.times)
+    assert shorter.series["y"].values == pytest.approx(expected, abs=1e-9)
+
+
 def test_the_tolerance_of_coupled_bounds_rigid_bodies_in_space():
     """It did nothing, without a word."""
     scene = with_settings(read_scene("spatial-slider-crank"), ["solve.preset=coupled", "solve.steps=20"])

@@ -37,6 +37,13 @@ def test_modes_of_a_change_point_are_refused_with_the_cure(tmp_path):
     refused(cli("modes", file), "solve.mode_angle = '0 deg'", "Choose another position")
 
 
+def test_a_prescribed_run_through_a_change_point_is_refused():
+    """Without notice the mechanism went on as an antiparallelogram, where it has another speed."""
+    free, driven = 'free = true, angle = 1.0, initial_speed = "20 rad/s"', 'speed = "20 rad/s", angle = 1.0'
+    with pytest.raises(SceneError, match="a loop does not close, or the position is singular"):
+        load(scene_of(PARALLELOGRAM.replace(free, driven)))
+
+
 def ladder(count: int, tolerance: float, integrator: str = "radau") -> dict:
     """IFToMM's benchmark A02: count + 1 vertical cranks of 1 m, joined by couplers of 1 m; tip speed 1 m/s."""
     bar, couplers = {"length": 1.0, "mass": "1 kg"}, range(count)

@@ -262,7 +262,10 @@ def follow(m, times, count, out):
                 return i
             steps = _far(m, times[i])
             reached = not steps > 1.0
-            t = times[i] if reached else t + (times[i] - t) / steps
+            before, t = t, times[i] if reached else t + (times[i] - t) / steps
+            for r in range(m.plan[KEPT_ROWS]):  # past a change point this is near the branch of the rates
+                k = m.plan[m.plan[DEPENDENT] + r]
+                m.y[k] += (t - before) * m.u[k]
             taken += 1
             m.now[0], m.now[1] = t, _find(m, t)
             if m.now[1] == DONE:

@@ -21,8 +21,6 @@ _AT_ONCE = 1000
 """Positions whose records are in memory at a time."""
 _ROUNDED = 1e-6
 """Share of a step that counts as rounding."""
-_STUCK = 1e-9
-"""Share of the time to the next instant within which many steps indicate a diverging drive, as at a law's pole."""
 
 
 class Curve(ABC):
@@ -86,7 +84,6 @@ class Followed(Curve):
         try:
             self.system.project(t, state.q, state.u, choice)
             while done < len(times):
-                before, asked = t, times[done]
                 count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
                 done += count
                 if outcome == GROWN:
@@ -95,12 +92,12 @@ class Followed(Curve):
                     self.system.project(t, here.q, here.u, choice)
                 else:
                     check(outcome)
-                if not count and outcome != GROWN and t - before < _STUCK * (asked - before):
-                    raise self._runs_away(t)
+                self._check_pace(t, times[min(done, len(times) - 1)])
                 self.last = self.system.engine.state(t, choice)
                 if done < len(times):
                     bisect.insort(self.track, self.last, key=lambda known: known.t)
         except ArithmeticError as reason:
+            self._check_pace(t, times[done])
             raise self._open(t, str(reason)) from None
         return out
 
@@ -131,13 +128,17 @@ class Followed(Curve):
             "Change the lengths, or limit the drives' range",
         )  # fmt: skip
 
-    def _runs_away(self, t: float) -> SceneError:
-        """Error for the drive that diverges at t [s]."""
-        name = self.system.driven[int(abs(self.system.courses(t)[:, 1]).argmax())]
-        return SceneError(
-            f"drives.{name}", self.system.scene.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
-            "Give a law that is bounded and smooth over the run, or another duration",
-        )  # fmt: skip
+    def _check_pace(self, t: float, asked: float) -> None:
+        """Raise SceneError if a drive diverges at t [s], as at a law's pole: at its speed, the way to the next instant
+        would be too long to be followed."""
+        engine, speeds = self.system.engine, abs(self.system.courses(t)[:, 1])
+        far = speeds / engine.measure[engine.prescribed] * (asked - t) / FAR
+        for drive in np.flatnonzero(far > _MOST_PLACES)[:1].tolist():
+            name = self.system.driven[drive]
+            raise SceneError(
+                f"drives.{name}", self.system.scene.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
+                "Give a law that is bounded and smooth over the run, or another duration",
+            )  # fmt: skip
 
     def _before(self, t: float) -> State:
         """The last known state before t, or the start."""
