@@ -82,12 +82,12 @@ def _made(scene: Scene) -> NumericMechanism:
         for name, contact in found.contacts.items()
     }
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
-    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or _way(scene) or 1.0
+    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or way_of(scene) or 1.0
     tables = vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}
     return NumericMechanism(**tables, size=size, frictions=frictions_of(scene))
 
 
-def _way(scene: Scene) -> float:
+def way_of(scene: Scene) -> float:
     """Size [m] of a mechanism whose bodies have no lengths.
 
     It is the largest distance between bodies and contacts of the ground at the start, and of contacts on their bodies;

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.mechanism.force_parts import Contact, Friction, Spring
-from kaneflex.mechanism.mechanism import frictions_of
+from kaneflex.mechanism.mechanism import frictions_of, way_of
 from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
@@ -205,7 +205,7 @@ def _made(scene: Scene) -> SpatialMechanism:
             name, one, other, contact.kind, contact.direction, **numbers, law=contact.law, joint=contact.joint
         )
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
-    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
+    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or way_of(scene) or 1.0
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
     known |= {contact.joint for contact in contacts.values() if contact.joint in joints}
     prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)

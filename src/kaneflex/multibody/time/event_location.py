@@ -121,10 +121,13 @@ def begin(m, t):
     for n in range(contacts(m)):
         k, rate = at(m, n), w[at(m, n) + GAP_RATE]
         if rigid(m, n) and w[k + MODE] == OPEN:
-            zero, bent = near(m, n, t, rate), w[k + GAP_ACCEL]
-            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * motion_size(m, n, 1)), NOISE * motion_size(m, n, 0))
-            parts = abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * motion_size(m, n, 1)
-            w[k + SHIFT] = 8.0 * zero if parts else 0.0
+            zero, bent, fast, faster = near(m, n, t, rate), w[k + GAP_ACCEL], motion_size(m, n, 0), motion_size(m, n, 1)
+            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * faster), NOISE * fast)
+            pressed = bent < -_PRESSED * faster - NOISE * fast * fast / extent(m, n)
+            still = abs(rate) <= slow and w[k + GAP] <= zero
+            w[k + SHIFT] = 8.0 * zero if still and not pressed else 0.0
+            if still and pressed:
+                w[k + GAP_RATE] = 0.0  # which rounding must not let part first
             aim = _meets(gap_of(m, n), rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
             # too short a time to leave a gap of rounding size
