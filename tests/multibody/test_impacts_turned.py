@@ -12,7 +12,7 @@ from parity import random_turn
 from scipy.integrate import solve_ivp
 
 from kaneflex import load, scene_of
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import Outcome
 from kaneflex.solve.simulation import solve
 
 TURNED = pytest.mark.parametrize("case", range(200))
