@@ -9,10 +9,9 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
@@ -132,8 +131,7 @@ def together(*parts: Decorator) -> Decorator:
     return decorate
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """Output of a command: the folder if named; pictures to draw, and whether also for ParaView; frames and length
     [s] of a motion (None: the animation's default); whether to replace an earlier folder."""
 
@@ -147,7 +145,7 @@ class Target:
 
     def named(self, scene: Scene, ending: str) -> Target:
         """Copy with a folder: by default the scene's name with that ending."""
-        return replace(self, output=self.folder if self.output else Path(f"{file_stem(scene.name)}-{ending}"))
+        return self._replace(output=self.folder if self.output else Path(f"{file_stem(scene.name)}-{ending}"))
 
     @property
     def folder(self) -> Path:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
 from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -25,8 +24,7 @@ USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
 """Exit codes: an error of the user; a run that went unstable or found no periodic state; Ctrl-C."""
 
 
-@dataclass(frozen=True)
-class SceneArguments:
+class SceneArguments(NamedTuple):
     """SCENE and its changes on the command line, see :func:`scene_options`."""
 
     name: str
@@ -51,14 +49,14 @@ class SceneArguments:
         return scene if at is None else read(self.name, [*self.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
 
 
-def gathered(**kinds: type) -> Decorator:
-    """Decorator that collects the options that are fields of a dataclass into one argument of its type."""
+def gathered(**kinds: Any) -> Decorator:
+    """Decorator that collects the options that are fields of a named tuple into one argument of its type."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
         def wrapped(**given: object) -> None:
             for name, kind in kinds.items():
-                own = {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}
+                own = {field: given.pop(field) for field in kind._fields if field in given}
                 given[name] = kind(**own)
             command(**given)
 
@@ -188,8 +186,7 @@ def undocumented() -> None:
 UNKNOWN = "Not verified"
 
 
-@dataclass(frozen=True)
-class Choosing:
+class Choosing(NamedTuple):
     """Request for a model: the permitted error, the sensors, and whether to write the model into the scene's file."""
 
     tolerance: str | None = None

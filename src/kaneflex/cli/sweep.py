@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -37,8 +37,7 @@ _QUIET = 2.0
 """Time between two progress lines [s]."""
 
 
-@dataclass(frozen=True)
-class Workers:
+class Workers(NamedTuple):
     """Processes on this machine, or those of a Dask scheduler; by default this process."""
 
     workers: int | None = None

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,8 +22,7 @@ _HELD = 1e-7
 """Smallest singular value of independent rows at the given position, as a share of the largest."""
 
 
-@dataclass(frozen=True)
-class Freedom:
+class Freedom(NamedTuple):
     """Mobility 3 bodies - constraints - drives of a planar mechanism (Gruebler; e.g. Norton, Design of Machinery).
 
     Attributes

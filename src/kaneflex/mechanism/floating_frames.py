@@ -6,6 +6,7 @@ Both follow from the positions of joints, loads and masses, before any number of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.meshes import SAME, mesh
@@ -83,8 +84,7 @@ def _stations(scene: Scene, link: str) -> list[Station]:
     return sorted(found, key=lambda station: station.x)
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Floating frame of a link.
 
     Attributes

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from kaneflex.mechanism.planar import Number
 
 
-@dataclass(frozen=True)
-class Spring:
+class Spring(NamedTuple):
     """Spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
 
     ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first. Of a
@@ -54,8 +52,7 @@ class Spring:
         return (("tension", "N") if self.joint is None else ("torque", "N m"),)
 
 
-@dataclass(frozen=True)
-class Contact:
+class Contact(NamedTuple):
     """Contact of two sides (:mod:`kaneflex.mechanism.contacts`).
 
     Attributes
@@ -102,8 +99,7 @@ class Contact:
         return self.first, self.second
 
 
-@dataclass(frozen=True)
-class Friction:
+class Friction(NamedTuple):
     """Friction at a contact, in a pin or along a guide (:mod:`kaneflex.mechanism.friction`).
 
     Attributes

@@ -78,7 +78,7 @@ def _made(scene: Scene) -> NumericMechanism:
     bodies = {name: body._replace(free=scene.floating[name].place) if name in scene.floating else body
               for name, body in found.bodies.items()}  # fmt: skip
     contacts = {
-        name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)
+        name: contact._replace(law=scene.contacts[name].law, joint=scene.contacts[name].joint)
         for name, contact in found.contacts.items()
     }
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]

@@ -179,19 +179,10 @@ def parts(scene: Scene) -> Blocks:
         "drives": {name: _drive(scene, name) for name in scene.drives},
         "loads": {name: _load(load) for name, load in scene.loads.items()},
         "springs": {name: _spring(spring) for name, spring in scene.springs.items()},
-        **_touching(scene),
+        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
+        "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
         "sensors": {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()},
         "events": {name: _event(scene, event) for name, event in scene.events.items()},
-    }
-
-
-def _touching(scene: Scene) -> Blocks:
-    """Contacts and friction."""
-    if not (scene.contacts or scene.frictions):
-        return {}
-    return {
-        "contacts": {name: contact_line(contact, scene.is_spatial) for name, contact in scene.contacts.items()},
-        "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
     }
 
 

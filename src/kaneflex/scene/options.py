@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
-from kaneflex.support.errors import SceneError, refuse
+from kaneflex.support.errors import SceneError
 
 DEFAULT_MODES = 3
 """Default number of fixed-interface modes of a link in the coupled equations."""
@@ -291,20 +291,23 @@ _STATELESS = {
 
 def _check_options(options: Options) -> None:
     """Raise SceneError unless start, reduction and integrator fit each other and the kind of dynamics."""
-    start, dynamics, integrator = options.start, options.dynamics, options.integrator
+    start, dynamics, integrator, preset = options.start, options.dynamics, options.integrator, options.preset
     exact = integrator == "exact-modal"
-    refuse(
-        (start == "given" and dynamics in _STATELESS, "solve.start", "a table of a state", _STATELESS.get(dynamics, ""),
-         "Use preset linear, stiffened or coupled with an elastic body, or solve.start = zero"),
-        (start == "periodic" and dynamics in ("dynamic", "coupled") and not options.cycles, "solve.start", "periodic",
-         "solve.duration replaces the cycle, so there is no period",
-         "Give a drive a cycle and no duration, or start from zero or quasistatic"),
-        (dynamics == "frozen" and options.reduction != "modal", "solve.reduction", options.reduction,
-         f"preset {options.preset} uses modes of the whole mechanism", "Leave the reduction out"),
-        (start != "periodic" and dynamics == "dynamic" and integrator == "spectral", "solve.integrator", "spectral",
-         f"this integrator finds periodic motions, and solve.start is {start}",
-         "Use radau, or start periodic, like --set solve.start=periodic"),
-        (exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"), "solve.integrator", integrator,
-         f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}",
-         "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"),
-    )  # fmt: skip
+    if start == "given" and dynamics in _STATELESS:
+        cure = "Use preset linear, stiffened or coupled with an elastic body, or solve.start = zero"
+        raise SceneError("solve.start", "a table of a state", _STATELESS[dynamics], cure)
+    if start == "periodic" and dynamics in ("dynamic", "coupled") and not options.cycles:
+        reason = "solve.duration replaces the cycle, so there is no period"
+        cure = "Give a drive a cycle and no duration, or start from zero or quasistatic"
+        raise SceneError("solve.start", "periodic", reason, cure)
+    if dynamics == "frozen" and options.reduction != "modal":
+        reason = f"preset {preset} uses modes of the whole mechanism"
+        raise SceneError("solve.reduction", options.reduction, reason, "Leave the reduction out")
+    if start != "periodic" and dynamics == "dynamic" and integrator == "spectral":
+        reason = f"this integrator finds periodic motions, and solve.start is {start}"
+        cure = "Use radau, or start periodic, like --set solve.start=periodic"
+        raise SceneError("solve.integrator", "spectral", reason, cure)
+    if exact != (dynamics == "frozen") and dynamics in ("frozen", "dynamic"):
+        reason = f"the equations of preset {preset} are {'coupled' if exact else 'decoupled'}"
+        cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
+        raise SceneError("solve.integrator", integrator, reason, cure)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -313,6 +314,25 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
 
 def whole_text(scene: Scene) -> str:
     """TOML text of a scene with its merged tables and all settings; files have full paths."""
-    import tomlkit
+    raw = {key: value for key, value in scene.raw.items() if key != "like"}
+    text = [f"{key} = {_in_toml(value)}" for key, value in raw.items() if not isinstance(value, dict)]
+    for table, entries in raw.items():
+        if isinstance(entries, dict):
+            text += ["", f"[{table}]", *(f"{_key(name)} = {_in_toml(entry)}" for name, entry in entries.items())]
+    return "\n".join([*text, ""])
 
-    return tomlkit.dumps({key: value for key, value in scene.raw.items() if key != "like"})
+
+def _key(name: str) -> str:
+    return name if name.isidentifier() and name.isascii() else _in_toml(name)
+
+
+def _in_toml(value: Any) -> str:
+    """Value in TOML on one line; tomlkit, which keeps comments, takes longer to import than this."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{_key(name)} = {_in_toml(entry)}' for name, entry in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_in_toml, value))}]"
+    if isinstance(value, float):
+        return repr(value)
+    # JSON's escapes are those of TOML, which also asks for that of DEL
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
