@@ -19,7 +19,7 @@ from kaneflex.multibody.time import shooting
 from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections
 from kaneflex.solve.coupled_state import state_after
 from kaneflex.solve.error_stages import Read
-from kaneflex.solve.run_result import seconds_of_steps
+from kaneflex.solve.run_result import nominal_seconds, seconds_of_steps
 from kaneflex.solve.simulation import solve
 
 FINE = ("solve.preset=stiffened", "solve.modes=all", "solve.integrator=radau")
@@ -401,6 +401,14 @@ def test_a_run_that_takes_long_is_not_run_again_without_being_asked(monkeypatch)
     for preset in ("coupled", "stiffened"):
         chosen = solved(scene, "solve.errors=none", f"solve.preset={preset}").errors
         assert chosen == ({}, "not estimated: solve.errors is none")
+
+
+def test_a_long_run_is_run_again_where_that_takes_no_longer():
+    """By steps of twice the length; by half as long ones, if their number is odd, it takes three times as long."""
+    scene = kaneflex.read_scene("elastic-pendulum")
+    found = solved(scene)
+    assert nominal_seconds(found) > error_estimates.LONGEST and found.errors[0] and not found.errors[1]
+    assert "a richer one about" in solved(scene, "solve.steps=4001").errors[1]
 
 
 def test_no_clock_decides_what_is_estimated_or_where_pieces_end(monkeypatch):

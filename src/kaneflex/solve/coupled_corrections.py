@@ -44,7 +44,7 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
 
     By default the richest one alone, which has all parts of the error.
     """
-    model, longer = solution.model, _step_of_richer(solution.model)
+    model, longer = solution.model, step_of_richer(solution.model)
     read = Read.of(solution, model.options.start == "periodic", max(1, int(longer)))
     richer, stages = list(_richer(model, longer)), list[Stage]()
     if model.options.errors != "all":
@@ -58,7 +58,7 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
     return read, stages
 
 
-def _step_of_richer(model: Model) -> float:
+def step_of_richer(model: Model) -> float:
     """Step of a richer run, relative to the model's."""
     options = model.options
     if options.errors == "all" or not model.scene.is_elastic or options.tolerance > _TIGHT:

@@ -22,8 +22,9 @@ from kaneflex.support.errors import SceneError
 
 KINDS = ("time", "modes", "terms", "elements")
 """Sources of error, in the order in which the model is enriched."""
-LONGEST = 1.0
-"""Nominal seconds of a coupled run up to which its error is estimated by default, in at most three times that."""
+LONGEST, _RICHER = 1.0, 3.0
+"""Nominal seconds of a coupled run up to which its error is estimated by default, and how many times as long a richer
+run takes, unless its steps are longer, too."""
 _SECOND_ORDER = 4.0 / 3.0
 """Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
@@ -158,10 +159,15 @@ def _impossible(solution: RunResult) -> str:
 
 def _too_long(solution: RunResult) -> str:
     """Reason why a long coupled run has no estimates; empty if it is short."""
-    seconds = nominal_seconds(solution)
-    if seconds <= LONGEST or solution.model.options.errors != "quick":
+    model, seconds = solution.model, nominal_seconds(solution)
+    if seconds <= LONGEST or model.options.errors != "quick":
         return ""
-    return f": the run takes about {seconds:.2g} s, and a richer one several times as long; {REQUEST}"
+    from kaneflex.solve.coupled_corrections import step_of_richer
+
+    richer = seconds if step_of_richer(model) > 1.0 else _RICHER * seconds
+    if richer <= _RICHER * LONGEST:
+        return ""
+    return f": the run takes about {seconds:.2g} s, and a richer one about {richer:.2g} s; {REQUEST}"
 
 
 def _impossible_one_way(model: Model) -> str:
