@@ -11,10 +11,10 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 TOPICS = {
-    "Links and bodies": r"scene/(beams|bodies|sections|materials|profile|rotation)|multibody/model/shape",
-    "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|fem/(interface|mobility)"
+    "Links and bodies": r"scene/(beams|bodies|sections|shapes|poses)|multibody/model/shape",
+    "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|fem/(freedom|mobility)"
     r"|multibody/(model/(determin|massless|rigid_ref|spatial)|time/(revolutions|initial))",
-    "Loads, laws and springs": r"scene/(law|load|springs|headings|tables)|support/units|solve/law",
+    "Loads, laws and springs": r"scene/(law|load|springs|tables)|support/units",
     "Contacts and friction": r"scene/(contact|friction)|solve/(contact|touching)",
     "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|import)|cli/importing|scene/modal",
     "Solving": r"solve/|multibody/|fem/|integrate/|scene/(option|start)",
@@ -66,7 +66,7 @@ class Summary(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         self.env.note_reread()
-        from kaneflex.report.summary_schema import documentation
+        from summary_fields import documentation
 
         return self.parse_text_to_nodes(documentation(), allow_section_headings=True)
 

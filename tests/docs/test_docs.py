@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+import runpy
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,6 @@ from pydantic import TypeAdapter
 
 from kaneflex import Scene, SceneError, Solution, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.integrate.methods import METHODS
-from kaneflex.report.summary_schema import documentation
 from kaneflex.scene import json_schema
 from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.laws import FUNCTIONS
@@ -159,7 +159,8 @@ def test_materials_functions_and_reserved_names_are_those_of_the_code():
 def anchors_of(page: Path) -> set[str]:
     """Anchors of a page's headings, as the site and a repository's viewer make them."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
-    text += documentation() if page.name == "summary.md" else ""
+    if page.name == "summary.md":
+        text += runpy.run_path(str(DOCS / "summary_fields.py"))["documentation"]()
     plain = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE))
     return {heading.replace(" ", "-") for heading in plain}
 

@@ -28,9 +28,9 @@ from kaneflex.report.summary import (
     Timing,
     _sensor,
     drive_degrees,
+    json_schema,
     summarise,
 )
-from kaneflex.report.summary_schema import json_schema
 from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.scene.structure import structure_hash
@@ -302,7 +302,7 @@ def test_an_angle_that_does_not_name_one_instant_gives_way_to_the_time(scene, se
 
 
 def test_the_schema_beside_it_is_that_of_the_code():
-    """If this fails: python -m kaneflex.report.summary_schema > docs/data/summary.schema.json"""
+    """If this fails: python -m kaneflex.report.summary > docs/data/summary.schema.json"""
     assert json.loads((DOCS / "data/summary.schema.json").read_text(encoding="utf-8")) == json_schema()
 
 

@@ -1,4 +1,7 @@
-"""The summary of a run: what ``summary.json`` holds."""
+"""The summary of a run: what ``summary.json`` holds.
+
+``python -m kaneflex.report.summary`` prints ``docs/data/summary.schema.json``.
+"""
 
 from __future__ import annotations
 
@@ -281,3 +284,13 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     return EnergyBalance(stored=stored, **exchanged, gap=abs(energy.gap).max(), drift=energy.drift)
 
 
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of ``summary.json``."""
+    schema = Summary.model_json_schema(mode="serialization")
+    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+if __name__ == "__main__":
+    import json
+
+    print(json.dumps(json_schema(), indent=1, ensure_ascii=False))

@@ -23,8 +23,6 @@ from kaneflex.scene.sensors import (
 )  # fmt: skip
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest, taken, unknown
 
-Check = Callable[[Scene], Iterable[Problem]]
-
 
 def problems_of(scene: Scene) -> list[Problem]:
     """Problems between the tables of a scene, in the file's order."""
@@ -120,7 +118,7 @@ def _gravity(scene: Scene) -> Iterator[Problem]:
         yield Problem("gravity", given_value(scene.raw, ("gravity",)), reason, "Write it like [0, '-9.81 m/s^2']")
 
 
-def _problems(scene: Scene, *more: Check) -> list[Problem]:
+def _problems(scene: Scene, *more: Callable[[Scene], Iterable[Problem]]) -> list[Problem]:
     """Problems of the scene with contacts in place of its joints with clearance; ``more``: checks of these."""
     checks = (_gravity, _names, _beams, _joints, _masses, _poses, drive_problems, load_problems, spring_problems,
               *more, _sensors, event_problems, _modal, _horizon)  # fmt: skip

@@ -132,7 +132,6 @@ UNUSED_TERMS = {
 """Term groups that each kind of dynamics always omits."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "radau"}
 _TOLERANCES = {"coupled": 1e-8, "dynamic": 1e-6}
-_REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 
 def resolve_options(scene: Scene) -> Options:
@@ -262,7 +261,7 @@ def left_out(options: Options) -> tuple[str, ...]:
 def _reduction(scene: Scene, dynamics: str) -> str:
     """Reduction of the scene: none for rigid dynamics, else the default of the preset and of ``solve.modes``."""
     truncates = scene.solve.modes != "all" and dynamics in ("dynamic", "quasistatic")
-    default = "craig-bampton" if truncates else _REDUCTION[dynamics]
+    default = "craig-bampton" if truncates else "modal" if dynamics == "frozen" else "none"
     return default if dynamics == "rigid" else scene.solve.reduction or default
 
 

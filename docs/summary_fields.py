@@ -1,11 +1,7 @@
-"""JSON Schema of ``summary.json``, and its documentation from the same source.
-
-``python -m kaneflex.report.summary_schema`` prints ``docs/data/summary.schema.json``.
-"""
+"""Fields of ``summary.json`` with their descriptions, for the page about it."""
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from kaneflex.report.summary import Instant, Operations, SensorError, SensorSummary, StressSummary, Summary, Timing
@@ -20,12 +16,6 @@ from kaneflex.solve.summary_tables import (
     SensorDerivative,
     UnresolvedMode,
 )
-
-
-def json_schema() -> dict[str, Any]:
-    """JSON Schema of ``summary.json``."""
-    schema = Summary.model_json_schema(mode="serialization")
-    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
 
 
 def documentation() -> str:
@@ -60,7 +50,3 @@ def _type_name(kind: Any) -> str:
         return " or ".join(_type_name(option) for option in get_args(kind))
     names = {float: "number", int: "integer", bool: "true or false", str: "text", type(None): "null", Any: "any"}
     return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
-
-
-if __name__ == "__main__":
-    print(json.dumps(json_schema(), indent=1, ensure_ascii=False))
