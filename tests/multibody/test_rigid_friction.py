@@ -251,6 +251,36 @@ def test_a_box_stays_where_its_corners_stick():
             assert moved[rests].max(initial=0.0) < 1e-12
 
 
+@pytest.mark.parametrize(("points", "mu"), [(3, 0.8), (5, 0.8), (8, 0.8), (12, 0.8), (12, 0.0)])
+def test_a_rod_comes_to_rest_on_more_points_than_it_needs(points, mu):
+    """Two would do: loads shared by all of them pull at some, which then part and close without end."""
+    rng = np.random.default_rng(points)
+    for angle in (0.0, *rng.uniform(-0.3, 0.3, 5)):
+        places = np.linspace(-0.5, 0.5, points) + rng.uniform(-0.02, 0.02, points)
+        named = ", ".join(f"p{k} = [{x}, 0]" for k, x in enumerate(places))
+        height = 0.021 + 0.5 * abs(math.sin(angle))
+        text = f"""
+schema = 1
+gravity = [0, {-G}]
+bodies.rod.mass = 1
+bodies.rod.inertia = 0.08
+bodies.rod.centre = [0, 0]
+bodies.rod.points = {{{named}}}
+bodies.rod.free = {{at = [0, {height}], angle = {angle}, angular_speed = {rng.uniform(-2, 2)}, velocity = [0.5, 0]}}
+sensors.x = {{position = "rod", component = "x"}}
+solve = {{preset = "coupled", duration = "1 s", steps = 40}}
+""" + "".join(f"""
+contacts.c{k}.point_on_line = ["rod.p{k}", "ground"]
+contacts.c{k}.normal = [0, 1]
+contacts.c{k}.contact = {{law = "newton", restitution = 0.3}}
+{f"contacts.c{k}.friction = {{mu = {mu}}}" if mu else ""}
+""" for k in range(points))
+        record = solved(text).trajectory
+        assert record.contacts.gap.min() > -1e-12 and record.contacts.force.min() >= 0.0
+        assert record.contacts.force[-1].sum() == pytest.approx(G, rel=1e-9)
+        assert abs(record.v[-1][1:]).max() < 1e-12
+
+
 @pytest.mark.parametrize(("mu", "e"), [*itertools.product((0.05, 0.3, 2.0), (0.0, 0.5))])
 def test_a_disc_jams_between_two_steep_walls(mu, e):
     """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""

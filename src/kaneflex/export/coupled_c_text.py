@@ -105,8 +105,9 @@ int {name}_run({name}_state *state, double until)
         state->last_step = control[5];
         state->sloped = control[7];
         patient = 0.0;
-        if (status == {TURNED}) {{
-            const int64_t chosen = {change}(&m, state->row, (int64_t *){name}_level, (double *){name}_virtual);
+        if (status == {TURNED} || status == {RESTED}) {{
+            const int64_t chosen = {change}(
+                &m, state->row, (int64_t *){name}_level, (double *){name}_virtual, status == {RESTED});
             status = chosen == {FAILED} ? {SINGULAR} : state->row[0] < until ? {PAUSED} : {DONE};
             if (chosen == {PROJECTED})
                 state->last_step = 0.0;

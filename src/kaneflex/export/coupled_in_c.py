@@ -23,7 +23,7 @@ from kaneflex.support.c_language import header_text
 from kaneflex.support.errors import SceneError
 from kaneflex.support.escaping import c_comment, c_literal
 
-_OUTCOMES = "DONE", "PAUSED", "TURNED", "SINGULAR", "DAMPED"
+_OUTCOMES = "DONE", "PAUSED", "TURNED", "RESTED", "SINGULAR", "DAMPED"
 """Codes of the engine in the texts."""
 _STEPS = 1000
 """Steps between two checks for the end of the run."""

@@ -81,7 +81,7 @@ class Engine(Views):
 
     def openings(self, t: float) -> np.ndarray:
         """Opening of every row of the cut joints [m or rad] at the current coordinates."""
-        out = np.zeros(self.count(at.JOINT_ROWS))
+        out = np.zeros(self.count(at.REACTIONS))
         self.call("openings", t, out)
         return out
 
@@ -106,7 +106,7 @@ class Engine(Views):
     def gaps(self, state: State) -> Iterator[tuple[str, float, float]]:
         """Joints, by how much a state opens them [m or rad], and the unit of that."""
         self.set(state)
-        gaps = self.openings(state.t).tolist()
+        gaps = self.openings(state.t)[: self.count(at.JOINT_ROWS)].tolist()
         for place, k in self.own.tolist():  # the drives now have their positions
             name = self.layout.speeds[k].rpartition(".")[0]
             yield name, float(state.q[place] - self.motion[0][k]), float(self.measure[k])
@@ -116,7 +116,7 @@ class Engine(Views):
     def chosen_by(self, level: np.ndarray) -> tuple[Choice, np.ndarray]:
         """Choice by the :attr:`levels` of coordinates, and redundant rows, see
         :func:`kaneflex.multibody.dynamics.independent_speeds.choose`."""
-        taken = np.zeros(self.count(at.JOINT_ROWS), np.int64)
+        taken = np.zeros(self.count(at.REACTIONS), np.int64)
         self.call("choose", level, taken)
         rows = np.flatnonzero(taken >= 0)
         return self.choice_of(rows, taken[rows]), np.flatnonzero(taken == -1)
@@ -203,12 +203,19 @@ class Engine(Views):
         The ``held`` coordinates are not accelerated, as far as the joints allow: they have a mass much larger than all
         others.
         """
-        self.stand(rows[0])
-        self.choose(float(rows[0, 0]))
-        self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-        found = self.unfold(rows, codes.NEAR_STATES)
+        found, done = [np.zeros((0, len(self.work.kept)))], 0
+        shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
+        while done < len(rows):
+            self.stand(rows[done])  # resting contacts are kept closed
+            self.choose(float(rows[done, 0]))
+            self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
+            changed = np.append((shut[done:] != shut[done]).any(axis=1), True)
+            found.append(self.unfold(rows[done : done + int(changed.argmax())], codes.NEAR_STATES))
+            done += len(found[-1])
+            if not len(found[-1]):
+                break
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
-        return found if len(found) == len(rows) else None
+        return np.concatenate(found) if done == len(rows) else None
 
     def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,

@@ -39,7 +39,7 @@ PRESCRIBED = _BOTH | {
 SPACE = PRESCRIBED | _INTEGRATE
 EXPORTED = _INTEGRATE | {
     "dynamics.exported_entries.read": "void(m, N)",
-    "dynamics.exported_entries.change": "int64(m, N, CPointer(int64), N)",
+    "dynamics.exported_entries.change": "int64(m, N, CPointer(int64), N, boolean)",
     "dynamics.exported_entries.accelerate": "boolean(m, float64, N, N, N, N)",
 }
 """Functions in the plane, in space for motions that drives prescribe, for all, and of exported C; with their

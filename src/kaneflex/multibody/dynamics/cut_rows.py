@@ -10,6 +10,7 @@ from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
+from kaneflex.multibody.unilateral.relative_rows import rest_rows
 
 
 @njit(**OPTIONS)
@@ -36,6 +37,8 @@ def cut_rows(m):
             rows[k] -= w[course]
             rows[k + 1] -= w[course + 1]
             rows[k + 2] -= w[course + 2]
+    if plan[of.RIGID]:
+        rest_rows(m)
 
 
 @njit(**OPTIONS)

@@ -30,7 +30,7 @@ from kaneflex.multibody.model.codes import (
 )  # fmt: skip
 from kaneflex.multibody.model.layout import (
     ACCEL, BENDS, COORDINATES, COURSE, COURSES, DEPENDENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
-    PRESCRIBED, RATE, REACTIONS, RIGID, Y,
+    PRESCRIBED, RATE, REACTIONS, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time.state_record import row_size, take
@@ -113,7 +113,7 @@ def _project(m, t):
         return UNCLOSED
     if m.now[2] != 0.0 or frictions(m):  # else drives prescribe everything: inertia does not matter
         use(m, 0)
-        if not mend(m, t, m.real, 2 if plan[RIGID] else 1) or stick_slip.settle(m, t, m.real) == 1:
+        if not mend(m, t, m.real, 1) or stick_slip.settle(m, t, m.real) == 1:
             return MASSLESS
     settled(m)
     give_coordinates(m)

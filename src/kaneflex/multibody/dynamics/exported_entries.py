@@ -16,10 +16,10 @@ from kaneflex.multibody.model.layout import (
     BENDS,
     COORDINATES,
     DEPENDENT,
-    JOINT_ROWS,
     KEPT,
     LED,
     LOOP_PIVOTS,
+    REACTIONS,
     ROW_OF,
     TOUCHING,
     VIRTUAL,
@@ -38,23 +38,24 @@ def read(m, row):
 
 
 @njit(**ENTRY)
-def change(m, row, level, virtual):
+def change(m, row, level, virtual, rests):
     """Make other coordinates dependent at a row of the integration, as Python does; returns SAME, CHANGED, or
     with other kept rows PROJECTED or FAILED.
 
     ``level``: see :func:`kaneflex.multibody.dynamics.independent_speeds.choose`. ``virtual``: virtual inertia of all
-    speeds if some body has no inertia, else zero.
+    speeds if some body has no inertia, else zero. ``rests``: True if other contacts rest than before, which changes the
+    rows.
     """
     take(m, row)
     prescribe(m, row[0])
     open_rows(m)
     plan, taken = m.plan, shifted(m.pivots, m.plan[LOOP_PIVOTS])
     choose(m, level, taken)
-    if not differs(m, taken):
+    if not rests and not differs(m, taken):
         return SAME
-    kept, free, inert, others = 0, 0, 0, False
+    kept, free, inert, others = 0, 0, 0, rests
     m.pivots[BENDS], m.pivots[LED] = 1, 0
-    for r in range(plan[JOINT_ROWS]):
+    for r in range(plan[REACTIONS]):
         if taken[r] >= 0:
             others = others or plan[plan[ROW_OF] + kept] != r
             m.pivots[plan[ROW_OF] + kept], m.pivots[plan[DEPENDENT] + kept] = r, taken[r]

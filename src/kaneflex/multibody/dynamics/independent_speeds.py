@@ -5,6 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.model.codes import OF_SHAPE
+from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -14,8 +15,10 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import pushes
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, COORDINATES, CROSSING, DEPENDENT, EXTENT, GRADIENT, JOINT_ROWS, KEPT, MEASURE, ROW_OF, TOUCH,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, DEPENDENT, EXTENT, GRADIENT, HOLDS, JOINT_ROWS,
+    KEPT, MEASURE, MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
 )  # fmt: skip
+from kaneflex.multibody.unilateral.rows import at, contacts, rests, rigid
 
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: above the first, a joint's coordinate becomes dependent before any shape; below
@@ -28,27 +31,46 @@ _EXACT = OPTIONS | {"fastmath": False}
 
 
 @njit(**OPTIONS)
+def stands(m, row):
+    """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
+    apart()
+    act = m.plan[m.plan[CUT_OF] + row]
+    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and rests(m, act - m.plan[CONTACTS]))
+
+
+@njit(**OPTIONS)
 def open_rows(m):
-    """Residuals of all rows of the cuts at the current coordinates, with their derivatives by all coordinates at
-    GRADIENT."""
+    """Residuals of all these rows at the current coordinates, with their derivatives by all coordinates at GRADIENT."""
     apart()
     plan, n = m.plan, m.plan[COORDINATES]
     deform(m)
     place(m, 0)
     cut_rows(m)
-    for k in range(plan[JOINT_ROWS] * n):
+    for k in range(plan[REACTIONS] * n):
         m.J[k] = 0.0
-    for row in range(plan[JOINT_ROWS]):
-        gradient(m, row, True, plan[GRADIENT] + n * row)
+    for row in range(plan[REACTIONS]):
+        if stands(m, row):
+            gradient(m, row, True, plan[GRADIENT] + n * row)
 
 
 @njit(**ENTRY)
 def openings(m, t, out):
-    """The same with prescribed drives at t; residuals of all rows."""
+    """The same with prescribed drives at t; residuals of all rows, zero of rows that are no constraints."""
     prescribe(m, t)
     open_rows(m)
-    for row in range(m.plan[JOINT_ROWS]):
-        out[row] = m.rows[row_length(m) * row]
+    for row in range(m.plan[REACTIONS]):
+        out[row] = m.rows[row_length(m) * row] if stands(m, row) else 0.0
+
+
+@of_impacts(None)
+@njit(**OPTIONS)
+def _shut(m):
+    """Note which contacts dependent coordinates keep closed."""
+    w = m.w
+    for n in range(contacts(m)):
+        if rigid(m, n):
+            w[at(m, n) + SHUT] = 1.0 if w[at(m, n) + MODE] != OPEN else 0.0
+    w[m.plan[TOUCH] + RESTED] = 0.0
 
 
 @njit(**ENTRY)
@@ -56,12 +78,13 @@ def choose(m, level, taken):
     """Choose kept rows and dependent coordinates, after :func:`open_rows`.
 
     ``level``: of every coordinate, FIRST to PRESCRIBED. ``taken``: filled by every row's dependent coordinate, -1 for
-    a redundant row.
+    a redundant row, -2 for a row that is no constraint.
 
     The coordinate with the largest share in a row is taken at a time; shapes only if joints are too few, as in a frame.
-    Rows are scaled by their largest derivative, all alike if some are redundant, as the remainder of a row must not
-    compete with other rows.
+    Contacts at rest follow the cut joints. Rows are scaled by their largest derivative, all alike if some are
+    redundant, as the remainder of a row must not compete with other rows.
     """
+    _shut(m)
     if _eliminate(m, level, False, taken):
         _eliminate(m, level, True, taken)
 
@@ -82,7 +105,7 @@ def differs(m, taken):
     Near a singular position fewer rows would leave a freedom unconstrained.
     """
     kept, other = 0, False
-    for row in range(m.plan[JOINT_ROWS]):
+    for row in range(m.plan[REACTIONS]):
         if taken[row] >= 0 and kept < m.plan[KEPT]:
             other = other or m.plan[m.plan[ROW_OF] + kept] != row or not is_dependent(m, taken[row])
         kept += taken[row] >= 0
@@ -93,18 +116,21 @@ def differs(m, taken):
 def _eliminate(m, level, even, taken):
     """Eliminate the rows with either scale; returns the number of redundant ones."""
     apart()
-    left = m.plan[JOINT_ROWS]
+    plan, left = m.plan, 0
     _scale(m, level, even)
-    for row in range(left):
-        taken[row] = -1
-    for most in range(OF_SHAPE + 1):
-        least = _RANK if most == OF_SHAPE else _FIRM
-        row, i = _pivot(m, level, most, least, taken)
-        while row >= 0:
-            taken[row] = i
-            left -= 1
-            _subtract(m, row, taken)
-            row, i = _pivot(m, level, most, least, taken)
+    for row in range(plan[REACTIONS]):
+        taken[row] = -1 if stands(m, row) else -2
+        left += taken[row] == -1
+    for touching in range(2):  # impacts need the cut joints without contacts
+        first, end = (plan[CUT_ROWS], plan[REACTIONS]) if touching else (0, plan[JOINT_ROWS])
+        for most in range(OF_SHAPE + 1):
+            least = _RANK if most == OF_SHAPE else _FIRM
+            row, i = _pivot(m, level, most, least, first, end, taken)
+            while row >= 0:
+                taken[row] = i
+                left -= 1
+                _subtract(m, row, first, taken)
+                row, i = _pivot(m, level, most, least, first, end, taken)
     return left
 
 
@@ -125,7 +151,7 @@ def _scale(m, level, even):
     mechanism's size, for moments 1 rad, if ``even``."""
     apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    for row in range(plan[JOINT_ROWS]):
+    for row in range(plan[REACTIONS]):
         unit = w[plan[TOUCH] + EXTENT] if pushes(m, row) else 1.0
         if not even:
             unit = larger(_ROUNDED * unit, _by_joints(m, level, row))
@@ -140,13 +166,13 @@ def _matrix(m):
 
 
 @njit(**_EXACT)
-def _pivot(m, level, most, least, taken):
+def _pivot(m, level, most, least, first, end, taken):
     """Row and coordinate of the largest share of all rows left, by coordinates of up to a level; -1 if below the
     least."""
     apart()
     A, n = shifted(m.w, _matrix(m)), m.plan[COORDINATES]
     largest, row, column = 0.0, -1, -1
-    for r in range(m.plan[JOINT_ROWS]):
+    for r in range(first, end):
         if taken[r] != -1:
             continue
         for i in range(n):
@@ -156,11 +182,11 @@ def _pivot(m, level, most, least, taken):
 
 
 @njit(**_EXACT)
-def _subtract(m, pivot, taken):
+def _subtract(m, pivot, first, taken):
     """Eliminate the coordinate that a row has taken from all rows left."""
     apart()
     A, n, i = shifted(m.w, _matrix(m)), m.plan[COORDINATES], taken[pivot]
-    for row in range(m.plan[JOINT_ROWS]):
+    for row in range(first, m.plan[REACTIONS]):
         if taken[row] == -1:
             share = A[n * row + i] / A[n * pivot + i]
             for k in range(n):

@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import copy, row_length
-from kaneflex.multibody.compile.stand_ins import of_reactions
+from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
@@ -239,10 +239,10 @@ def stand(m, t):
     cut_rows(m)
 
 
-@of_reactions(None)
+@of_holds(None)
 @njit(**OPTIONS)
 def rows_of_frictions(m):
-    """Rows of the contacts and frictions at the current state."""
+    """Rows of the frictions at the current state."""
     apart()
     for n in range(rows.contacts(m)):
         if not rows.switches(m, n):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, PARADOX, STRAYED = range(9)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX, STRAYED = range(10)
 """Outcomes of a part of the integration: end reached; step too small; singular state; Newton's method fails in a fixed
-step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; no
-consistent stick or slip; loops closed on another branch."""
+step; step limit reached; change of the independent coordinates needed; endless sequence of contact changes; other
+contacts at rest than before; no consistent stick or slip; loops closed on another branch."""
 UNCLOSED, APART, MASSLESS, INFINITE, UNDECIDED, GROWN = range(1, 7)
 """Outcomes of an instant beside DONE; all but GROWN are failures."""
 ON_LOOPS, NEAR_STATES, BESIDE, AHEAD = range(4)
@@ -27,14 +27,13 @@ FAR = 0.05
 MOST_TURNED = 3.0
 """Largest rotation of a bushing [rad]: at half a turn the rotation vector jumps."""
 (
-    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, PARTS, RESTED_BEFORE, QUIET,
+    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
     SCALES, UNIT, TRIED, VECTORS,
-) = range(18)  # fmt: skip
+) = range(17)  # fmt: skip
 """Vectors of the problem of rigid contacts at one instant, over the rows of touching contacts, then of frictions: rates
 before and after, impulses, forces at rest, accelerations, the problem's b, active rows; for a friction its mu, constant
-resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether its force has
-ended, whether it was at rest (of a friction whether it stuck), and a negligible rate; row scales, one unit force, the
-solution of a mode combination."""
+resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether it was at rest, and
+a negligible rate; row scales, one unit force, the solution of a mode combination."""
 
 
 def room_of(contacts: int, frictions: int) -> int:

@@ -65,28 +65,28 @@ BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
 bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. Of bristles a node has
 speed, g, deflection, force."""
-BORE, ROUNDED = FIRMEST, PEAK
-"""Numbers of frictions without bristles: the force at which sticking friction slips; rounding error of the speed after
-an impact."""
+BORE = FIRMEST
+"""Numbers of sticking friction, which has no bristles: the force at which it slips."""
 RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
 """Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.results`), and places of its force and its
 stored energy; its gap is the first one."""
 (
-    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, TRIES, AIM, SHARED,
-) = range(14)  # fmt: skip
+    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
+    SHARED,
+) = range(15)  # fmt: skip
 """Numbers that contacts share: the error allowed in a gap as a share of its depth, the size of the mechanism [m], the
 step [s] before they closed; a change in search: steps before and after it, the next trial, its contact and kind;
 time of the last one, and their number at one instant; one more than the number of a switch that its load's law
-would hold at zero; number of searches for a change; the predicted step [s] to
+would hold at zero; 1 if other contacts rest than before; number of searches for a change; the predicted step [s] to
 the next contact of rigid sides; then every contact's gradient."""
 AXIS_AT, COORDINATE_AT = 8, 9
 """Numbers of a contact in space after those of its law: the axis along which it pushes, and for flanks the coordinate
 of their joint."""
 ROOM, LARGEST = STIFF, ALLOWED
 """Numbers of a switch: tolerance of zero, and its largest distance from zero."""
-SHIFT = BEFORE
-"""Number of a contact by Newton's law: shift of its gap after a separation without speed. ALLOWED is the force [N] that
-counts as zero, its MEMORY the gap at rest, zero."""
+SHUT, SHIFT = STIFF, VISCOUS
+"""Numbers of a contact by Newton's law: 1 if dependent coordinates keep it closed; shift of its gap after a separation
+without speed. ALLOWED is the force [N] that counts as zero."""
 WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
 """Numbers of change points: time of the next or last one; time [s] from there until the loops are regular again, 0 if
 unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close; time when the

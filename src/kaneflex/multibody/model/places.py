@@ -65,12 +65,12 @@ def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarr
     for what, count in _of_motion(c).items():
         plan[what] = numbers.room(count)
     plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
-    n, d, pulls, rows, rigid = c.coordinates, c.d, c.pulls, c.rows + c.virtual, c.reactions - c.cut_rows
+    n, d, pulls, rows = c.coordinates, c.d, c.pulls, c.rows + c.virtual
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
         at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * c.holds + rigid, at.SLOPE_COLUMNS: (n + rows) * pulls,
+        at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
         at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * c.in_space,
         at.GIVEN_REACTION: c.reactions * c.in_space,
     })  # fmt: skip
@@ -146,7 +146,7 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.MIDDLE: 3 * sections, at.MIDDLE_CUT: c.row_size * c.rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-        at.STAGE_H: 3 * (c.holds + reactions - c.cut_rows), at.RESISTING_R: 3 * reactions * c.in_space,
+        at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * c.in_space,
         at.CONTACT: at.CONTACT_SIZE * (c.holds + c.touching),
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
         at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,

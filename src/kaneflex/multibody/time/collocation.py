@@ -23,7 +23,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.model.codes import (
-    CASCADE, DAMPED, DONE, NO_CONVERGENCE, PARADOX, PAUSED, SINGULAR, STRAYED, TOO_SMALL, TURNED,
+    CASCADE, DAMPED, DONE, NO_CONVERGENCE, PARADOX, PAUSED, RESTED, SINGULAR, STRAYED, TOO_SMALL, TURNED,
 )  # fmt: skip
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
@@ -397,14 +397,15 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if found != event_location.PASSED:
                 copy(here, shifted(ends, wide * stored), wide)
                 length, stored = 0.0, stored + 1
-                if here[0] == times[row]:
-                    copy(here, shifted(rows, row * size), size)
         if not solved or wanted <= 0.0:
             status = CASCADE if solved and wanted == 0.0 else PARADOX if wanted == -2.0 else SINGULAR
             break
         if here[0] == times[row + 1]:
             row += 1
             copy(here, shifted(rows, row * size), size)
+        if touching and event_location.others_rest(m):
+            status = RESTED
+            break
         if control[6] == 0.0 and not crosses(m, here[0]) and ill_conditioned(m):
             status = TURNED
             break

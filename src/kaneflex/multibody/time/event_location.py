@@ -20,7 +20,7 @@ from kaneflex.multibody.dynamics.loop_closure import follow, mend
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.model.layout import (
     AIM, ALLOWED, AT, BENDING, CLOSED, DUE, FLANK, FLOWING, FORCE, FOUND_AT, GAP, GAP_ACCEL, GAP_RATE, HIGH, LARGEST,
-    LAW, LOW, MEMORY, MODE, NODES, OPEN, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RIGID, SHIFT, SLIPPING,
+    LAW, LOW, MEMORY, MODE, NODES, OPEN, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID, SHIFT, SLIPPING,
     STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import take
@@ -105,6 +105,13 @@ def go_on(m, table, h, here, A, wanted, found):
             wanted = change(m, here, A, wanted)
     begin(m, here[0])
     return wanted
+
+
+@of_contacts(False)
+@njit(**OPTIONS)
+def others_rest(m):
+    """True if contacts rest under Newton's law without being constraints of dependent coordinates, or vice versa."""
+    return m.w[m.plan[TOUCH] + RESTED] != 0.0
 
 
 @njit(**OPTIONS)

@@ -29,7 +29,8 @@ def jump(system: System, path: CoupledTrajectory, share: float = LARGEST_JUMP) -
     ``share``: jump of the energy balance, relative to the exchanged energy.
     """
     suspects = path.energy.jumps(share)
-    if not len(suspects) or not len(_free(system)) or not system.engine.count(at.KEPT):
+    loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are also kept rows
+    if not len(suspects) or not len(_free(system)) or not loops:
         return None
     some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
     rows = _loops(system, path.rows[some])

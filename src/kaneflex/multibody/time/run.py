@@ -203,11 +203,12 @@ class Run(RunCurve):
     def _misfit(self) -> str:
         """Message about redundant constraints that no longer agree; empty otherwise."""
         engine = self.engine
-        if engine.count(at.KEPT) == engine.count(at.JOINT_ROWS):
+        rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
+        if np.count_nonzero(engine.tables.plan[first : first + engine.count(at.KEPT)] < rows) == rows:
             return ""
         t = float(self.here[0])
         engine.stand(self.here)
-        apart = abs(engine.openings(t)) / engine.work.row_measure
+        apart = abs(engine.openings(t)[:rows]) / engine.work.row_measure
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
@@ -278,6 +279,10 @@ class Run(RunCurve):
         if ended == codes.TURNED:
             self.patient = float(not self._chosen_anew())
             return codes.PAUSED
+        if ended == codes.RESTED:
+            if self._rest():
+                return codes.PAUSED
+            return codes.PARADOX if len(self.engine.holds) else codes.SINGULAR
         return ended
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
@@ -285,6 +290,12 @@ class Run(RunCurve):
         self.filled, self.here = k, self.table[k].copy()
         self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
         return self.trajectory(self.table[: k + 1], Outcome.SINGULAR, message, found.ns_per_step)
+
+    def _rest(self) -> bool:
+        """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
+        self.engine.stand(self.here)
+        self.engine.choose(float(self.here[0]))
+        return self._projected()
 
     def _projected(self) -> bool:
         """Continue from the current state, with the reactions of the kept rows; False: singular."""

@@ -28,7 +28,7 @@ from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, sm
 from kaneflex.multibody.model.layout import (
     ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP,
     GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
-    MOST_IMPACTS, NODES, OPEN, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, ROOM, ROW_AT, SINCE, STAYS,
+    MOST_IMPACTS, NODES, OPEN, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS,
     TOUCH, VIRTUAL, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
@@ -153,9 +153,10 @@ def change(m, state, A, wanted):
             return wanted
     if changing and not mend(m, t, A, 2):
         return -1.0
-    unsettled = stick_slip.decide(m, t, A)
-    if unsettled:
-        return -1.0 * unsettled
+    if w[shared + RESTED] == 0.0:  # else after the coordinates are chosen again
+        unsettled = stick_slip.decide(m, t, A)
+        if unsettled:
+            return -1.0 * unsettled
     give(m, t, state)
     return wanted
 

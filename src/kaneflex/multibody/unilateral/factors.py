@@ -1,8 +1,7 @@
 """Unilateral and frictional rows in the factors of a step or an instant, beside the rows of cut joints.
 
-A closed contact, and slipping friction with a slope, have the compliance of their law. Sticking friction, and contacts
-at rest under Newton's law, are rigid. The row of bristles is their law. The factors also contain the friction forces
-caused by the reactions.
+A closed contact, and slipping friction with a slope, have the compliance of their law. Sticking friction is rigid. The
+row of bristles is their law. The factors also contain the friction forces caused by the reactions.
 """
 
 from __future__ import annotations
@@ -12,28 +11,25 @@ import math
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.stand_ins import of_holds, of_reactions
+from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.compile.values import by_size, width
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     ACROSS, ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE,
-    MODE_SIZE, REACTIONS, RIGID, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN,
-    VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    MODE_SIZE, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL,
+    VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, held, law_at, magnitude, on_contact, rests, rigid, row_at, sticks,
-    way,
+    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
 """Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
-_SOFT_FACE = 1e-6
-"""The same of friction on a contact at rest, whose normal force takes up redundant loads first."""
 _SOFT_PLANE = 1e-3
 """The same of both rows in a tangent plane: rounding errors where the mechanism can't move are divided by it."""
 _IMMOBILE = 1e-12
@@ -57,11 +53,10 @@ def row_in(m, r):
 
 @njit(**OPTIONS)
 def reaction_of(m, r):
-    """Index of the reaction of a factors' row: of a cut joint, a friction, or a contact at rest; -1 for others."""
+    """Index of the reaction of a factors' row: of a cut joint, or a friction; -1 for others."""
     if r < m.plan[KEPT]:
         return m.plan[m.plan[ROW_OF] + r]
-    n = row_in(m, r)
-    return row_at(m, n) if virtual(m, r) < 0 and (n < 0 or rigid(m, n)) else -1
+    return row_at(m, row_in(m, r)) if virtual(m, r) < 0 and row_in(m, r) < 0 else -1
 
 
 @njit(**OPTIONS)
@@ -73,19 +68,19 @@ def memory_place(m, n):
 
 @njit(**OPTIONS)
 def use_rows_now(m):
-    """Set the rows of the factors at an instant: of virtual inertia, sticking friction and contacts at rest."""
+    """Set the rows of the factors at an instant: of virtual inertia and of sticking friction."""
     m.pivots[YIELDING] = m.plan[VIRTUAL] + _rows_now(m)
 
 
-@of_reactions(0)
+@of_holds(0)
 @njit(**OPTIONS)
 def _rows_now(m):
-    """Add these to the rows; returns their number."""
+    """Add sticking friction to the rows; returns their number."""
     apart()
     found = 0
-    for n in range(-frictions(m), m.plan[RIGID]):
+    for n in range(-frictions(m), 0):
         w, k = m.w, at(m, n)
-        if sticks(m, n) or w[k + MODE] == BENDING:
+        if w[k + MODE] == STICKING or w[k + MODE] == BENDING:
             m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
@@ -94,26 +89,22 @@ def _rows_now(m):
     return found
 
 
-@of_reactions(0)
+@of_holds(0)
 @njit(**OPTIONS)
 def rows_of_step(m, first, h, state):
-    """Add frictions and contacts at rest to the rows of a step's factors, with the state halfway from ``here``, after
-    ``first`` others; returns their number."""
+    """Add frictions to the rows of a step's factors, with the state halfway from ``here``, after ``first`` others;
+    returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0
     for r in range(plan[REACTIONS]):
         m.multipliers[r] = state[1 + 3 * plan[COORDINATES] + r]
-    for n in range(plan[RIGID]):
-        if rests(m, n):
-            fill_row(m, n)
     for n in range(-frictions(m), 0):
         if on_contact(m, n) >= 0:
             fill_row(m, on_contact(m, n))
         row_of(m, n)
-    for n in range(-frictions(m), plan[RIGID]):
-        k, j, mode = at(m, n), law_at(m, n), w[at(m, n) + MODE]
-        if n < 0 or rigid(m, n):
-            w[k + VISCOUS] = 0.0
+    for n in range(-frictions(m), 0):
+        k, j = at(m, n), law_at(m, n)
+        mode, w[k + VISCOUS] = w[k + MODE], 0.0
         if mode == BENDING:
             lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], state[memory_place(m, n)], 0.5 * h)
         elif mode == FLOWING:
@@ -121,7 +112,7 @@ def rows_of_step(m, first, h, state):
         elif mode == SLIPPING:
             v = magnitude(m, n, SLIP)
             w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), v), 0.0)
-        if sticks(m, n) or (n < 0 and (mode == BENDING or w[k + VISCOUS] > 0.0)):
+        if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
     return found
@@ -153,20 +144,18 @@ def largest_limit(m, rows, A):
 def compliance(m, n, h, r, size, A, largest):
     """Compliance of row n in the factors, their r-th of ``size``; ``largest``: see :func:`largest_limit`.
 
-    Almost zero for rows without rate, and without effect after iterative refinement. For redundant rows it determines
-    the distribution of force: of frictions in proportion to their limits. In a tangent plane it is the same in all
-    directions: where the mechanism can't move, there is no force.
+    Almost zero for sticking friction, and without effect after iterative refinement. For redundant rows it determines
+    the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions: where
+    the mechanism can't move, there is no force.
     """
     k, own, soft, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], _SOFT, m.plan[SCHUR]
-    if (n >= 0 and not rigid(m, n)) or m.w[k + VISCOUS] > 0.0:
+    if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
-    if on_contact(m, n) >= 0 and rests(m, on_contact(m, n)):
-        soft = _SOFT_FACE
     for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
         if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
             soft = _SOFT_PLANE if abs(own) > _IMMOBILE * abs(A[diagonal + (size + 1) * q]) else 1.0 / _SOFT_PLANE
             own += A[diagonal + (size + 1) * q]
-    share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300)) if n < 0 else 1.0
+    share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
     return soft * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
 
 
@@ -183,7 +172,7 @@ def by_force(m, n, r, size, h, A):
         return False
     firm = lugre.firmness(w, k, law_at(m, n), h)
     d, row = h * (w[k + VISCOUS] + firm * w[k + BY_SPEED]), plan[SCHUR] + size * r
-    A[_weight(m, n)] = d
+    A[plan[WANTED] + frictions(m) - 1 - n] = d
     for q in range(size):
         A[row + q] = d * A[row + q]
         if presses(m, n, q):
@@ -194,40 +183,34 @@ def by_force(m, n, r, size, h, A):
 
 @njit(**OPTIONS)
 def missing(m, A, r, opening):
-    """Right-hand side of a row of the factors: the acceleration prescribed to a row without rate less its opening; for
+    """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
     bristles, whose row is a force, the missing force less the weighted opening."""
-    n = row_in(m, r)
-    if r < m.plan[KEPT] + m.plan[VIRTUAL] or (n >= 0 and not rigid(m, n)):
+    n = row_in(m, r) if r >= m.plan[KEPT] + m.plan[VIRTUAL] else 0
+    if n >= 0:
         return -opening
     if m.w[at(m, n) + MODE] == BENDING:
-        opening *= A[_weight(m, n)]
-    return A[m.plan[WANTED] + held(m, n)] - opening
+        opening *= A[m.plan[WANTED] + frictions(m) - 1 - n]
+    return A[m.plan[WANTED] - 1 - n] - opening
 
 
-@njit(**OPTIONS)
-def _weight(m, n):
-    """Place of the weight of the opening in a bristle's row."""
-    return m.plan[WANTED] + held(m, m.plan[RIGID]) + held(m, n)
-
-
-@of_reactions(None)
+@of_holds(None)
 @njit(**OPTIONS)
 def prescribe_nothing(m, A):
     """Set prescribed accelerations of all rows to zero."""
-    for n in range(held(m, m.plan[RIGID])):
+    for n in range(frictions(m)):
         A[m.plan[WANTED] + n] = 0.0 * A[0]
 
 
-@of_reactions(None)
+@of_holds(None)
 @njit(**OPTIONS)
 def prescribe_now(m, A):
-    """Prescribe zero acceleration to rows without rate at the current state, and to bristles their force law."""
+    """Prescribe zero acceleration to sticking friction at the current state, and to bristles their force law."""
     w = m.w
-    for n in range(-frictions(m), m.plan[RIGID]):
-        k, wanted = at(m, n), m.plan[WANTED] + held(m, n)
-        A[wanted] = -w[k + SLIP_RATE] if sticks(m, n) else 0.0
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        A[m.plan[WANTED] - 1 - n] = -w[k + SLIP_RATE] if w[k + MODE] == STICKING else 0.0
         if w[k + MODE] == BENDING:
-            A[wanted] = lugre.by_now(w, k, law_at(m, n))[0] - w[k + FORCE]
+            A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n))[0] - w[k + FORCE]
 
 
 @of_holds(0)

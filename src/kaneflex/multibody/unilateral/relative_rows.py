@@ -12,7 +12,7 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.compile.stand_ins import of_changes
+from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, turned
 from kaneflex.multibody.compile.values import by_size, inside, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import (
@@ -25,7 +25,7 @@ from kaneflex.multibody.model.layout import (
     LAW, LOSING, MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument, at, contacts, law_at, on_contact, row_at, switches,
+    EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument, at, contacts, law_at, on_contact, rests, row_at, switches,
 )  # fmt: skip
 
 
@@ -309,3 +309,13 @@ def press(m):
         if force != 0.0:
             for side in range(2):
                 push(m, m.acts[act_of(m, n), AT + side], scaled(force, row_wrench(m, row_at(m, n), side)))
+
+
+@of_impacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
+    apart()
+    for n in range(contacts(m)):
+        if rests(m, n):
+            meet(m, n)

@@ -25,7 +25,7 @@ from kaneflex.multibody.compile.types import OPTIONS
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.model.layout import (
     ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, HOLDS, LAW, LOADS, MEMORY, MODE,
-    NUMBERS_AT, PEAK, PRECISION, ROW_AT, SPRINGS, STICKING, SWITCH, TOUCH, WHAT,
+    NUMBERS_AT, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
 )  # fmt: skip
 
 SLOWEST = 1e-11
@@ -157,15 +157,3 @@ def argument(m, n):
 def rests(m, n):
     """True if a contact is at rest under Newton's law."""
     return rigid(m, n) and m.w[at(m, n) + MODE] == CLOSED
-
-
-@njit(**OPTIONS)
-def sticks(m, n):
-    """True if a row has no rate now: of sticking friction, or of a contact at rest under Newton's law."""
-    return m.w[at(m, n) + MODE] == STICKING if n < 0 else rests(m, n)
-
-
-@njit(**OPTIONS)
-def held(m, n):
-    """Place of a row among those that can be without rate: frictions, then contacts if some follow Newton's law."""
-    return n + frictions(m)

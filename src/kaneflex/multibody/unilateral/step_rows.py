@@ -9,7 +9,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import contact as touching
-from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds, of_reactions
+from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.arrays import PHI
@@ -19,16 +19,14 @@ from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS,
-    JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, RIGID, SCHUR, SHARED, SLIP_RATE,
-    STAGE_H, STAGE_R, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
+    STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
 from kaneflex.multibody.unilateral.frictions import size_of
 from kaneflex.multibody.unilateral.relative_rows import extent, meet
-from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, frictions, held, law_at, product, rigid, row_at, sticks,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
 
 _NO_JAM = 1e-9
 """Share of a contact's compliance that counts as rounding."""
@@ -75,7 +73,7 @@ def let_yield(m, h, state):
             m.pivots[plan[TOUCHING] + count] = n
             count += 1
     m.pivots[YIELDING] = count
-    if count == first and plan[HOLDS] == plan[DRIVES] and not plan[RIGID]:
+    if count == first and plan[HOLDS] == plan[DRIVES]:
         return
     for i in range(size):
         m.u[i] = state[1 + size + i] + 0.5 * h * state[1 + 2 * size + i]
@@ -107,7 +105,7 @@ def notice_jams(m, t, step, A):
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(plan[KEPT] + plan[VIRTUAL], count):
         c = row_in(m, r)
-        for n in range(-frictions(m) if c >= 0 and not rigid(m, c) else 0, 0):
+        for n in range(-frictions(m) if c >= 0 else 0, 0):
             since = at(m, n) + JAMS
             if w[since] == w[since] or not presses(m, n, r):
                 continue
@@ -129,7 +127,7 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     step, steps = h * real, h * pair
     for r in range(plan[KEPT] + plan[VIRTUAL], plan[KEPT] + m.pivots[YIELDING]):
         n, x = row_in(m, r), plan[REACTION] + r
-        if n < 0 or rigid(m, n):
+        if n < 0:
             continue
         k = at(m, n)
         c, s = w[k + VISCOUS], w[k + STIFF]
@@ -164,7 +162,7 @@ def error_of_gaps(m, h, step, A, answer):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
         error = abs(product(w, g, m.du, size) + product(w, g, shifted(A, answer), size))
-        if n >= 0 and not rigid(m, n):
+        if n >= 0:
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
             continue
         error -= 16.0 * EPS * size_of(m, n, 0) / h
@@ -188,38 +186,32 @@ def _bristle_share(m, n, step):
     return lugre.minds(m.w, k, law_at(m, n), step) if m.w[k + MODE] == BENDING else 0.0
 
 
-@njit(**OPTIONS)
-def _in_stage(m, n, i):
-    """Place of a row's acceleration, or missing force, in stage i."""
-    return m.plan[STAGE_H] + held(m, m.plan[RIGID]) * i + held(m, n)
-
-
-@of_reactions(None)
+@of_holds(None)
 @njit(**OPTIONS)
 def store_stage(m, i):
-    """Store accelerations of frictions and rigid contacts in a stage, and forces of slipping friction."""
+    """Store results of frictions in a stage: accelerations of all, and forces of slipping ones."""
     apart()
     plan, w = m.plan, m.w
-    for n in range(-frictions(m), plan[RIGID]):
-        w[_in_stage(m, n, i)] = w[at(m, n) + SLIP_RATE]
-        if n < 0:
-            w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[at(m, n) + FORCE]
+    for n in range(-frictions(m), 0):
+        w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = w[at(m, n) + SLIP_RATE]
+        w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[at(m, n) + FORCE]
 
 
-@of_reactions(None)
+@of_holds(None)
 @njit(**OPTIONS)
 def prescribe_in_stages(m, into, A, B):
-    """Prescribe zero accelerations of rows without rate to an iteration of the stages; for bristles the missing
+    """Prescribe zero accelerations of sticking friction to an iteration of the stages; for bristles the missing
     force."""
     apart()
-    w = m.w
-    for n in range(-frictions(m), m.plan[RIGID]):
-        a_0, a_1, a_2 = w[_in_stage(m, n, 0)], w[_in_stage(m, n, 1)], w[_in_stage(m, n, 2)]
-        stuck, wanted = sticks(m, n) or w[at(m, n) + MODE] == BENDING, m.plan[WANTED] + held(m, n)
+    plan, w, count = m.plan, m.w, frictions(m)
+    for n in range(-count, 0):
+        own = plan[STAGE_H] + count + n
+        a_0, a_1, a_2 = w[own], w[own + count], w[own + 2 * count]
+        stuck = w[at(m, n) + MODE] == STICKING or w[at(m, n) + MODE] == BENDING
         one = -(into[0].real * a_0 + into[1].real * a_1 + into[2].real * a_2)
         two = -(into[3] * a_0 + into[4] * a_1 + into[5] * a_2)
-        A[wanted] = one if stuck else 0.0
-        B[wanted] = two if stuck else 0.0 * two
+        A[plan[WANTED] - 1 - n] = one if stuck else 0.0
+        B[plan[WANTED] - 1 - n] = two if stuck else 0.0 * two
 
 
 @of_holds(None)
@@ -234,7 +226,7 @@ def bend(m, table, h, state):
             lugre.bend(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
             for i in range(3):
                 has = w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)]
-                w[_in_stage(m, n, i)] = has - w[k + NODES + 7 + 4 * i]
+                w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = has - w[k + NODES + 7 + 4 * i]
 
 
 @of_holds(None)

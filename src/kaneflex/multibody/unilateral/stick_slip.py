@@ -1,10 +1,10 @@
-"""Modes of frictions and rigid contacts at an instant, and what is monitored of frictions over a step.
+"""Decision between slip and stick of frictions at an instant, and what is monitored of them over a step.
 
 The speed of slipping friction is monitored like an open contact's gap: its zero ends the step. For sticking friction,
-the reserve of its force is monitored; its zero ends the step, too. At such an instant :func:`choose` finds a consistent
-choice of modes for all rows without rate: a sticking friction exerts at most its limit, a slipping one accelerates in
-its direction of slip, a rigid contact pushes or opens. Without a consistent choice, as in Painleve's paradox (1895, C.
-R. Acad. Sci. 121, 112), the run ends with that outcome.
+the reserve of its force is monitored; its zero ends the step, too. At such an instant :func:`decide` finds a consistent
+choice of modes for all frictions without speed: a sticking one exerts at most its limit, a slipping one accelerates in
+its direction of slip. Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121, 112), the run
+ends with that outcome.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_holds, of_reactions
+from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.dynamics.algebra import absolute, linear_size
 from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
-    ACROSS, BEFORE, BENDING, BODIES, BORE, CLOSED, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE,
-    GAP_ACCEL, IN_A_ROW, KEPT, LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, RESISTING_MASS, RIGID, ROUNDED,
-    SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH, TURN, WANTED, WHAT,
+    ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
+    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
+    TURN, WANTED, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
+from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
 from kaneflex.multibody.unilateral.relative_rows import extent
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, contacts, frictions, held, law_at, magnitude,
-    on_contact, row_at, second, sticks, way,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, row_at,
+    second, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11
@@ -44,8 +44,8 @@ STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
 _TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
-_CANDIDATES = 8
-"""Largest number of rows without rate of which all combinations are tried."""
+_CANDIDATES = 6
+"""Largest number of frictions without speed of which all combinations are tried."""
 _SETTLED = 40
 """Iterations for reactions and their friction to converge."""
 
@@ -96,8 +96,7 @@ def slowing(m, n):
 def no_speed(m, n, t):
     """Speed of a friction that counts as zero."""
     w, k = m.w, at(m, n)
-    rounded = w[k + ROUNDED] + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE]))
-    return SLOWEST * extent(m, n) + rounded + 1e-300
+    return SLOWEST * extent(m, n) + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE])) + 1e-300
 
 
 @njit(**OPTIONS)
@@ -121,21 +120,20 @@ def no_force(m, n):
 
 @njit(**OPTIONS)
 def no_rate(m, n):
-    """Acceleration of a row that counts as zero."""
+    """Acceleration of a friction that counts as zero."""
     return _WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
 
 
-@of_reactions(True)
+@of_holds(True)
 @njit(**OPTIONS)
 def restore_stuck(m, t, h, A):
-    """Return sticking frictions, and contacts at rest, to their positions and to zero speed, after a step of h; False:
-    singular."""
+    """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
     apart()
     w, off, faster = m.w, False, False
     rows_of_frictions(m)
-    for n in range(-frictions(m), m.plan[RIGID]):
+    for n in range(-frictions(m), 0):
         k = at(m, n)
-        if sticks(m, n):
+        if w[k + MODE] == STICKING:
             near = 4.0 * EPS * (abs(w[k + PLACE]) + extent(m, n))
             off = off or abs(w[k + PLACE] - w[k + MEMORY]) > near
             faster = faster or abs(w[k + SLIP]) * h > near
@@ -144,7 +142,7 @@ def restore_stuck(m, t, h, A):
 
 @njit(**OPTIONS)
 def correct_drift(m, t, A, level):
-    """Change positions, or with level 1 speeds, by the least correction that removes the drift of rows without rate.
+    """Change positions, or with level 1 speeds, by the least correction that removes the drift of sticking frictions.
 
     The correction is the least in the norm of the mass matrix, as by an impulse.
     """
@@ -158,11 +156,11 @@ def correct_drift(m, t, A, level):
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for i in range(plan[COORDINATES]):
         A[answer + i] = 0.0
-    prescribe_nothing(m, A)
-    for n in range(-frictions(m), plan[RIGID]):
+    for n in range(-frictions(m), 0):
         k = at(m, n)
-        if sticks(m, n):
-            A[plan[WANTED] + held(m, n)] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
+        A[plan[WANTED] - 1 - n] = 0.0
+        if w[k + MODE] == STICKING:
+            A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
     solve_closed(m, A, plan[PIVOTS])
     for i in range(plan[COORDINATES]):
         moved[i] += A[answer + i]
@@ -178,31 +176,15 @@ def decide(m, t, A):
     Accelerations and reactions are those of that choice.
     """
     apart()
+    w, free = m.w, 0
     for _ in range(2):
         # A friction that sticks may stop others, as in a mechanism with one degree of freedom.
         rows_of_frictions(m)
         free = 0
         for n in range(-frictions(m), 0):
-            free += first_mode(m, n, t)
+            free += _first_mode(m, n, t)
         if free and not correct_drift(m, t, A, 1):
             return 1
-    found = choose(m, t, A)
-    for n in range(-frictions(m) if found == 0 else 0, 0):
-        m.w[at(m, n) + DUE] = m.w[at(m, n) + ROUNDED] = 0.0
-    return found
-
-
-@of_reactions(0)
-@njit(**OPTIONS)
-def choose(m, t, A):
-    """Find consistent modes of the frictions and rigid contacts whose DUE is below zero; returns as :func:`decide`.
-
-    A closed contact pushes, an open one does not accelerate to its other side.
-    """
-    apart()
-    free = 0
-    for n in range(-frictions(m), m.plan[RIGID]):
-        free += m.w[at(m, n) + DUE] < 0.0
     if free and _share(m, t, A) == 1:
         return 1
     for _ in range(4 * free + 4):
@@ -210,59 +192,33 @@ def choose(m, t, A):
         if settled == 1:
             return 1
         n = _least_consistent(m)
-        if n == contacts(m):
+        if n == 0:
             if settled == 0:
-                return 0
+                return _end_decision(m)
             break
-        if n >= 0:
-            _shut(m, n, t, m.w[at(m, n) + MODE] == OPEN)
-        elif m.w[at(m, n) + MODE] == STICKING:
-            slip(m, n, -m.w[at(m, n) + FORCE], -across(m, n, FORCE))
+        if w[at(m, n) + MODE] == STICKING:
+            slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
         else:
             stick(m, n)
-    return _try_all(m, t, A, free)
-
-
-@njit(**OPTIONS)
-def _try_all(m, t, A, free):
-    """Try all combinations of modes; returns as :func:`decide`."""
-    apart()
-    w, pairs = m.w, 1
-    for n in range(m.plan[RIGID]):
-        pairs *= 2 if w[at(m, n) + DUE] < 0.0 else 1
-    for k in range(pairs if free <= _CANDIDATES else 0):
-        left, choices = k, 1
-        for n in range(m.plan[RIGID]):
-            if w[at(m, n) + DUE] < 0.0:
-                _shut(m, n, t, left % 2 == 0)
-                left = left // 2
+    if free > _CANDIDATES:
+        return 2
+    choices = 1
+    for _ in range(free):
+        choices *= 3
+    for choice in range(choices):
+        left = choice
         for n in range(-frictions(m), 0):
-            choices *= 3 if w[at(m, n) + DUE] < 0.0 else 1
-        for choice in range(choices):
-            left = choice
-            for n in range(-frictions(m), 0):
-                if w[at(m, n) + DUE] < 0.0:
-                    stick(m, n)
-                    if left % 3 != 0:
-                        slip(m, n, 1.5 - left % 3, 0.0)
-                    left = left // 3
-            settled = settle(m, t, A)
-            if settled == 1:
-                return 1
-            if settled == 0 and _least_consistent(m) == contacts(m):
-                return 0
+            if w[at(m, n) + DUE] < 0.0:
+                stick(m, n)
+                if left % 3 != 0:
+                    slip(m, n, 1.5 - left % 3, 0.0)
+                left = left // 3
+        settled = settle(m, t, A)
+        if settled == 1:
+            return 1
+        if settled == 0 and _least_consistent(m) == 0:
+            return _end_decision(m)
     return 2
-
-
-@njit(**OPTIONS)
-def _shut(m, n, t, closes):
-    """Close or open a contact, with the first modes of its frictions."""
-    w, k = m.w, at(m, n)
-    w[k + MODE], m.multipliers[row_at(m, n)] = CLOSED if closes else OPEN, 0.0
-    for q in range(-frictions(m), 0):
-        if on_contact(m, q) == n:
-            w[at(m, q) + DUE] = 0.0
-            first_mode(m, q, t)
 
 
 @njit(**OPTIONS)
@@ -277,15 +233,14 @@ def opens(m, n):
 
 
 @njit(**OPTIONS)
-def first_mode(m, n, t):
+def _first_mode(m, n, t):
     """First choice for a friction; 1 if it has no speed and other choices are possible: DUE is below zero then."""
     w, k, law = m.w, at(m, n), m.w[law_at(m, n) + LAW_AT]
     shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), no_speed(m, n, t)
-    if m.acts[act_of(m, n), WHAT] == ACROSS or opens(m, n):
-        w[k + DUE] = 0.0
-        return 0
     if w[k + DUE] < 0.0:
         return 1
+    if m.acts[act_of(m, n), WHAT] == ACROSS or opens(m, n):
+        return 0
     if law >= VISCOUS_LAW:
         set_mode(m, n, BENDING if law == LUGRE else FLOWING)
         return 0
@@ -310,13 +265,10 @@ def _share(m, t, A):
     :func:`settle`.
     """
     apart()
-    w, level, free = m.w, 0.0, False
+    w, level = m.w, 0.0
     for n in range(-frictions(m), 0):
-        free = free or w[at(m, n) + DUE] < 0.0
         if w[at(m, n) + MODE] == STICKING:
             m.multipliers[row_at(m, n)] = 0.0
-    if not free:
-        return 0
     settled = settle(m, t, A)
     for turn in range(2):
         for n in range(-frictions(m), 0):
@@ -341,18 +293,13 @@ def _slip_direction(m, n):
     return -w[k + FORCE] if abs(w[k + FORCE]) > no_force(m, n) else -w[k + NODES + 5]
 
 
-@of_reactions(0)
+@of_holds(0)
 @njit(**OPTIONS)
 def settle(m, t, A):
     """Iterate accelerations and reactions of a choice with friction by reactions; 0, or 1 at a singular state, 2
     without convergence."""
     apart()
     w = m.w
-    for n in range(m.plan[RIGID]):  # friction is linear in a force that grows from zero
-        if w[at(m, n) + DUE] < 0.0:
-            m.multipliers[row_at(m, n)] = 0.0
-    if not frictions(m):
-        return 0 if mend(m, t, A, 2) else 1
     for turn in range(_SETTLED):
         if not mend(m, t, A, 1):
             return 1
@@ -379,18 +326,14 @@ def _bears(m, n):
 
 @njit(**OPTIONS)
 def _least_consistent(m):
-    """Row with the largest inconsistency of its mode among those to be chosen, frictions first; the number of contacts
-    if all are consistent."""
+    """Friction with the largest inconsistency of its mode among those without speed; 0 if all are consistent."""
     apart()
-    w, worst, found = m.w, 0.0, contacts(m)
-    for n in range(-frictions(m), m.plan[RIGID]):
+    w, worst, found = m.w, 0.0, 0
+    for n in range(-frictions(m), 0):
         k = at(m, n)
-        if w[k + DUE] >= 0.0 or (n >= 0 and found < 0):
+        if w[k + DUE] >= 0.0:
             continue
-        if n >= 0:
-            least = no_rate(m, n)
-            off = -w[k + GAP_ACCEL] / least if w[k + MODE] == OPEN else -w[k + FORCE] / (least * w[k + RESISTING_MASS])
-        elif w[k + MODE] == STICKING:
+        if w[k + MODE] == STICKING:
             off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
             unsure = _SHORT / _WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
@@ -399,3 +342,10 @@ def _least_consistent(m):
             worst, found = off, n
     return found
 
+
+@njit(**OPTIONS)
+def _end_decision(m):
+    """End the decision about slip and stick."""
+    for n in range(-frictions(m), 0):
+        m.w[at(m, n) + DUE] = 0.0
+    return 0
