@@ -385,7 +385,7 @@ class Solve(SceneTable):
         default=(),
         description="preset coupled: quantities that `tolerance` also bounds, relative to their largest value",
     )
-    forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
+    forward: Forward = Field(default=Forward.model_construct(), description="free joints, unless the preset is coupled")
     errors: Literal["quick", "total", "all", "none"] = Field(
         default="quick",
         description="errors of the sensors to estimate; total also where that takes long, all with its parts and the "

@@ -111,7 +111,7 @@ class Scene(SceneTable):
     damping: Damping | None = None
     sensors: dict[str, Sensor] = Field(default={})
     events: dict[str, Event] = Field(default={})
-    solve: Solve = Solve()
+    solve: Solve = Solve.model_construct()  # which builds no validators
 
     _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr("")

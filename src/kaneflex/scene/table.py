@@ -45,7 +45,7 @@ class SceneTable(BaseModel):
 class PlainTable(BaseModel):
     """Table of ``summary.json``; its fields have descriptions."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 @dataclass(frozen=True)
