@@ -14,23 +14,21 @@ import numpy as np
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY, System
+from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
-from kaneflex.multibody.time.rigid_reference import Courses, ReferenceKinematics
+from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
 from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.floating_motion import FloatingMotion
-from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import given_start
@@ -41,8 +39,6 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
 Share = Callable[[float], None]
-_AT_ONCE = 1000
-"""Rows whose records are in memory at a time."""
 _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
 _MISSED = 1e-3
@@ -201,13 +197,6 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 
 
-def free_courses(scene: Scene, system: System, motion: RigidKinematics, rows: np.ndarray) -> Courses:
-    """Courses of the FREE coordinates of a planar motion at rows of the engine."""
-    parts = [by_themselves(system, rows[k : k + _AT_ONCE]) for k in range(0, len(rows), _AT_ONCE)]
-    moved = (FloatingMotion.of(scene, system, LaterMotion(motion, part.times), part) for part in parts)
-    return Courses(rows[:, 0], *np.concatenate([each.courses(motion.module.FREE) for each in moved], axis=1))
-
-
 def _in_space(model: Model, trajectory: CoupledTrajectory, run: Run, seconds: float) -> RunResult:
     motion = along(model, run)
     reference = model.reference_time
@@ -257,8 +246,9 @@ def _check_speeds(model: Model, start: State) -> None:
         system.project(start.t, start.q, start.u, system.engine.chosen_at(start))
     except ArithmeticError:  # the run reports it
         return
-    found = free_courses(scene, system, model.motion, system.engine.row(start.t)[None])
-    rates = dict(zip(model.module.FREE, found.u[0].tolist(), strict=True))
+    found = by_themselves(system, system.engine.row(start.t)[None])
+    moved = FloatingMotion.of(scene, system, model.motion.at(found.times), found)
+    rates = {name: float(moved.coordinate(name)[1][0]) for name in speeds}
     for name, speed in speeds.items():
         if not abs(rates[name] - speed) <= _MISSED * abs(speed):
             raise changed_speed(f"drives.{name}.initial_speed", speed, rates[name])

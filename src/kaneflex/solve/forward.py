@@ -27,7 +27,7 @@ from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
-from kaneflex.solve.coupled import along, free_courses, method_of
+from kaneflex.solve.coupled import along, method_of
 from kaneflex.solve.run_checks import check_laws
 from kaneflex.solve.spatial_loading import check_stage
 from kaneflex.support.errors import SceneError
@@ -87,7 +87,7 @@ def at_start(scene: Scene, system: System, motion: RigidKinematics) -> StartKine
             f"drives.{module.FREE[0]}", "free",
             f"the forces are not finite at the start, {drive_positions(mechanism, rigid)}", "Change loads or start",
         ) from None  # fmt: skip
-    first = free_courses(scene, system, motion, system.engine.row(0.0)[None])
+    first = _courses(system, system.engine.row(0.0)[None])
     return StartKinematics(module, _started(motion, given, first).parameters, given, system, state)
 
 
@@ -109,7 +109,7 @@ def integrate_free_joints(model: Model, share: Callable[[float], None]) -> Model
     found = integrate(system, start, times, method_of(model), share, limited=True)
     run = found.curve
     if found.outcome is not Outcome.COMPLETED:
-        locked = _locked(model.scene, motion, run) if isinstance(motion, StartKinematics) else None
+        locked = _locked(motion, run) if isinstance(motion, StartKinematics) else None
         raise locked or run.stopped(found.message, CURE)
     if isinstance(motion, StartKinematics):
         return moving(model, _along_steps(model, motion, found), found.energy)
@@ -122,7 +122,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     """Motion of a planar mechanism along its run, with the checks that need it."""
     system, rows = start.system, np.concatenate([rows for rows, _ in found.curve.pieces])
     rows = rows[np.append(np.diff(rows[:, 0]) > 0.0, True)]  # of instants with a change those after it
-    motion = _with_courses(start, start.given, free_courses(model.scene, system, start, rows))
+    motion = _with_courses(start, start.given, _courses(system, rows))
     left = _left(motion, found, system)
     check_passage(system.mechanism, motion, rows[rows[:, 0] <= found.times[left], 0])
     if left >= 0:
@@ -150,11 +150,17 @@ def _left(motion: RigidKinematics, found: CoupledTrajectory, system: System) -> 
     return 1 + int(lost[0]) if len(lost) else -1
 
 
-def _locked(scene: Scene, start: StartKinematics, run: Run) -> SceneError | None:
+def _locked(start: StartKinematics, run: Run) -> SceneError | None:
     """Error of a motion that ends where a loop of a planar mechanism locks; None elsewhere."""
-    here = free_courses(scene, start.system, start, run.here[None])
+    here = _courses(start.system, run.here[None])
     rigid = _started(start, start.given, here._replace(u=0.0 * here.u, du=0.0 * here.du)).at(here.times)
     return locked(start.system.mechanism, rigid)
+
+
+def _courses(system: System, rows: np.ndarray) -> Courses:
+    """Courses of the free joints at rows of the engine."""
+    columns, own = system.engine.columns, [*system.free.values()]
+    return Courses(rows[:, 0], *(rows[:, columns[part]][:, own] for part in ("q", "u", "du")))
 
 
 def _started(motion: RigidKinematics, given: np.ndarray, first: Courses) -> RigidKinematics:

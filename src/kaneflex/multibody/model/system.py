@@ -187,6 +187,13 @@ class System:
             offset += BODY + axial + transverse
         return found
 
+    @cached_property
+    def free(self) -> dict[str, int]:
+        """Numbers of the coordinates of free joints and free bodies in the tree, which has those without friction."""
+        own = [name for name, _ in self.layout.coordinates]
+        return {name: own.index(each) for name in self.mechanism.free
+                for each in (name, f"{name}.angle", f"{name}.position") if each in own}  # fmt: skip
+
     def modal(self, body: str) -> slice:
         """Places of a body's modal coordinates in q."""
         first = self.start[body] + BODY

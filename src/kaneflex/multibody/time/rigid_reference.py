@@ -109,19 +109,12 @@ class RigidReference(ComputedModule):
         """State near that of the start, with free joints and bodies independent."""
         t, q, u, du = (part[0] for part in self.first)
         state = State(t, q, u, du, self.engine.sizes.copy(), NONE)
-        return replace(state, choice=self.engine.chosen_at(state, [*self.columns.values()]))
+        return replace(state, choice=self.engine.chosen_at(state, [*self.system.free.values()]))
 
     @cached_property
     def followed(self) -> Followed:
         """Curve of a mechanism whose drives determine its position."""
         return Followed(self.system, self.begin)
-
-    @cached_property
-    def columns(self) -> dict[str, int]:
-        """Numbers of the FREE coordinates in the tree."""
-        own = [name for name, _ in self.engine.layout.coordinates]
-        return {name: own.index(each) for name in self.FREE
-                for each in (name, f"{name}.angle", f"{name}.position") if each in own}  # fmt: skip
 
     def known(self, times: np.ndarray, free: Courses) -> np.ndarray:
         """The first columns of SCALARS, which are known before the bodies are placed.
@@ -133,7 +126,7 @@ class RigidReference(ComputedModule):
         of = dict(zip(driven, courses, strict=True))
         if mechanism.free_joints:
             moved = free.at(times).transpose(2, 1, 0)
-            of |= {name: moved[self.columns[name]] for name in mechanism.free_joints}
+            of |= {name: moved[self.system.free[name]] for name in mechanism.free_joints}
         joints = np.zeros((len(times), len(of) + len(mechanism.observed), 3))
         for k, name in enumerate(mechanism.drives):
             joints[:, k] = of[name]
@@ -144,7 +137,7 @@ class RigidReference(ComputedModule):
         3 bodies); FREE coordinates are ``given`` with their rates, (3, n_times, FREE)."""
         found = np.stack([*self.system.coordinates_of(q, v), np.zeros((len(times), self.engine.size))])
         for k, name in enumerate(self.FREE):
-            found[:, :, self.columns[name]] = given[:, :, k]
+            found[:, :, self.system.free[name]] = given[:, :, k]
         return Courses(times, *found)
 
 
