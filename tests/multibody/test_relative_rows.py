@@ -19,12 +19,13 @@ sensors.push = {contact_force = "NAME"}
 solve = {preset = "coupled", duration = "1 ms", steps = 2, start = "zero"}
 """
 LAW = 'contact = {law = "hertz", stiffness = "7e4 N/m", exponent = 1}, friction = {mu = 0.3}'
-REACH, RADIUS = {"face": 0.21} | dict.fromkeys(("on", "rod", "in", "pipe", "pin"), 0.35), 0.21
+REACH, RADIUS = {"face": 0.21, "point": 0.0} | dict.fromkeys(("on", "rod", "in", "pipe", "pin"), 0.35), 0.21
 INSIDE, AXIAL = ("in", "pipe", "pin"), ("rod", "pipe", "pin")
 """Kinds of circles of which the second is in the first, and of cylinders."""
 KINDS = {
     ("face", 3): 'contacts.face = {point_on_line = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
     ("face", 6): 'contacts.face = {point_on_plane = ["two.end", "one.end"], normal = NORMAL, radius = 0.21, LAW}',
+    ("point", 6): 'contacts.face = {point_on_plane = ["two.end", "one.end"], normal = NORMAL, LAW}',
     ("on", 3): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], LAW}',
     ("in", 3): 'contacts.face = {circle_in_circle = ["two.end", "one.end"], radii = [0.21, 0.56], LAW}',
     ("on", 6): 'contacts.face = {circle_on_circle = ["two.end", "one.end"], radii = [0.21, 0.14], LAW}',
@@ -93,14 +94,16 @@ def test_a_row_has_its_gap_its_normal_and_its_speeds(kind, d):
         axis = pair.engine.work.axes[int(pair.engine.tables.w[pair.act[at.NUMBERS_AT] + at.AXIS_AT])]
         between = between - axis @ between * axis
     length, way = np.linalg.norm(between), -1.0 if kind in INSIDE else 1.0
-    gap = normal @ between - REACH[kind] if kind == "face" else way * (length - REACH[kind])
+    flat = kind in ("face", "point")
+    gap = normal @ between - REACH[kind] if flat else way * (length - REACH[kind])
     assert rows[0, 0] == pytest.approx(gap, abs=1e-14) and gap > 0.0
-    if kind != "face":
+    if not flat:
         assert normal == pytest.approx(way * between / length, abs=1e-14)
     elif d == 3:
         c, s, (x, y) = np.cos(one[2]), np.sin(one[2]), NORMAL[3]
         assert normal == pytest.approx([c * x - s * y, s * x + c * y], abs=1e-14)
-    touched = two[:axes] - RADIUS * normal
+    # friction of a point or at a cylinder acts at the surface of the first body
+    touched = two[:axes] - (gap if kind == "point" else RADIUS + gap * (kind in AXIAL)) * normal
     slide = velocity(two, touched) - velocity(one, touched)
     directions = [row[3 + d : 3 + d + axes] for row in rows[: axes]]
     assert np.array(directions) @ np.transpose(directions) == pytest.approx(np.eye(axes), abs=1e-14)
@@ -125,7 +128,7 @@ def test_a_row_has_its_rates_and_its_jacobian(kind, d):
     change = (near[0] - near[1])[:axes] / (2 * STEP)
     assert rows[0, 1] == pytest.approx(change[0, 0], rel=1e-7, abs=1e-8)
     # friction of spheres and pins has the rate of directions that do not spin
-    exact = 1 if d == 6 and kind != "face" else axes
+    exact = 1 if d == 6 and kind not in ("face", "point") else axes
     assert rows[:exact, 2] == pytest.approx(change[:exact, 1], rel=1e-7, abs=1e-7)
     if kind == "face" and d == 3:  # a way that slides
         assert rows[1, 1] == pytest.approx(change[1, 0], rel=1e-7, abs=1e-8)

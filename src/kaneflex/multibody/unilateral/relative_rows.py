@@ -225,6 +225,26 @@ _direction, _way = by_size(_direction, _direction_6), by_size(_way, _way_6)
 
 
 @njit(**OPTIONS)
+def _rubs_outside(m, c, radius):
+    """True if the friction of a contact acts at the surface of the first body: never in the plane."""
+    return False
+
+
+@njit(**OPTIONS)
+def _rubs_outside_6(m, c, radius):
+    """Points on planes and pins in space do; spheres rub at their radius.
+
+    The feet of a body, however deep each is, then stay in one plane, the ends of a pin on one line: if all stick, they
+    don't hinder its tilt.
+    """
+    axis = m.w[law_at(m, c) + AXIS_AT] if m.acts[act_of(m, c), WHAT] == CIRCLES else -1.0
+    return axis >= 0.0 or (radius == 0.0 and m.acts[act_of(m, c), WHAT] != CIRCLES)
+
+
+_rubs_outside = by_size(_rubs_outside, _rubs_outside_6)
+
+
+@njit(**OPTIONS)
 def fill_row(m, n):
     """Row of a contact, or of a friction after its contact: gap or position, its two rates, Jacobian by both twists.
 
@@ -233,6 +253,7 @@ def fill_row(m, n):
     """
     apart()
     act, row, c, radius, turns = act_of(m, n), row_length(m) * row_at(m, n), n if n >= 0 else on_contact(m, n), 0.0, 0.0
+    sinks = 0.0
     one, two, out = m.acts[act, AT], m.acts[act, ON], m.rows
     a, b = twist_at_section(m, one), twist_at_section(m, two)
     normal = zero_like(a)
@@ -241,6 +262,8 @@ def fill_row(m, n):
         along = normal
     elif c >= 0:
         normal, radius = row_wrench(m, row_at(m, c), 1), m.w[law_at(m, c) + RADIUS_AT]
+        if _rubs_outside(m, c, radius):
+            radius, sinks = radius + out[row_length(m) * row_at(m, c)], out[row_length(m) * row_at(m, c) + 1]
         along = _direction(m, n, normal)
         out[row] = _way(m, n, c, along)
     else:
@@ -254,7 +277,7 @@ def fill_row(m, n):
         own = _centres_rate(m, c, normal)
         bends = dot(own, slide) if n >= 0 else -dot(along, own) * dot(normal, slide)
         slow = plus(slow, own)
-    moves = force(m, axpy(-radius, slow, b))  # rate of the place
+    moves = axpy(-sinks, normal, force(m, axpy(-radius, slow, b)))  # rate of the place
     back, on = axpy(-1.0, force(m, a), plus(moves, slide)), axpy(-1.0, force(m, b), moves)
     faster = axpy(-1.0, twist_at(section_motion(m, one, 1), x), twist_at(section_motion(m, two, 1), y))
     faster = plus(faster, axpy(-1.0, turning(a, back), turning(b, on)))
