@@ -122,7 +122,10 @@ def wrenches_on(mechanism: Parts, motion: RigidMotion, body: str) -> Iterator[Wr
         push, drag = motion[f"{name}.force"] * direction, np.zeros_like(direction)
         if name in parts.frictions:
             drag = on.drag(name, direction)
-        moment = moment_of(-contact.radius * direction, drag)
+        bearing = contact.kind in CIRCLES and len(contact.direction) == 3
+        outside = bearing or (contact.kind == "point-plane" and not contact.radius)  # the first body's surface
+        arm = contact.radius + (motion[f"{name}.gap"] if outside and name in parts.frictions else 0.0)
+        moment = moment_of(-arm * direction, drag)
         for side, sign in zip(contact.sides, _SIGNS, strict=True):
             if side.body == body:
                 yield on.wrench(name, side, sign * (push + drag), sign * moment, at=contact.second)
