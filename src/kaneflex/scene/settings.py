@@ -180,10 +180,10 @@ def has_entry(path: typing.Sequence[str]) -> bool:
 
 
 def _plain(kind: object) -> object:
-    """Type `kind` without None and annotations."""
+    """Type `kind` without None and annotations; of several types the table."""
     if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
-        rest = [option for option in typing.get_args(kind) if option is not type(None)]
-        return _plain(rest[0])
+        rest = [_plain(option) for option in typing.get_args(kind) if option is not type(None)]
+        return next(filter(_is_table, rest), rest[0])
     if typing.get_origin(kind) is typing.Annotated:
         late = next((mark for mark in typing.get_args(kind) if isinstance(mark, LateType)), None)
         return _plain(typing.get_args(kind)[0]) if late is None else late.table
