@@ -68,8 +68,9 @@ def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 _SAMPLES = 60_000
 """Instants that are checked, spread over the steps."""
-_FINEST = 256
-"""Largest number of instants checked within a step."""
+_FINEST, _OF_BODIES = 256, 8
+"""Largest number of instants checked within a step, and about that at which speeds of bodies are: mechanisms move more
+smoothly than loads may change, and placing their bodies takes longer."""
 _UNSEEN = 0.2
 """Deviation of a load or angular speed from the straight line between two steps, as a share of its largest value, that
 is reported."""
@@ -102,7 +103,8 @@ def _between_steps(model: Model) -> list[str]:
         return []  # the rigid mechanism moves differently
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
-    seen = model.motion.at(model.motion.begin + model.step * np.arange(steps + 1))
+    motion = model.motion if model.in_space is None else model.in_space.bare
+    seen = motion.at(motion.begin + model.step * np.arange(steps + 1))
     found = []
     for name, drive in scene.drives.items():
         turned = abs(np.diff(seen[f"{name}.angle"])).max()
@@ -118,19 +120,21 @@ def _between_steps(model: Model) -> list[str]:
         return found
     spread = np.linspace(seen.times[0], seen.times[-1], within * steps + 1)
     instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted
-    rigid = model.motion.acting(instants, seen)
-    fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding
+    rigid = motion.acting(instants, seen)
+    fewer = rigid.taken(np.arange(0, len(instants), max(1, within // _OF_BODIES)))
+    fastest = max((abs(fewer[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding
     for thing, name in (varying | speeds).items():
-        values = rigid[name]
-        straight = np.interp(rigid.times, seen.times, seen[name])
+        checked = fewer if thing in speeds else rigid
+        values = checked[name]
+        straight = np.interp(checked.times, seen.times, seen[name])
         if options.dynamics == "coupled":
-            before = np.clip(np.searchsorted(seen.times, rigid.times, "right") - 1, 0, steps - 1)
+            before = np.clip(np.searchsorted(seen.times, checked.times, "right") - 1, 0, steps - 1)
             ends = seen[name][before], seen[name][before + 1]
             straight = np.clip(values, np.minimum(*ends), np.maximum(*ends))
         largest = fastest if thing in speeds else abs(values).max()
         share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
         if share > _UNSEEN:
-            t = rigid.times[int(abs(values - straight).argmax())]
+            t = checked.times[int(abs(values - straight).argmax())]
             found.append(
                 f"{thing} changes and returns within a step, by {share:.0%} of its largest value at t = {t:.4g} s: "
                 f"use more than solve.steps = {options.steps}"
