@@ -16,7 +16,7 @@ from kaneflex.mechanism.mechanism import frictions_of, way_of
 from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
-from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.clearances import ClearanceContact
 from kaneflex.scene.quantities import Address
 from kaneflex.support.kept import Kept
 

@@ -22,7 +22,7 @@ from kaneflex.plots.view import View, view
 from kaneflex.solve.touching import eccentricity, record_of
 
 if TYPE_CHECKING:
-    from kaneflex.scene.contacts import LooseJoint
+    from kaneflex.scene.clearances import LooseJoint
     from kaneflex.solve.solution import Solution
 
 _CORNERS = ("right, behind", "right, before", "left, behind", "left, before")

@@ -301,7 +301,7 @@ _CORNERS = {
 
 def contact_line(contact: Contact, in_space: bool = False) -> str:
     """Line of a contact: its two sides, stiffness and restitution."""
-    from kaneflex.scene.contacts import ClearanceContact
+    from kaneflex.scene.clearances import ClearanceContact
 
     where = _SIDES[contact.kind].format(*contact.sides, way="forwards" if contact.direction[0] > 0 else "back")
     where = where.replace("circle", "sphere") if in_space else where

@@ -1,23 +1,26 @@
-"""Beams of a scene file: material, section, theory and mesh."""
+"""Beams of a scene file: material, section, theory and mesh; damping of elastic bodies."""
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
 from kaneflex.scene.quantities import (
+    FrequencyPair,
     NonNegativeRatio,
+    NonNegativeViscosity,
     PositiveArea,
     PositiveDensity,
     PositiveLength,
     PositiveModulus,
     PositiveSecondMoment,
+    Ratios,
     WholeNumber,
 )
 from kaneflex.scene.sections import Constants, Piece, Profile, SectionNumbers, ShearCoefficient
-from kaneflex.scene.table import SceneTable, late
+from kaneflex.scene.table import SceneTable, first_given, late, the_one_given
 from kaneflex.support.errors import Fault, nearest
 
 if TYPE_CHECKING:
@@ -291,3 +294,39 @@ class Beam(Sectioned):
         if self.segments or self.tapered:
             found["varying"] = True
         return found
+
+
+class Rayleigh(SceneTable):
+    """Rayleigh damping C = alpha M + beta K with the damping `ratio` at the two frequencies `at` (Hz)."""
+
+    ratio: NonNegativeRatio
+    at: FrequencyPair
+
+
+class ModalDamping(SceneTable):
+    """Modal damping: one ratio for all modes, or one per mode, the last for the rest; or Adams' ratios by frequency."""
+
+    ratio: Ratios
+
+
+class Viscous(SceneTable):
+    """Viscous damping as in the paper: `mu` is a force per length and velocity, N s/m^2."""
+
+    mu: NonNegativeViscosity
+
+
+class Damping(SceneTable):
+    """Damping of the elastic bodies; exactly one of the three models."""
+
+    rayleigh: Rayleigh | None = None
+    modal: ModalDamping | None = None
+    viscous: Viscous | None = None
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Damping:
+        the_one_given(self, ("rayleigh", "modal", "viscous"))
+        return self
+
+    @cached_property
+    def kind(self) -> str:
+        return first_given(self, ("rayleigh", "modal", "viscous"))

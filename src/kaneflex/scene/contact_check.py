@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaneflex.scene.contacts import ClearanceContact, Contact, contacts_of
+from kaneflex.scene.clearances import ClearanceContact, contacts_of
+from kaneflex.scene.contacts import Contact
 from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene

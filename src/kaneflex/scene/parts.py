@@ -30,16 +30,13 @@ from kaneflex.scene.quantities import (
     Direction,
     DriveCoordinate,
     ForceOrTorque,
-    FrequencyPair,
     NonNegativeMass,
     NonNegativeRatio,
-    NonNegativeViscosity,
     NumberPair,
     PositiveArea,
     PositiveLength,
     PositiveRatio,
     PositiveTime,
-    Ratios,
     WholeNumber,
     either,
 )
@@ -50,12 +47,12 @@ from kaneflex.support.interpolation import Interpolation
 from kaneflex.support.units import FORCE, FORCE_PER_LENGTH, PRESSURE, TORQUE, to_si
 
 if TYPE_CHECKING:
+    from kaneflex.scene.clearances import Clearance
     from kaneflex.scene.contact_law import Friction
-    from kaneflex.scene.contacts import Clearance
     from kaneflex.scene.start import Start
 else:
     (Friction,) = late("kaneflex.scene.contact_law", "Friction")
-    (Clearance,) = late("kaneflex.scene.contacts", "Clearance")
+    (Clearance,) = late("kaneflex.scene.clearances", "Clearance")
     (Start,) = late("kaneflex.scene.start", "Start")
 
 PRESETS = {
@@ -161,13 +158,10 @@ class Joint(SceneTable):
             friction.check_at(kind)
 
     def _check_clearance(self, kind: str, clearance: Clearance) -> None:
-        from kaneflex.scene.contacts import contacts_of
+        from kaneflex.scene.clearances import contacts_of
 
-        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
-        wanted = ("radial",) if kind in ("spherical", "cylindrical") else wanted
-        if all(getattr(clearance, key) is None for key in wanted):
-            cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
-            raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
+        with within("clearance"):
+            clearance.check_kind(kind)
         if clearance.angle is None:
             self.refuse(("branch", "near", "rotation"), "a joint with a clearance does not couple rotations")
         with within("clearance"):
@@ -299,42 +293,6 @@ class Load(SceneTable):
     def curve(self) -> np.ndarray:
         """Block (see `kaneflex.scene.tables`) of the load's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
-
-
-class Rayleigh(SceneTable):
-    """Rayleigh damping C = alpha M + beta K with the damping `ratio` at the two frequencies `at` (Hz)."""
-
-    ratio: NonNegativeRatio
-    at: FrequencyPair
-
-
-class ModalDamping(SceneTable):
-    """Modal damping: one ratio for all modes, or one per mode, the last for the rest; or Adams' ratios by frequency."""
-
-    ratio: Ratios
-
-
-class Viscous(SceneTable):
-    """Viscous damping as in the paper: `mu` is a force per length and velocity, N s/m^2."""
-
-    mu: NonNegativeViscosity
-
-
-class Damping(SceneTable):
-    """Damping of the elastic bodies; exactly one of the three models."""
-
-    rayleigh: Rayleigh | None = None
-    modal: ModalDamping | None = None
-    viscous: Viscous | None = None
-
-    @model_validator(mode="after")
-    def _exactly_one(self) -> Damping:
-        the_one_given(self, ("rayleigh", "modal", "viscous"))
-        return self
-
-    @cached_property
-    def kind(self) -> str:
-        return first_given(self, ("rayleigh", "modal", "viscous"))
 
 
 def _above_rounding(tolerance: float) -> float:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
+from kaneflex.scene.beams import Damping
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import Law
-from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
+from kaneflex.scene.parts import Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point, Vector, Words
 from kaneflex.scene.sensors import Event, Sensor
 from kaneflex.scene.table import SceneTable, late
@@ -20,8 +21,9 @@ from kaneflex.support.escaping import visible
 from kaneflex.support.units import SENSED, to_si
 
 if TYPE_CHECKING:
+    from kaneflex.scene.clearances import LooseJoint
     from kaneflex.scene.contact_law import Friction
-    from kaneflex.scene.contacts import Contact, LooseJoint
+    from kaneflex.scene.contacts import Contact
     from kaneflex.scene.poses import Free
     from kaneflex.scene.springs import Spring
 else:
@@ -181,7 +183,7 @@ class Scene(SceneTable):
         loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
         if not loose:
             return self
-        from kaneflex.scene.contacts import contacts_of
+        from kaneflex.scene.clearances import contacts_of
 
         joints = {name: joint for name, joint in self.joints.items() if name not in loose or joint.has_backlash}
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
@@ -283,7 +285,7 @@ class Scene(SceneTable):
         """Joints with a clearance."""
         if not self.contacts:
             return {}
-        from kaneflex.scene.contacts import loose_joints
+        from kaneflex.scene.clearances import loose_joints
 
         return loose_joints(self.contacts)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.clearances import ClearanceContact
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si

@@ -12,7 +12,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.tight_start import tight_start
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.contacts import ClearanceContact, Contact
+from kaneflex.scene.clearances import ClearanceContact
+from kaneflex.scene.contacts import Contact
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import CONTACT_KINDS, DRIVE_KINDS, FRICTION_KINDS, Event, Sensor
 from kaneflex.support.errors import SceneError
