@@ -146,6 +146,7 @@ def test_a_chain_of_balls_passes_an_impact_on_as_its_springs_do(case):
     contacts = {f"c{k}": {"circle_on_circle": [f"b{k}", f"b{k + 1}"], "radii": 2 * [0.5 * units.length],
                           "contact": hertz(units, K)} for k in range(3)}  # fmt: skip
     found = ran(units, bodies, contacts, (0, 0, 0), 1.0, tolerance=1e-10)
+    assert found.model.coupled_system.mechanism.size == pytest.approx(3.05 * units.length)  # from the first to the last
     after = speeds(found, units, bodies, "xyz")
     assert after == pytest.approx(np.column_stack([expected, np.zeros((4, 2))]), abs=1e-7)
 
