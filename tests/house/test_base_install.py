@@ -13,7 +13,7 @@ from places import DATA, ROOT
 
 HERE = ROOT
 PROJECT = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-USERS = ("tables", "peer", "cluster", "zarr", "nastran", "uff", "vtk")
+USERS = ("tables", "peer", "cluster", "nastran", "uff", "vtk")
 """Extras for users; the others are for building, testing and measuring kaneflex."""
 IMPORTED = {"distributed": "dask"}
 WITHOUT = """
@@ -97,7 +97,6 @@ engine = k.with_settings(k.read_scene("engine"), ["solve.steps=90"])
 solution = k.simulate(k.load(engine))
 told(lambda: solution["tip_axial"])
 told(lambda: solution.to_dataframe())
-told(lambda: k.sweep("study.toml", "zarr", form="zarr"))
 finished = k.sweep("study.toml", "swept")
 print(finished.total, finished.failures)
 told(lambda: finished.dataset)
@@ -109,8 +108,7 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
     tables = 'is not installed. Run: pip install "kaneflex[tables]"'
     expected = [
         f"dataset: xarray {tables}.", f"to_dataframe: pandas {tables}.",
-        '--format = \'zarr\': zarr is not installed. Run: pip install "kaneflex[zarr]", or use netcdf.', "2 {}",
-        f"dataset: xarray {tables}.",
+        "2 {}", f"dataset: xarray {tables}.",
         '--vtk: meshio is not installed. Run: pip install "kaneflex[vtk]", or leave it out.',
         "--with = 'exudyn': the package exudyn is not installed. Run: pip install \"kaneflex[peer]\".",
         "--scheduler = 'tcp://localhost:1': distributed is not installed. Run: pip install \"kaneflex[cluster]\".",

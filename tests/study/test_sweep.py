@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -183,29 +182,6 @@ def test_series_are_those_of_the_run_and_filled_up_to_the_longest(tmp_path):
     assert np.array_equal(found["time"][1, :19], alone.times)
     assert np.isnan(found["piston_position_series"][1, 19:]).all() and found.sizes["instant"] == 37
     assert not (tmp_path / "out" / "series").exists()
-
-
-def test_zarr_is_written_block_by_block_and_holds_what_netcdf_does(tmp_path, peer, monkeypatch):
-    peer("zarr")
-    monkeypatch.setattr("kaneflex.study.dataset._POINTS", 4)
-    plan = plan_of(tmp_path, "series = true\n" + STUDY)
-    sweep(plan, tmp_path / "n")
-    path = sweep(plan, tmp_path / "z", form="zarr").path
-    whole = dataset(tmp_path / "n")
-    with xarray.open_dataset(path, engine="zarr") as found:
-        assert found["outcome"].encoding["chunks"] == (4,) and set(found.variables) == set(whole.variables)
-        for name, expected in whole.variables.items():
-            assert found[name].dims == expected.dims and found[name].attrs == expected.attrs
-            both = zip(found[name].values.ravel(), expected.values.ravel(), strict=True)
-            assert all(a == b or (a != a and b != b) for a, b in both), name
-
-
-def test_zarr_that_is_missing_is_said_before_anything_runs(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "zarr", None)
-    (tmp_path / "study.toml").write_text(STUDY)
-    result = cli("sweep", tmp_path / "study.toml", "-o", tmp_path / "out", "--format", "zarr")
-    refused(result, "--format", "zarr is not installed", "kaneflex[zarr]")
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_gas_curve_is_found_beside_the_study_and_its_content_counts(tmp_path):

@@ -230,15 +230,9 @@ def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen
         yield address, processes[1:], folder / "cache"
 
 
-def opened(path: Path, engine: str) -> xarray.Dataset:
-    with xarray.open_dataset(path, engine=engine) as found:
-        return found.load()
-
-
-def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(tmp_path, plan, cluster, peer):
+def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(tmp_path, plan, cluster):
     from kaneflex.study.cluster import on_cluster
 
-    peer("zarr")
     address, workers, cache = cluster
     killed = []
 
@@ -252,12 +246,12 @@ def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one
             workers[0].send_signal(signal.SIGKILL)
             killed.append(workers[0].wait())
 
-    finished = sweep(plan, tmp_path / "there", on_cluster(address), kill, form="zarr")
+    finished = sweep(plan, tmp_path / "there", on_cluster(address), kill)
     assert killed == [-signal.SIGKILL] and finished.failures == {} and finished.total == 60
     for table in tables:
         table.with_suffix(".away").rename(table)
     sweep(plan, tmp_path / "here")
-    there, here = opened(tmp_path / "there/sweep.zarr", "zarr"), opened(tmp_path / "here/sweep.nc", "scipy")
+    there, here = dataset(tmp_path / "there"), dataset(tmp_path / "here")
     for name in here.data_vars:
         assert (there[name].values == here[name].values).all(), name
     assert set(there.data_vars) == set(here.data_vars) and there["point"].values.tolist() == list(range(60))

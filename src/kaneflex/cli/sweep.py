@@ -69,10 +69,6 @@ class Workers(NamedTuple):
     "--scheduler", metavar="ADDRESS",
     help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Needs pip install "kaneflex[cluster]".',
 )  # fmt: skip
-@click.option(
-    "--format", "form", type=click.Choice(["netcdf", "zarr"]), default="netcdf", show_default=True,
-    help='File format; zarr needs pip install "kaneflex[zarr]".',
-)  # fmt: skip
 @settings_option
 @preset_option
 @tolerance_options
@@ -84,8 +80,8 @@ class Workers(NamedTuple):
 @gathered(asked=SceneArguments, choosing=Choosing, on=Workers)
 @click.pass_context
 def sweep(
-    ctx: click.Context, asked: SceneArguments, choosing: Choosing, on: Workers, output: Path | None, form: str,
-    plots: bool, force: bool,
+    ctx: click.Context, asked: SceneArguments, choosing: Choosing, on: Workers, output: Path | None, plots: bool,
+    force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many parameter values and write one labelled dataset.
 
@@ -110,7 +106,7 @@ def sweep(
     plan = plan if choosing.tolerance is None else _with_chosen_model(plan, choosing)
     folder = output or Path(f"{study.stem}-sweep")
     try:
-        finished = go_through(plan, folder, solver, _reporter(), force, form)
+        finished = go_through(plan, folder, solver, _reporter(), force)
     except KeyboardInterrupt:
         echo(f"Interrupted; finished points are kept in {folder}. The same command continues.", err=True)
         ctx.exit(INTERRUPTED)

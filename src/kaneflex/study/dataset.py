@@ -1,8 +1,7 @@
-"""Finished points of a sweep as labelled arrays, written as netCDF, or as Zarr in blocks (extra ``zarr``)."""
+"""Finished points of a sweep as labelled arrays, written as netCDF."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,14 +11,11 @@ from kaneflex.study.plan import Plan
 from kaneflex.study.records import STATISTICS
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
-from kaneflex.support.errors import installed, told
 from kaneflex.support.labelled import Labelled
 
 
-def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> Labelled:
-    """Dataset of the finished points with these numbers.
-
-    ``instants`` is the length to which series are padded; 0 leaves the series out.
+def labelled(plan: Plan, store: Store) -> Labelled:
+    """Dataset of the finished points.
 
     Returns
     -------
@@ -27,10 +23,11 @@ def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0)
         Dimensions ``point`` and ``statistic`` (min, max, rms, mean); along ``point`` a coordinate for each parameter,
         named by its path, in the study's unit. A variable for each sensor in SI, NaN where a point was not completed;
         ``outcome`` and ``reason`` describe how it ended. With series also ``NAME_series`` over ``point`` and
-        ``instant``, at the times ``time`` [s], padded with NaN.
+        ``instant``, at the times ``time`` [s], padded with NaN to the longest.
     """
     import kaneflex
 
+    points = sorted(store.finished)
     records = list(store.records(points))
     variables: dict[str, tuple] = {
         "outcome": ("point", np.array([record.outcome for record in records])),
@@ -40,12 +37,12 @@ def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0)
     for name, about in _labels(store).items():
         values = np.array([record.statistics.get(name, none) for record in records])
         variables[name] = (("point", "statistic"), values, about)
-    if plan.series and instants:  # netCDF can't hold a dimension without length
-        variables |= _series(store, points, instants)
+    if plan.series:
+        variables |= _series(store, points)
     coordinates = {"point": ("point", np.array(points)), "statistic": ("statistic", np.array(STATISTICS))}
     for path in plan.points[0]:
         values, about = column([point[path] for point in plan.points.values()])
-        coordinates[path] = ("point", values[list(points)], {"long_name": path} | about)
+        coordinates[path] = ("point", values[points], {"long_name": path} | about)
     about = {"source": f"kaneflex {kaneflex.__version__}", "scene": plan.scene.name, "study": plan.digest}
     return Labelled(variables, coordinates, about)
 
@@ -55,8 +52,11 @@ def _labels(store: Store) -> dict[str, dict[str, str]]:
     return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
 
 
-def _series(store: Store, points: Sequence[int], instants: int) -> dict[str, tuple]:
+def _series(store: Store, points: Sequence[int]) -> dict[str, tuple]:
     found, variables = [store.series(point) for point in points], dict[str, tuple]()
+    instants = max(len(entry.get("", ())) for entry in found)
+    if not instants:
+        return variables  # netCDF can't hold a dimension without length
     for name, about in {"": {"units": "s", "long_name": "time"}, **_labels(store)}.items():
         block = np.full((len(found), instants), np.nan)
         for row, entry in zip(block, found, strict=True):
@@ -82,47 +82,5 @@ def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
 def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
     """Write :func:`labelled` of all points as one netCDF file."""
     partial = path.with_name(f".{path.name}.partial")
-    points = sorted(store.finished)
-    labelled(plan, store, points, longest(plan, store)).to_netcdf(partial)
+    labelled(plan, store).to_netcdf(partial)
     partial.replace(path)
-
-
-def longest(plan: Plan, store: Store) -> int:
-    """Largest number of instants of a point; 0 without series."""
-    return max(map(store.instants, store.finished), default=0) if plan.series else 0
-
-
-_POINTS = 1024
-"""Points of a chunk without series."""
-_BLOCK = 2**23
-"""Numbers of a block of series: limits the memory in use."""
-
-
-def demand_zarr() -> None:
-    """Raise SceneError if zarr is not installed."""
-    with told("--format", "zarr"), installed("zarr", "zarr", "xarray", "zarr", instead="use netcdf"):
-        import xarray  # noqa: F401
-        import zarr  # noqa: F401
-
-
-def write_zarr(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`kaneflex.study.dataset.labelled` as Zarr, one block of points at a time, which limits memory.
-
-    Version 2 of the format: version 3 has no standard for texts.
-    """
-    partial = path.with_name(f".{path.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    points, instants = sorted(store.finished), longest(plan, store)
-    size = max(1, min(_POINTS, _BLOCK // max(1, instants * len(store.labels))))
-    for begin in range(0, len(points), size):
-        block = labelled(plan, store, points[begin : begin + size], instants).dataset()
-        for name in ("outcome", "reason", *plan.points[0]):
-            if block[name].dtype.kind == "U":  # of the width of this block's longest
-                block[name] = block[name].astype(object)
-        if begin == 0:
-            along = [name for name in block.variables if "point" in block[name].dims]
-            chunks = {name: {"chunks": (size, *block[name].shape[1:])} for name in along}
-            block.to_zarr(partial, zarr_format=2, consolidated=True, encoding=chunks)
-        else:
-            block.drop_vars("statistic").to_zarr(partial, append_dim="point", zarr_format=2, consolidated=True)
-    partial.rename(path)

@@ -25,7 +25,7 @@ from kaneflex.support.terminal import log_warning
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
 BEGIN_ANEW = "Restore it from a copy, choose another folder, or start again with --force"
 """Fix for a damaged file; kaneflex does not change it."""
-RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
+RESULT_FILE = "sweep.nc"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class Store:
     @property
     def result(self) -> Path | None:
         """Path of the dataset if the sweep is complete."""
-        files = (self.folder / name for name in RESULT_FILES.values())
-        return next((file for file in files if os.path.lexists(file)), None)
+        file = self.folder / RESULT_FILE
+        return file if os.path.lexists(file) else None
 
     def add(self, record: Record) -> None:
         """Store a finished point, unless it is stored already."""
@@ -107,13 +107,6 @@ class Store:
         except Exception:  # a damaged archive raises various errors from several libraries
             return False
 
-    def instants(self, point: int) -> int:
-        """Number of instants of a point's series; 0 if none were kept."""
-        if not self._series_file(point).exists():
-            return 0
-        with np.load(self._series_file(point)) as found:
-            return len(found[""])
-
     def close(self) -> None:
         """Delete the journal and series after the dataset is written."""
         (self.folder / JOURNAL_FILE).unlink()
@@ -167,8 +160,7 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
 def _empty(folder: Path) -> None:
     """Delete the files of an earlier sweep; the locked folder itself stays."""
     shutil.rmtree(folder / SERIES_FOLDER, ignore_errors=True)
-    shutil.rmtree(folder / RESULT_FILES["zarr"], ignore_errors=True)
-    for name in (JOURNAL_FILE, RESULT_FILES["netcdf"], STUDY_FILE):
+    for name in (JOURNAL_FILE, RESULT_FILE, STUDY_FILE):
         (folder / name).unlink(missing_ok=True)
 
 

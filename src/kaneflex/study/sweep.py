@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kaneflex.study.dataset import demand_zarr, write_netcdf, write_zarr
+from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
-from kaneflex.study.store import BEGIN_ANEW, RESULT_FILES, Store, alone, open_store
+from kaneflex.study.store import BEGIN_ANEW, RESULT_FILE, Store, alone, open_store
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.files import writing
@@ -76,14 +76,13 @@ Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
 """Solves the points with these numbers, in any order."""
 
 
-@takes(study="study", folder="path", solver="function", progress="function", form="text")
+@takes(study="study", folder="path", solver="function", progress="function")
 def sweep(
     study: Plan | Path | str | Mapping[str, Any],
     folder: Path | str,
     solver: Solver = solve_points,
     progress: Callable[[Progress], None] | None = None,
     force: bool = False,
-    form: str = "netcdf",
 ) -> Finished:
     """Compute the unfinished points of a study, then write the dataset into the folder.
 
@@ -102,26 +101,19 @@ def sweep(
         Called with a Progress at the start and after each point.
     force : bool
         Whether to begin again in a sweep's folder.
-    form : str
-        "netcdf", or "zarr", written in blocks.
 
     Raises
     ------
-    SceneError
-        If zarr is requested and not installed.
     OutputError
         If the folder holds other files, is damaged, can't be written, or another sweep is writing into it.
     """
     plan, folder = study if isinstance(study, Plan) else make_plan(study), Path(folder)
-    if form == "zarr":
-        demand_zarr()
     with alone(folder):
         store = open_store(folder, plan, force)
         if store.result is None:
             _complete(plan, store, solver, progress or silent)
-            write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
             with writing(folder):
-                write(plan, store, folder / RESULT_FILES[form])
+                write_netcdf(plan, store, folder / RESULT_FILE)
                 store.close()
     return _finished(store, plan)
 

@@ -97,34 +97,26 @@ def read_dataset(path: Path, names: Collection[str] = ()) -> xarray.Dataset:
     """
     with needing_xarray("dataset"):
         import xarray
-    with _reading(path), xarray.open_dataset(path, engine="zarr" if _is_zarr(path) else "scipy") as found:
+    with _reading(path), xarray.open_dataset(path, engine="scipy") as found:
         return (found[[name for name in names if name in found.variables]] if names else found).load()
 
 
 def read_labelled(path: Path, names: Collection[str] = ()) -> Labelled:
     """Read a dataset, or its variables of these names; coordinates are among the variables.
 
-    netCDF is read without xarray. Raises Fault for a damaged file or another format.
+    xarray is not needed. Raises Fault for a damaged file or another format.
     """
-    if _is_zarr(path):
-        found = read_dataset(path, names)
-        return Labelled({name: (each.dims, each.values) for name, each in found.variables.items()}, {}, found.attrs)
     from scipy.io import netcdf_file
 
     with _reading(path), netcdf_file(path, mmap=True) as file:
         return _read(file, names)
 
 
-def _is_zarr(path: Path) -> bool:
-    return path.suffix == ".zarr"
-
-
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
     """Turn any exception of the libraries about a damaged file into a Fault."""
     try:
-        if not _is_zarr(path):
-            check_file(path, sys.maxsize)
+        check_file(path, sys.maxsize)
         yield
     except FileNotFoundError:
         raise Fault("the file does not exist", "Give the path of a readable file") from None
