@@ -1,7 +1,7 @@
 """Loops that no dyad closes: Newton's method from seeds, the assembly that a scene names, and where it locks."""
 
 import sys
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -13,12 +13,13 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.derive.equations import closure
 from kaneflex.mechanism import position_analysis
-from kaneflex.mechanism.closure_continuation import _Follower, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.module_loading import bind_parameters, generate_text, import_file
+from kaneflex.multibody.time import closure_continuation
+from kaneflex.multibody.time.closure_continuation import follow, seed_loops
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.structure import structure_hash
 
@@ -249,7 +250,7 @@ def test_show_places_the_same_assembly():
      "joints.right_knee.near.crank: it is not in the loop of right_knee, which moves rod, left_rocker, "
      "platform, right_rocker. Name one of these."),
     (('length = "30 mm"', 'length = "60 mm"'),
-     "joints.left_knee: the loop cannot close beyond main = 102.11 deg: the linkage locks "
+     "joints.left_knee: the loop cannot close beyond main = 102.111 deg: the linkage locks "
      "there, or would change its branch. Change the lengths, or limit the drive's range."),
     (('length = "200 mm", mass', 'length = "600 mm", mass'),
      "joints.right_knee.branch = '+': the loop cannot close at main = 0 deg: rod, left_rocker, platform, "
@@ -277,41 +278,29 @@ def test_near_of_a_dyad_names_a_body_of_its_loop():
 
 
 @pytest.mark.parametrize("turn", [2 * np.pi, -1.0])
-def test_knots_found_all_at_once_are_those_that_steps_lead_to(turn, monkeypatch):
+@pytest.mark.parametrize("count", [3, 203])
+def test_far_knots_are_those_that_small_steps_lead_to(turn, count):
     scene = scene_of(MECHANISMS["three rockers"])
-    follower = _Follower(mechanism_of(scene), place_bodies(scene))
-    xs, count, step = follower.start.drives["main"] + np.linspace(0.0, turn, 203), [], _Follower._step
+    start, ends = place_bodies(scene), np.array([0.0, turn])
 
-    def followed() -> np.ndarray:
-        return np.array([*follower.over(xs, lambda x: {"main": x}).courses.values()])
+    def poses(n: int) -> np.ndarray:
+        xs = start.drives["main"] + np.linspace(*ends, n)
+        return np.array([*follow(scene, start, xs, lambda xs: xs[:, None]).values()])
 
-    with monkeypatch.context() as alone:
-        alone.setattr(_Follower, "_step", lambda *those: count.append(1) or step(*those))
-        at_once = followed()
-    assert len(count) < 40
-    monkeypatch.setattr(_Follower, "_between", lambda *_: None)
-    assert at_once == pytest.approx(followed(), abs=1e-13)
+    assert poses(count)[..., -1] == pytest.approx(poses(2001)[..., -1], abs=1e-12)
 
 
-def test_knots_that_no_step_would_lead_to_are_not_taken(monkeypatch):
+def test_steps_off_the_tangent_or_on_another_branch_are_found():
     scene = scene_of(MECHANISMS["three rockers"])
-    follower = _Follower(mechanism_of(scene), place_bodies(scene))
-    xs, few = follower.start.drives["main"] + np.linspace(0.0, 0.5, 9), [0, 4, 8]
-    start = follower.first.poses
-
-    def drives(x):
-        return {"main": x}
-
-    poses = follower._along(xs[few], drives)
-    assert follower._between(xs, few, poses, drives) is not None
-    with monkeypatch.context() as other:
-        other.setattr(follower, "side", -follower.side)
-        assert follower._between(xs, few, poses, drives) is None
-    assert follower._between(xs, few, poses + np.array([[0.0], [0.0], [1e9]]), drives) is None
-    turned = start + 2 * np.pi * (np.arange(len(start)) == 5)
-    assert follower._between(xs[[0, 0]], [0, 1], np.array([start, turned]), drives) is None
-    monkeypatch.setattr("kaneflex.mechanism.closure_continuation._ITERATIONS", 1)
-    assert follower._between(xs, few, poses, drives) is None
+    start, xs = place_bodies(scene), np.linspace(0.0, 0.1, 9)
+    constraints = closure_continuation.Constraints(mechanism_of(scene), start.drives)
+    poses = np.hstack([*(pose.T for pose in follow(scene, start, xs, lambda xs: xs[:, None]).values())])
+    strayed = partial(closure_continuation._strayed, constraints, drives=xs[:, None])
+    assert not len(strayed(poses))
+    turned = poses + 2 * np.pi * (np.arange(9)[:, None] == 4) * (np.arange(poses.shape[1]) == 5)
+    assert strayed(turned).tolist() == [3, 4]
+    lost = np.where(np.arange(9)[:, None] > 6, np.nan, turned)
+    assert strayed(lost).tolist() == [3, 4, 6]
 
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
-
-if TYPE_CHECKING:
-    from kaneflex.mechanism.position_analysis import Placement
 
 _OPEN = 1e-9
 """Largest gap of a closed loop, as a share of the mechanism's size; a coordinate below it is printed as zero."""
@@ -153,26 +149,6 @@ def courses_of(mechanism: Mechanism, rigid: RigidMotion) -> Courses:
         angle = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
         found[name] = np.array([rigid[f"{name}.x"], rigid[f"{name}.y"], angle])
     return found
-
-
-def followed(scene: Scene, placement: Placement) -> Courses:
-    """Poses of the run by position analysis; only of the start if a joint is free, the motion is not determined by
-    joints and drives, or the linkage locks."""
-    from kaneflex.mechanism.closure_continuation import follow
-
-    at_start = {name: pose[:, None] for name, pose in placement.poses.items()}
-    mechanism = mechanism_of(scene)
-    held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
-    if scene.is_frame or not scene.drives or scene.free_joints:
-        return at_start
-    if held != 3 * len(mechanism.bodies):
-        return at_start
-    times = instants(scene)
-    try:
-        drives = scene.drives.items()
-        return follow(mechanism, placement, times, lambda t: {name: drive.coordinate(t) for name, drive in drives})
-    except SceneError:
-        return at_start  # loading reports the position
 
 
 def instants(scene: Scene) -> np.ndarray:

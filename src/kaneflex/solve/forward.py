@@ -13,7 +13,6 @@ import numpy as np
 
 from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.closure import check_closure, check_loops, check_passage, drive_positions, locked
-from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
@@ -22,6 +21,7 @@ from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, System
+from kaneflex.multibody.time.closure_continuation import with_tables
 from kaneflex.multibody.time.dense_output import CURE
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate

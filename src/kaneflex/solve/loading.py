@@ -109,7 +109,7 @@ def _bind_one_way(
     # call a kernel once, so that compilation is reported and timed separately
     compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
     if getattr(module, "LOOPS", ()):
-        from kaneflex.mechanism.closure_continuation import seed_loops
+        from kaneflex.multibody.time.closure_continuation import seed_loops
 
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
@@ -302,7 +302,7 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     module, parameters = model.module, bind_parameters(scene, model.module)
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
-    from kaneflex.mechanism.closure_continuation import seed_loops
+    from kaneflex.multibody.time.closure_continuation import seed_loops
 
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 
