@@ -15,7 +15,7 @@ BASELINE = {
     "cli": 2,
     "fem": 19,
     "integrate": 13,
-    "mechanism": 4,
+    "mechanism": 3,
     "multibody": 30,
     "plots": 30,
     "report": 5,

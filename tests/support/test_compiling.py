@@ -243,7 +243,7 @@ def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     system, _ = build_system(scene, lambda stage: None)
     asked = []
     monkeypatch.setattr(engine, "library", lambda kind, integrates: asked.append(kind))
-    rigid = rigid_reference(scene, system, place(scene)).module
+    rigid = rigid_reference(system, place(scene)).module
     for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
         each._entries  # noqa: B018 - which asks for the library
     assert len(asked) == 3

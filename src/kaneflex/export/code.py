@@ -30,9 +30,10 @@ def equations(scene: SceneLike, progress: Progress | None = None) -> str:
     refuse_in_space(scene, "equations", "equations are printed of")
     progress("importing SymPy")
     from kaneflex.derive.latex import latex
+    from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.multibody.model.module_loading import derivable
 
-    with derivable(scene):
+    with derivable(mechanism_of(scene)):
         return latex(scene, progress)
 
 

@@ -211,23 +211,22 @@ def _meeting(scene: Scene, courses: Courses) -> list[str]:
     start = axes_of({name: poses[:, 0] for name, poses in courses.items()})
     places = {address: np.array(start[address.body].place(scene.point(address))) for address in points}
     size = max([abs(place).max() for place in places.values()], default=0.0) or 1.0
+
+    def spot(address: Address) -> tuple[str, tuple[float, ...]]:
+        return address.body, tuple(scene.point(address))
+
+    def joined(one: Address, other: Address) -> bool:
+        """True if joints at these points connect them, also through other bodies; a point may have several names."""
+        reached = {spot(one)}
+        while more := {side for pin in pins if pin & reached for side in pin} - reached:
+            reached |= more
+        return spot(other) in reached
+
+    pins = [{*map(spot, joint.addresses)} for joint in scene.joints.values()]
     return [
         f"{one} and {other}"
         for one, other in combinations(points, 2)
         if one.body != other.body
         and abs(places[one] - places[other]).max() <= _SAME * size
-        and not _joined(scene, one, other)
+        and not joined(one, other)
     ]
-
-
-def _joined(scene: Scene, one: Address, other: Address) -> bool:
-    """True if joints at these points connect them, also through other bodies; a point may have several names."""
-    pins = [{_spot(scene, side) for side in joint.addresses} for joint in scene.joints.values()]
-    reached = {_spot(scene, one)}
-    while more := {side for pin in pins if pin & reached for side in pin} - reached:
-        reached |= more
-    return _spot(scene, other) in reached
-
-
-def _spot(scene: Scene, address: Address) -> tuple[str, tuple[float, ...]]:
-    return address.body, tuple(scene.point(address))

@@ -169,12 +169,12 @@ def _given(model: Model, start: State) -> State:
 
     Raises SceneError if springs or laws depend on others, and as :func:`kaneflex.solve.coupled_state.closed_state`.
     """
-    scene, system, tables = model.scene, model.coupled, given_start(model.scene)
+    system, tables = model.coupled, given_start(model.scene)
     assert system is not None
     laid, engine = laid_state(tables, system, start), system.engine
     before, _ = system.frames(laid)
-    q = unwrapped(scene, system, before, model.module.start.drives, system.start)
-    check_turns_kept(scene, system, before, q)
+    q = unwrapped(system, before, model.module.start.drives, system.start)
+    check_turns_kept(system, before, q)
     frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
     was, now = system.undeformed(np.full(2, laid.t), frames, 0.0 * frames)
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
@@ -198,13 +198,12 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
 
 
 def _in_space(model: Model, trajectory: CoupledTrajectory, run: Run, seconds: float) -> RunResult:
-    motion = along(model, run)
-    reference = model.reference_time
+    model = replace(model, motion=along(model, run))
     if run.turned is not None:
-        reference = run.start.t
-    elif motion.module.FREE and len(trajectory.times) == len(run.times):
-        reference = reference_instant(model.scene, model.options, motion)[0]
-    return RunResult(replace(model, motion=motion, reference_time=reference), trajectory, seconds)
+        model = replace(model, reference_time=run.start.t)
+    elif model.module.FREE and len(trajectory.times) == len(run.times):
+        model = replace(model, reference_time=reference_instant(model)[0])
+    return RunResult(model, trajectory, seconds)
 
 
 def longest(model: Model) -> float:

@@ -26,7 +26,6 @@ from kaneflex.multibody.time.dense_output import CURE
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.scene import Scene
 from kaneflex.solve.coupled import along, method_of
 from kaneflex.solve.run_checks import check_laws
 from kaneflex.solve.spatial_loading import check_stage
@@ -68,18 +67,18 @@ class StartKinematics(RigidKinematics):
         return super().table(times)
 
 
-def at_start(scene: Scene, system: System, motion: RigidKinematics) -> StartKinematics:
+def at_start(system: System, motion: RigidKinematics) -> StartKinematics:
     """Rigid motion at the start of the free joints; ``motion``: that of the module, without courses of these joints.
 
     Raises SceneError if it can't start: the linkage can't close, the mass matrix is singular, or forces are not finite.
     """
     module, given, mechanism, none = motion.module, motion.parameters, system.mechanism, np.zeros(1)
-    starts = np.array([[scene.drives[name].start for name in module.FREE]])
+    starts = np.array([[system.scene.drives[name].start for name in module.FREE]])
     rigid = _started(motion, given, Courses(none, starts, 0.0 * starts, 0.0 * starts)).at(0.0)
     check_loops(mechanism, rigid)
-    placement = place(scene)
+    placement = place(system.scene)
     check_freedoms(system, placement)
-    (start,) = rigid_reference(scene, system, placement).states(system, none)
+    (start,) = rigid_reference(system, placement).states(system, none)
     try:
         state = system.project(0.0, start.q, start.u, system.engine.chosen_at(start, system.engine.free_drives))
     except ArithmeticError:

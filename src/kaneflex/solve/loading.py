@@ -120,7 +120,7 @@ def _bind_one_way(
         laws, more = find_laws_module(scene, progress)
         system = rigid_system(scene, laws)
         derived, compiled = derived + more, compiled + compiled_by(progress, system.engine.compile)
-        motion = at_start(scene, system, motion)
+        motion = at_start(system, motion)
     else:
         check_closure(mechanism_of(scene), motion, options.duration)
         check_laws(scene, motion, options)
@@ -207,16 +207,16 @@ def _bind_coupled(
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
-    motion = rigid_reference(scene, coupled, placement)
+    motion = rigid_reference(coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
-    check_reference(scene, motion, options)
+    check_reference(motion, options)
     check_laws(scene, motion, options)
     check_lines(scene, motion.at(np.zeros(1)))
     model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
-        check_sensors(scene, open_rows)
+        check_sensors(coupled, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     seconds = {"derive": derived, "compile": compiled}
     return replace(model, coupled=coupled), (*ignored, *_all_modes(scene)), seconds
@@ -243,9 +243,9 @@ def _all_modes(scene: Scene) -> list[str]:
     ]  # fmt: skip
 
 
-def check_reference(scene: Scene, motion: ReferenceKinematics, options: Options) -> None:
+def check_reference(motion: ReferenceKinematics, options: Options) -> None:
     """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
-    mechanism, reference = mechanism_of(scene), motion.module
+    reference, mechanism = motion.module, motion.module.system.mechanism
     rigid = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
     if not np.isfinite(rigid.values).all() and np.isfinite(rigid.known).all():
         raise SceneError(
@@ -284,7 +284,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     own = model.coupled
     system = bound_system(scene, own.module, like=own if alike else None, frozen=frozen)
     scene = with_stretch(scene)
-    motion = rigid_reference(scene, system, place(scene))
+    motion = rigid_reference(system, place(scene))
     found = build_model(scene, options, motion, like, bare=model.bare)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))
 

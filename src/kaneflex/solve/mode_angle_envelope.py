@@ -33,7 +33,7 @@ def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
         return {}
     for k in range(ANGLES):
         angle = 2 * np.pi * k / ANGLES
-        if stands_at(model.scene, angle, model.motion) is None:  # a drive may not reach every angle
+        if stands_at(model, angle) is None:  # a drive may not reach every angle
             continue
         options = model.options._replace(mode_angle=angle)
         solution = solve(build_model(model.scene, options, model.motion))

@@ -58,7 +58,7 @@ def bind_in_space(
     motion = _bound(system, options)
     if not motion.is_start:
         check_laws(scene, motion.rigid if isinstance(motion, CoupledKinematics) else motion, options)
-    model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
+    model = _coupled_model(options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
     return model, tuple(_beyond(system) if coupled else ()), {"derive": derived, "compile": compiled}
 
@@ -77,10 +77,11 @@ def _beyond(system: System) -> list[str]:
     ]  # fmt: skip
 
 
-def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
+def _coupled_model(options: Options, motion: SpatialKinematics) -> Model:
     """Model of deforming bodies in space, without linear equations."""
     rigid = motion.rigid if isinstance(motion, CoupledKinematics) and not motion.is_start else motion
-    return model_without_equations(scene, options, motion, reference_instant(scene, options, rigid)[0], {})
+    model = model_without_equations(motion.module.system.scene, options, motion)
+    return replace(model, reference_time=reference_instant(replace(model, motion=rigid))[0])
 
 
 def beside_in_space(
@@ -91,7 +92,7 @@ def beside_in_space(
     scene, module = acting(scene, options), model.module.system.module
     if options.dynamics == "coupled":
         system = bound_system(scene, module, options, like, frozen)
-        return _coupled_model(scene, options, _bound(system, options))
+        return _coupled_model(options, _bound(system, options))
     motion = _bound(rigid_system(scene, module), options)
     return build_model(scene, options, motion, model if frozen else None)
 
@@ -142,7 +143,7 @@ def with_open_reactions(motion: Moving, options: Options) -> Moving:
     times = motion.begin + options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE)
     lost = open_reactions(motion.module.system, map(motion.curve, times.tolist()))
     if options.dynamics in ("rigid", "coupled"):
-        check_sensors(motion.module.system.scene, lost, _before if options.dynamics == "rigid" else None)
+        check_sensors(motion.module.system, lost, _before if options.dynamics == "rigid" else None)
     return replace(motion, module=replace(motion.module, open_reactions=lost))
 
 
@@ -155,15 +156,15 @@ def check_stage(model: Model) -> None:
     motion = model.motion
     if isinstance(motion, DeformingKinematics):
         instants = motion.at(model.options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE))
-        check_sensors(model.scene, undetermined(motion.deforming.map, instants), None)
+        check_sensors(motion.module.system, undetermined(motion.deforming.map, instants), None)
 
 
-def _before(scene: Scene, sensor: Sensor) -> Iterator[str]:
+def _before(system: System, sensor: Sensor) -> Iterator[str]:
     """Reactions of the joints before a section of a rigid link, which its forces balance."""
     assert isinstance(sensor.target, Address)
-    x, after = scene.point(sensor.target)[0], sensor.cut == "after"
-    for name, joint in scene.joints.items():
-        on = [scene.point(side)[0] for side in joint.addresses if side.body == sensor.target.body]
+    x, after = system.scene.point(sensor.target)[0], sensor.cut == "after"
+    for name, joint in system.mechanism.joints.items():
+        on = [side.at[0] for side in joint.sides if side.body == sensor.target.body]
         if any(at < x or at == 0.0 or (after and at == x) for at in on):
             yield from (f"{name}.force", f"{name}.moment")
 

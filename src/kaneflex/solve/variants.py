@@ -81,7 +81,7 @@ class Variants:
 
 def has_compiled_readings(model: Model) -> bool:
     """True if models that differ in drives' speeds only share equations, so that reading can be compiled."""
-    return model.coupled is None and not model.scene.is_spatial and not of_an_instant(model.scene, model.options)
+    return model.coupled is None and not model.scene.is_spatial and not of_an_instant(model)
 
 
 def read(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
-    from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
 _SAMPLES = 4001
 """Instants of a run among which the first drive's position is searched."""
@@ -47,21 +46,25 @@ def build_model(
     ``frozen`` provides the order of coordinates, the bases and the damping modes; ``like`` the equations, if equal.
     ``bare``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
     """
-    reference, warnings = reference_instant(scene, options, motion)
-    if like is not None and _same_equations(scene, options, motion, like):
+    model = model_without_equations(scene, options, motion)
+    reference, warnings = reference_instant(model)
+    model = replace(model, reference_time=reference)
+    if like is not None and _same_equations(model, like):
         model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
                         seconds={})  # fmt: skip
         return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
-    if bare or options.dynamics == "rigid" or not scene.is_elastic:
-        links = _links(scene, options, motion) if bare else {}
-        return model_without_equations(scene, options, motion, reference, links)
+    if bare:
+        links = _links(model)
+        return replace(model, links=links, parts={name: link.part for name, link in links.items()})
+    if options.dynamics == "rigid" or not scene.is_elastic:
+        return model
     bases = {} if frozen is None else frozen.bases
     if scene.is_spatial:  # a local import lets planar scenes start faster
         from kaneflex.multibody.model.spatial_elastic import elastic_stage
 
-        stage = elastic_stage(scene, options, cast("SpatialKinematics", motion), bases)
+        stage = elastic_stage(model, bases)
     else:
-        stage = _planar_stage(scene, options, motion, bases)
+        stage = _planar_stage(model, bases)
     placed = stage.placed
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
@@ -70,9 +73,12 @@ def build_model(
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
     moving = (each for each in placed if each.L.terms)
     equations = assemble(moving, frame.coordinates, options.convective, options.dynamics == "quasistatic")
-    model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
-                  equations, equations, None, reference, placed=tuple(each for each in placed if each.at),
-                  sprung={each.part.name: each for each in placed[len(stage.placed) :]})  # fmt: skip
+    model = replace(
+        model, motion=stage.motion, links=stage.links, parts=stage.parts, bases=stage.bases,
+        interfaces=stage.interfaces, frame=frame, equations=equations, reduced=equations,
+        placed=tuple(each for each in placed if each.at),
+        sprung={each.part.name: each for each in placed[len(stage.placed) :]},
+    )  # fmt: skip
     warnings = (*warnings, *_without_modes(model))
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
@@ -95,55 +101,51 @@ def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
     return found.sharing(model)
 
 
-def _links(scene: Scene, options: Options, motion: RigidKinematics) -> Mapping[str, Link]:
-    """Elastic links of a planar scene; under preset coupled those of its equations."""
-    return getattr(motion.module, "links", None) or {
-        name: link_of_scene(scene, name, options.elements or body.beam.elements, motion.module)
-        for name, body in scene.bodies.items()
+def _links(model: Model) -> Mapping[str, Link]:
+    """Elastic links of a planar mechanism; under preset coupled those of its equations."""
+    return getattr(model.module, "links", None) or {
+        name: link_of_scene(model.scene, name, model.options.elements or body.beam.elements, model.module)
+        for name, body in model.scene.bodies.items()
         if body.elastic
     }
 
 
-def _planar_stage(
-    scene: Scene, options: Options, motion: RigidKinematics, frozen: Mapping[str, np.ndarray]
-) -> Stage:
-    """Meshed links and coordinates of a planar scene; ``frozen``: bases of reductions."""
-    links = _links(scene, options, motion)
+def _planar_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
+    """Meshed links and coordinates of a planar mechanism; ``frozen``: bases of reductions."""
+    scene, options, links = model.scene, model.options, _links(model)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
     parts, bases = parts_of_links(scene, options, links, interfaces, frozen)
     sites = Sites(scene, links, parts, interfaces)
     frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
-    return Stage(motion, links, parts, bases, interfaces, frame, placed, [*place_springs(sites)])
+    return Stage(model.motion, links, parts, bases, interfaces, frame, placed, [*place_springs(sites)])
 
 
-def model_without_equations(
-    scene: Scene, options: Options, motion: RigidKinematics, reference: float, links: Mapping[str, Link]
-) -> Model:
-    """Model without linear elastic equations; ``reference``: instant [s] of its pictures."""
+def model_without_equations(scene: Scene, options: Options, motion: RigidKinematics) -> Model:
+    """Model without linear elastic equations, whose reference configuration is that of its first instant."""
     none = ElasticEquations.zero(())
-    parts = {name: link.part for name, link in links.items()}
-    return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
+    return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, 0.0)
 
 
-def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:
-    """True if a model's equations apply to the scene, which then differs in drives' speeds only.
+def _same_equations(model: Model, like: Model) -> bool:
+    """True if another model's equations apply to a scene, which then differs in drives' speeds only.
 
     A speed enters the scalars of the motion only, unless the equations are those of one instant.
     """
-    as_before = options._replace(duration=like.options.duration, steps=like.options.steps)
-    if motion.module is not like.module or as_before != like.options or of_an_instant(scene, options):
+    as_before = model.options._replace(duration=like.options.duration, steps=like.options.steps)
+    if model.module is not like.module or as_before != like.options or of_an_instant(model):
         return False
-    return options.dynamics != "coupled" and same_mechanism(scene, like.scene)
+    return model.options.dynamics != "coupled" and same_mechanism(model.scene, like.scene)
 
 
-def of_an_instant(scene: Scene, options: Options) -> bool:
+def of_an_instant(model: Model) -> bool:
     """True if the equations use modes of the reference configuration, by reduction, freezing or damping.
 
     Under preset coupled, modal damping uses each link's own modes.
     """
-    damped = scene.damping is not None and scene.damping.kind == "modal" and options.damping
+    damping, options = model.scene.damping, model.options
+    damped = damping is not None and damping.kind == "modal" and options.damping
     return options.reduction == "modal" or (damped and options.dynamics != "coupled")
 
 
@@ -227,12 +229,13 @@ def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> Elast
     return ElasticEquations(reduced.coordinates, F=reduced.F, **constant, **absent)
 
 
-def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
+def reference_instant(model: Model) -> tuple[float, tuple[str, ...]]:
     """Instant [s] of the reference configuration, from :func:`stands_at` or the first one; and warnings about it.
 
     Raises SceneError if the first drive never reaches the requested position.
     """
-    instant = stands_at(scene, options.mode_angle, motion)
+    scene, options, motion = model.scene, model.options, model.motion
+    instant = stands_at(model, options.mode_angle)
     if instant is not None or options.dynamics == "rigid" or motion.is_start:
         return instant or 0.0, ()
     name, drive = next(iter(scene.drives.items()))
@@ -242,7 +245,7 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     )
     if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
         said = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
-        return 0.0, (said,) if of_an_instant(scene, options) else ()
+        return 0.0, (said,) if of_an_instant(model) else ()
     reason = f"{name} never reaches it; its range is {lowest} to {highest}"
     if drive.kind == "free" and options.dynamics == "coupled":
         reason = f"before the run only the start of {name}, {start}, is known"
@@ -255,12 +258,13 @@ def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -
     raise SceneError("solve.mode_angle", wanted, reason, cure)
 
 
-def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float | None:
+def stands_at(model: Model, coordinate: float) -> float | None:
     """First instant [s] at which the first drive is at a coordinate [rad or m]; None if it never is.
 
     Positions count modulo the cycle, or modulo a full turn for a rotating drive without cycle. A drive with constant
     speed is followed beyond the run.
     """
+    scene, motion = model.scene, model.motion
     name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None:
         return 0.0

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, SECTION_KINDS, Sensor
 from kaneflex.support.errors import SceneError
@@ -123,16 +122,16 @@ def check_bearings(system: System, state: State) -> None:
                 )  # fmt: skip
 
 
-def _of_body(scene: Scene, sensor: Sensor) -> Iterator[str]:
+def _of_body(system: System, sensor: Sensor) -> Iterator[str]:
     """All reactions of the joints of a section's body."""
     assert isinstance(sensor.target, Address)
-    for name, joint in scene.joints.items():
-        if sensor.target.body in (end.body for end in joint.addresses):
+    for name, joint in system.mechanism.joints.items():
+        if sensor.target.body in (side.body for side in joint.sides):
             yield f"{name}."
 
 
 def check_sensors(
-    scene: Scene, open_rows: Collection[str], sections: Callable[[Scene, Sensor], Iterator[str]] | None = _of_body
+    system: System, open_rows: Collection[str], sections: Callable[[System, Sensor], Iterator[str]] | None = _of_body
 ) -> None:
     """Check that no sensor reads a statically indeterminate reaction, JOINT.force_x and the like.
 
@@ -143,9 +142,9 @@ def check_sensors(
     SceneError
         Names the sensor, the reaction, and the redundant joints.
     """
-    for name, sensor in scene.sensors.items():
+    for name, sensor in system.scene.sensors.items():
         of_section = sections is not None and sensor.kind in SECTION_KINDS and isinstance(sensor.target, Address)
-        parts = tuple(sections(scene, sensor) if sections and of_section else _of_joint(sensor))
+        parts = tuple(sections(system, sensor) if sections and of_section else _of_joint(sensor))
         read = [row for row in sorted(open_rows) if row.startswith(parts)]
         if read:
             joints = ", ".join(dict.fromkeys(row.rpartition(".")[0] for row in sorted(open_rows)))

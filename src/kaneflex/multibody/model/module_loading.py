@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.structure import laws_hash, number_at, pruned_hash, structure_hash
@@ -89,7 +89,7 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return laws_text(scene, progress)
     from kaneflex.derive.generate import generate
 
-    with derivable(scene):
+    with derivable(mechanism_of(scene)):
         return generate(scene, progress)
 
 
@@ -106,7 +106,7 @@ def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return generate_text(scene, progress)
     from kaneflex.derive.generate import generate_pruned
 
-    with derivable(scene):
+    with derivable(mechanism_of(scene)):
         return generate_pruned(scene, without, pruned_hash(scene, without), progress)
 
 
@@ -124,13 +124,13 @@ def operation_count(text: str) -> int:
 
 
 @contextmanager
-def derivable(scene: Scene) -> Iterator[None]:
+def derivable(mechanism: NumericMechanism) -> Iterator[None]:
     """Check that joints and drives determine the motion, and turn other derivation errors into a SceneError."""
     from kaneflex.derive.equations.closure import UnsupportedLoop
     from kaneflex.derive.equations.linear import StructurallySingular
     from kaneflex.fem.mobility import check_determined
 
-    check_determined(mechanism_of(scene))
+    check_determined(mechanism)
     try:
         yield
     except (StructurallySingular, UnsupportedLoop) as error:

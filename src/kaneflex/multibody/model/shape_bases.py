@@ -15,7 +15,7 @@ from kaneflex.fem.links import Link, static_shapes
 from kaneflex.fem.modes import lowest_modes, symmetric_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, axial_modes, frame_of, stations
-from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
+from kaneflex.mechanism.spatial import Side, SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
@@ -188,7 +188,7 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     """
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)
-    joints, pushed = points_of(scene, link.name)
+    joints, pushed = points_of(spatial_mechanism_of(scene), link.name)
     points = dict.fromkeys([node_of(link, at) for at in pushed], "")
     points |= {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
     if held is None and not joints:
@@ -196,9 +196,8 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     return _shapes(scene, link, modes, points, first, freed, len({*joints}) == 1, x)
 
 
-def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
+def points_of(mechanism: SpatialMechanism, body: str) -> tuple[list[float], list[float]]:
     """Distances from a body's start [m] at which joints, and at which loads and contacts act."""
-    mechanism = spatial_mechanism_of(scene)
     sides: Sequence[Side] = [side for joint in mechanism.joints.values() for side in joint.sides]
     loads = [load.point for load in mechanism.loads.values() if load.point is not None]
     loads += [side for contact in mechanism.contacts.values() for side in contact.sides]

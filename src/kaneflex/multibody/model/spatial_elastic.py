@@ -24,9 +24,9 @@ from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.mechanism.wrenches import wrenches_on
-from kaneflex.multibody.model.bound_model import Stage
+from kaneflex.multibody.model.bound_model import Model, Stage
 from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene import Scene
@@ -150,9 +150,7 @@ class DeformingKinematics(SpatialKinematics):
         return SpatialMotion(self, rigid.times, out)
 
 
-def elastic_stage(
-    scene: Scene, options: Options, motion: SpatialKinematics, frozen: Mapping[str, np.ndarray]
-) -> Stage:
+def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     """Mesh the links and find the coordinates; ``frozen``: bases to reduce to.
 
     Raises
@@ -160,7 +158,9 @@ def elastic_stage(
     SceneError
         For entries that elastic bodies in space do not support, and for undetermined motions.
     """
-    mechanism = spatial_mechanism_of(scene)
+    scene, options, motion = model.scene, model.options, model.in_space
+    assert motion is not None
+    mechanism = motion.module.system.mechanism
     for name, spring in mechanism.springs.items():
         if spring.is_bushing:
             reason = "with elastic bodies only preset coupled supports bushings"

@@ -203,7 +203,7 @@ def _curve(scene: Scene, start: Placement, drives: Coordinates) -> Ahead:
     alone = replace(mechanism, drives=free, loads=none, springs=none, contacts=none, frictions=none, observed=())
     system = rigid_system(scene, module, mechanism=alone)
     frames = np.concatenate([start.poses[name] for name in mechanism.bodies])
-    frames = unwrapped(scene, system, frames, start.drives)
+    frames = unwrapped(system, frames, start.drives)
     q, u = (part[0] for part in system.coordinates_of(frames[None], 0.0 * frames[None]))
     where = [system.free[name] for name in free]
     q[where] = [start.drives[name] for name in free]

@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.system import System
-from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
 _FAR = 1.0
@@ -17,7 +16,7 @@ _FAR = 1.0
 
 
 def unwrapped(
-    scene: Scene, system: System, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
+    system: System, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
 ) -> np.ndarray:
     """State q with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
 
@@ -25,20 +24,20 @@ def unwrapped(
     ``given`` angles they keep their turns.
     """
     before = {name: float(q[k + 2]) for name, k in system.start.items()}
-    angles = _counted(scene, before, drives, _between(scene, before, given))
+    angles = _counted(system, before, drives, _between(system, before, given))
     q = q.copy()
     for name, k in system.start.items():
         q[k + 2] = angles[name]
     return q
 
 
-def check_turns_kept(scene: Scene, system: System, before: np.ndarray, q: np.ndarray) -> None:
+def check_turns_kept(system: System, before: np.ndarray, q: np.ndarray) -> None:
     """Raise SceneError if springs and laws have other turns in q than in the given state ``before``."""
     was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
-    now = _between(scene, now, system.start)
-    sprung = {spring.torsional_at for spring in scene.springs.values()}
-    laws = [law for law in map(scene.law, scene.loads) if law is not None]
-    for name, turned in _between(scene, was, system.start).items():
+    now = _between(system, now, system.start)
+    sprung = {spring.joint for spring in system.mechanism.springs.values()}
+    laws = [law for law in map(system.scene.law, system.scene.loads) if law is not None]
+    for name, turned in _between(system, was, system.start).items():
         knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
         if knows and round((turned - now[name]) / math.tau):
             raise SceneError(
@@ -50,25 +49,26 @@ def check_turns_kept(scene: Scene, system: System, before: np.ndarray, q: np.nda
             )  # fmt: skip
 
 
-def _between(scene: Scene, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:
+def _between(system: System, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:
     """Coordinates [rad] of pins between ``given`` bodies whose turns a spring, a law or a free drive counts."""
-    sprung = [spring.torsional_at for spring in scene.springs.values() if spring.torsional_at is not None]
-    free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
+    mechanism = system.mechanism
+    sprung = [spring.joint for spring in mechanism.springs.values() if spring.joint is not None]
     known, found = {"ground": 0.0, **{name: angles[name] for name in given}}, {}
-    for name in dict.fromkeys([*sprung, *scene.observed, *free]):
-        first, second = (address.body for address in scene.joints[name].addresses)
-        if scene.joints[name].kind == "revolute" and first in known and second in known:
+    for name in dict.fromkeys([*sprung, *mechanism.observed, *mechanism.free_joints]):
+        first, second = mechanism.joints[name].bodies
+        if mechanism.joints[name].kind == "revolute" and first in known and second in known:
             found[name] = known[second] - known[first]
     return found
 
 
 def _counted(
-    scene: Scene, angles: Mapping[str, float], drives: Mapping[str, float], kept: Mapping[str, float] | None = None
+    system: System, angles: Mapping[str, float], drives: Mapping[str, float], kept: Mapping[str, float]
 ) -> dict[str, float]:
     """Angles of the bodies [rad] with the turns prescribed by joints, or ``kept`` between them.
 
     ``drives``: coordinates of the drives.
     """
+    scene = system.scene
     counted, angle = {"ground"}, {"ground": 0.0, **angles}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
     turning = {name: drive.kind for name, drive in scene.drives.items() if scene.joints[name].kind == "revolute"}
@@ -77,25 +77,19 @@ def _counted(
     near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
     near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
     near = {name: drives[name] for name in turning} | {name: at for name, at in near.items() if name not in turning}
-    near |= kept or {}
+    near |= kept
     turns |= {name: angle for name, angle in near.items() if name not in turns}  # prescribed ones take precedence
+    ends = [(*(address.body for address in scene.joints[name].addresses), turn) for name, turn in turns.items()]
+    ways = [way for first, second, turn in ends for way in ((first, second, turn), (second, first, -turn))]
     while len(counted) < len(angle):
-        leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
+        leading = [way for way in ways if way[0] in counted and way[1] not in counted]
         if not leading:  # no joint determines the remaining turns
             counted.add(next(name for name in angle if name not in counted))
             continue
-        name, side = leading[0]
-        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
-        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
-        angle[other] += float(whole_turns(wanted - angle[other]))
+        base, other, turn = leading[0]
+        angle[other] += float(whole_turns(angle[base] + turn - angle[other]))
         counted.add(other)
     return angle
-
-
-def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
-    """True if a joint leads from a counted body on this side to one not yet counted."""
-    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
-    return base in counted and other not in counted
 
 
 class Counts:

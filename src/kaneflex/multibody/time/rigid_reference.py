@@ -27,7 +27,6 @@ from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
 from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.scene import Scene
 
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
@@ -209,16 +208,16 @@ class _Placed(LaterMotion):
         return self.motion.module.known(self.times, self.motion.free)
 
 
-def rigid_reference(scene: Scene, system: System, start: Placement) -> ReferenceKinematics:
-    """Motion of the rigid mechanism of a scene from the initial position of its bodies, with its free joints and bodies
-    at their initial speeds."""
-    mechanism = system.mechanism
+def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
+    """Motion of a system's rigid mechanism from the initial position of its bodies, with its free joints and bodies at
+    their initial speeds."""
+    scene, mechanism = system.scene, system.mechanism
     undeformed = rigid_system(scene, system.module, mechanism=replace(mechanism, contacts={}, frictions={}))
     # one library for both: compiling another takes as long again
     undeformed = replace(undeformed, engine=replace(undeformed.engine, kind=system.engine.kind))
     frames = np.array([start.poses[body] for body in scene.bodies])
     frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
-    frames = unwrapped(scene, undeformed, frames.ravel(), start.drives)
+    frames = unwrapped(undeformed, frames.ravel(), start.drives)
     poses = dict(zip(scene.bodies, frames.reshape(-1, BODY), strict=True))
     places = {name: (drive.start, drive.initial_speed, 0.0) for name, drive in scene.drives.items()}
     for body, free in scene.floating.items():
