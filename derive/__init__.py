@@ -14,7 +14,7 @@ Modules that all structures share are printed once. Each has one function that r
     bodies.plane, bodies.space           kernels of a body that moves freely and deforms by shapes, and their proof
     laws.joints                          joints and springs in the plane; rigid bodies, joints and springs in space
     laws.contact, laws.friction          contacts and dry friction
-    printers.functions_text, rows, packs functions that kernels call; rows of modules' tables; packed reads and stores
+    printers.functions_text, rows        functions that kernels call; rows of modules' tables
 
 laws.drives_and_loads prints drives and loads of one structure for the multibody engine. ``python -m kaneflex.derive``
 writes all of ``generated/``.

@@ -18,7 +18,6 @@ from kaneflex.derive.laws.contact import contact_text
 from kaneflex.derive.laws.drives_and_loads import generate_laws
 from kaneflex.derive.laws.friction import friction_text
 from kaneflex.derive.laws.joints import joints_text, spatial_text
-from kaneflex.derive.printers import packs
 from kaneflex.derive.printers.functions_text import laws_text, tables_text
 from kaneflex.derive.printers.module_text import COMPILING
 from kaneflex.derive.printers.rows import rows_text
@@ -42,7 +41,7 @@ STRUCTURES = {{
 def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = element_texts() | spatial_element_texts()
-    texts |= {"tables": tables_text(), "laws": laws_text(), "packs": packs.TEXT, "packs_in_numba": packs.IN_NUMBA}
+    texts |= {"tables": tables_text(), "laws": laws_text()}
     texts |= {"compiling": COMPILING, "rows": rows_text(), "body": body_text(), "spatial_shapes": spatial_shapes_text()}
     texts |= {"joints": joints_text(), "spatial": spatial_text()}
     texts |= {"contact": contact_text(), "friction": friction_text()}

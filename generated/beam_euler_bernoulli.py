@@ -11,7 +11,6 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
 from kaneflex.generated.rows import LINK_SCALARS  # digest ddb24300c8057189
 
 FORMAT = 3
@@ -46,19 +45,20 @@ def M(p, out):
     """Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length = unpacked(p, 4)
+    rho_A, length = p[0], p[3]
     w0 = length*rho_A
     w1 = (length*length)*rho_A
-    w2 = 0.05238095238095238*w1
-    w3 = 0.030952380952380953*w1
+    w2 = out[1, 2] = out[2, 1] = 0.05238095238095238*w1
+    w3 = out[2, 4] = out[4, 2] = 0.030952380952380953*w1
     w4 = (length*length*length)*rho_A
-    v0 = 0.3333333333333333*w0
-    v1 = 0.37142857142857144*w0
-    v2 = 0.009523809523809525*w4
-    fill(out, (
-        (v0, 0.16666666666666666*w0, v0),
-        (v1, w2, 0.12857142857142856*w0, -w3, v2, w3, -0.007142857142857143*w4, v1, -w2, v2),
-    ))
+    out[0, 0] = out[3, 3] = 0.3333333333333333*w0
+    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
+    out[1, 1] = out[4, 4] = 0.37142857142857144*w0
+    out[1, 4] = out[4, 1] = 0.12857142857142856*w0
+    out[1, 5] = out[5, 1] = -w3
+    out[2, 2] = out[5, 5] = 0.009523809523809525*w4
+    out[2, 5] = out[5, 2] = -0.007142857142857143*w4
+    out[4, 5] = out[5, 4] = -w2
 
 
 @njit(**OPTIONS)
@@ -66,14 +66,17 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    _, E_A, E_I, length = unpacked(p, 4)
+    E_A, E_I, length = p[1], p[2], p[3]
     w0 = 1.0/length
-    w1 = E_A*w0
-    w2 = 12.0*E_I/(length*length*length)
-    w3 = 6.0*E_I/(length*length)
+    w1 = out[0, 0] = out[3, 3] = E_A*w0
+    w2 = out[1, 1] = out[4, 4] = 12.0*E_I/(length*length*length)
+    w3 = out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = 6.0*E_I/(length*length)
     w4 = E_I*w0
-    v0 = 4.0*w4
-    fill(out, ((w1, -w1, w1), (w2, w3, -w2, w3, v0, -w3, 2.0*w4, w2, -w3, v0)))
+    out[0, 3] = out[3, 0] = -w1
+    out[1, 4] = out[4, 1] = -w2
+    out[2, 2] = out[5, 5] = 4.0*w4
+    out[2, 4] = out[4, 2] = out[4, 5] = out[5, 4] = -w3
+    out[2, 5] = out[5, 2] = 2.0*w4
 
 
 @njit(**OPTIONS)
@@ -81,30 +84,33 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length = unpacked(p, 4)
-    omega, epsilon = unpacked(s, 2)
+    rho_A, length, omega, epsilon = p[0], p[3], s[0], s[1]
     w0 = omega*omega
     w1 = length*rho_A
     w2 = w0*w1
     w3 = epsilon*w1
-    w4 = 0.35*w3
+    w4 = out[1, 0] = out[4, 3] = 0.35*w3
     w5 = (length*length)*rho_A
     w6 = epsilon*w5
-    w7 = 0.05*w6
-    w8 = 0.15*w3
-    w9 = 0.03333333333333333*w6
+    w7 = out[2, 0] = out[3, 5] = 0.05*w6
+    w8 = out[1, 3] = out[4, 0] = 0.15*w3
+    w9 = out[0, 5] = out[2, 3] = 0.03333333333333333*w6
     w10 = w0*w5
-    w11 = 0.05238095238095238*w10
-    w12 = 0.030952380952380953*w10
+    w11 = out[4, 5] = out[5, 4] = 0.05238095238095238*w10
+    w12 = out[1, 5] = out[5, 1] = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
-    v0 = -0.3333333333333333*w2
-    v1 = -0.37142857142857144*w2
-    v2 = -0.009523809523809525*w13
-    fill(out, (
-        (v0, -0.16666666666666666*w2, v0),
-        (v1, -w11, -0.12857142857142856*w2, w12, v2, -w12, 0.007142857142857143*w13, v1, w11, v2),
-        (-w4, -w7, -w8, w9, -w8, -w9, -w4, w7),
-    ))
+    out[0, 0] = out[3, 3] = -0.3333333333333333*w2
+    out[0, 1] = out[3, 4] = -w4
+    out[0, 2] = out[5, 3] = -w7
+    out[0, 3] = out[3, 0] = -0.16666666666666666*w2
+    out[0, 4] = out[3, 1] = -w8
+    out[1, 1] = out[4, 4] = -0.37142857142857144*w2
+    out[1, 2] = out[2, 1] = -w11
+    out[1, 4] = out[4, 1] = -0.12857142857142856*w2
+    out[2, 2] = out[5, 5] = -0.009523809523809525*w13
+    out[2, 4] = out[4, 2] = -w12
+    out[2, 5] = out[5, 2] = 0.007142857142857143*w13
+    out[3, 2] = out[5, 0] = -w9
 
 
 @njit(**OPTIONS)
@@ -112,8 +118,7 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, x_0 = unpacked(p, 5)
-    omega, _, a_x, _, P_0 = unpacked(s, 5)
+    rho_A, length, x_0, omega, a_x, P_0 = p[0], p[3], p[4], s[0], s[2], s[4]
     w0 = a_x*rho_A
     w1 = omega*omega
     w2 = rho_A*w1*x_0
@@ -121,21 +126,20 @@ def K_g(p, s, out):
     P_3 = -0.5*(length*length)*rho_A*w1
     P_2 = length*w0 - length*w2
     P_1 = P_0 + x_0*(w0 - 0.5*w2)
-    w4 = 1.2*P_1*w3 + 0.6*P_2*w3 + 0.34285714285714286*P_3*w3
+    w4 = out[1, 1] = out[4, 4] = 1.2*P_1*w3 + 0.6*P_2*w3 + 0.34285714285714286*P_3*w3
     w5 = 0.1*P_1
     w6 = 0.1*P_2
-    w7 = 0.07142857142857142*P_3 + w5 + w6
-    w8 = -0.02857142857142857*P_3 + w5
+    w7 = out[1, 2] = out[2, 1] = 0.07142857142857142*P_3 + w5 + w6
+    w8 = out[1, 5] = out[5, 1] = -0.02857142857142857*P_3 + w5
     w9 = 0.13333333333333333*P_1*length
     w10 = 0.03333333333333333*length
     w11 = P_3*length
-    fill(out, (
-        (
-            w4, w7, -w4, w8, P_2*w10 + 0.01904761904761905*w11 + w9, -w7,
-            -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11, w4, -w8,
-            length*w6 + 0.08571428571428572*w11 + w9,
-        ),
-    ))
+    out[1, 4] = out[4, 1] = -w4
+    out[2, 2] = P_2*w10 + 0.01904761904761905*w11 + w9
+    out[2, 4] = out[4, 2] = -w7
+    out[2, 5] = out[5, 2] = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
+    out[4, 5] = out[5, 4] = -w8
+    out[5, 5] = length*w6 + 0.08571428571428572*w11 + w9
 
 
 @njit(**OPTIONS)
@@ -143,16 +147,18 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length = unpacked(p, 4)
-    omega = s[0]
+    rho_A, length, omega = p[0], p[3], s[0]
     w0 = omega*rho_A
     w1 = length*w0
-    w2 = 0.7*w1
+    w2 = out[1, 0] = out[4, 3] = 0.7*w1
     w3 = (length*length)*w0
-    w4 = 0.1*w3
-    w5 = 0.3*w1
-    w6 = 0.06666666666666667*w3
-    fill(out, ((-w2, -w4, -w5, w6, -w5, -w6, -w2, w4),))
+    w4 = out[2, 0] = out[3, 5] = 0.1*w3
+    w5 = out[1, 3] = out[4, 0] = 0.3*w1
+    w6 = out[0, 5] = out[2, 3] = 0.06666666666666667*w3
+    out[0, 1] = out[3, 4] = -w2
+    out[0, 2] = out[5, 3] = -w4
+    out[0, 4] = out[3, 1] = -w5
+    out[3, 2] = out[5, 0] = -w6
 
 
 @njit(**OPTIONS)
@@ -160,8 +166,8 @@ def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, _, length, x_0 = unpacked(p, 5)
-    omega, epsilon, a_x, a_y = unpacked(s, 4)
+    rho_A, length, x_0, omega, epsilon, a_x = p[0], p[3], p[4], s[0], s[1], s[2]
+    a_y = s[3]
     w0 = 0.5*length*rho_A
     w1 = a_x*w0
     w2 = omega*omega
@@ -172,9 +178,12 @@ def F(p, s, out):
     w7 = a_y*w6
     w8 = (length*length*length)*rho_A
     w9 = w6*x_0
-    pack(out, 0, (-w1 + w2*(w3 + 0.16666666666666666*w4), epsilon*(-w3 - 0.15*w4) - w5))
-    pack(out, 2, (epsilon*(-0.03333333333333333*w8 - w9) - w7, -w1 + w2*(w3 + 0.3333333333333333*w4)))
-    pack(out, 4, (epsilon*(-w3 - 0.35*w4) - w5, epsilon*(0.05*w8 + w9) + w7))
+    out[0] = -w1 + w2*(w3 + 0.16666666666666666*w4)
+    out[1] = epsilon*(-w3 - 0.15*w4) - w5
+    out[2] = epsilon*(-0.03333333333333333*w8 - w9) - w7
+    out[3] = -w1 + w2*(w3 + 0.3333333333333333*w4)
+    out[4] = epsilon*(-w3 - 0.35*w4) - w5
+    out[5] = epsilon*(0.05*w8 + w9) + w7
 
 
 @njit(**OPTIONS)

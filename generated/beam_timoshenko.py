@@ -12,9 +12,8 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked, pack, fill  # digest 67fe1a50d01d878e
 from kaneflex.generated.rows import LINK_SCALARS  # digest ddb24300c8057189
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 9a4cade34cbecaa6
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest b7b2434034336ce2
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -23,7 +22,7 @@ ELEMENT_PARAMETERS = rows.PLANAR_ELEMENT[:13]  # p: name, unit, meaning
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1690, 206), 'K_s': (188, 35), 'K_d': (1418, 156), 'K_g': (4470, 273), 'C': (500, 60), 'F': (402, 118),
+    'M': (1690, 206), 'K_s': (188, 35), 'K_d': (1418, 164), 'K_g': (4470, 273), 'C': (500, 68), 'F': (402, 118),
 }
 
 
@@ -35,12 +34,13 @@ def M(p, out):
     So is the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
+    rho_A, E_I, length, rho_A_rise, E_I_rise, rho_I = p[0], p[2], p[3], p[5], p[7], p[10]
+    rho_I_rise, phi_s = p[11], p[12]
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = 0.08333333333333333*length
     w3 = rho_A_rise*w2
-    w4 = w1 - w3
+    w4 = out[0, 0] = w1 - w3
     w5 = phi_s + 1.0
     w6 = 1.0/w5
     w7 = rho_A_rise*w6
@@ -110,16 +110,18 @@ def M(p, out):
     w71 = 0.0005787037037037037*w68
     w72 = -rho_A_rise*w47*w66 + rho_I_rise*w67 - w24*w68*w8 - w31*w67 + w48*w66 + w52*w69 + 0.008333333333333333*w54 + 3.306878306878307e-05*w55*w68 - 6.613756613756614e-05*w6*w70 - w60*w71 + w61 + w63*w69 + w65*w71 + 3.306878306878307e-05*w70
     w73 = 0.3*w52 + 0.0011904761904761906*w55 + 0.3333333333333333*w63 - w64 + 0.020833333333333332*w65 + w72
-    w74 = w1 + w3
-    fill(out, (
-        (w4, 0.16666666666666666*w0, w74),
-        (
-            w13 + w4 - w9, -w17 + w29 + w42, 0.16666666666666666*length*rho_A - w13, -w43 + w44 + w45,
-            -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73, -w42 - w43 - w44,
-            0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72,
-            w13 + w74 + w9, -w17 - w29 - w45, w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73,
-        ),
-    ))
+    w74 = out[3, 3] = w1 + w3
+    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
+    out[1, 1] = w13 + w4 - w9
+    out[1, 2] = out[2, 1] = -w17 + w29 + w42
+    out[1, 4] = out[4, 1] = 0.16666666666666666*length*rho_A - w13
+    out[1, 5] = out[5, 1] = -w43 + w44 + w45
+    out[2, 2] = -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73
+    out[2, 4] = out[4, 2] = -w42 - w43 - w44
+    out[2, 5] = out[5, 2] = 0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72
+    out[4, 4] = w13 + w74 + w9
+    out[4, 5] = out[5, 4] = -w17 - w29 - w45
+    out[5, 5] = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
 
 
 @njit(**OPTIONS)
@@ -127,24 +129,30 @@ def K_s(p, out):
     """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    _, E_A, E_I, length, _, _, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
+    E_A, E_I, length, E_I_rise, phi_s = p[1], p[2], p[3], p[7], p[12]
     w0 = 1.0/length
-    w1 = E_A*w0
+    w1 = out[0, 0] = out[3, 3] = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
-    w4 = 12.0*w3/(length*length*length)
+    w4 = out[1, 1] = out[4, 4] = 12.0*w3/(length*length*length)
     w5 = 1.0/(length*length)
     w6 = 6.0*w3*w5
     w7 = E_I_rise*w2
     w8 = w5*w7
-    w9 = w6 - w8
-    w10 = w6 + w8
+    w9 = out[1, 2] = out[2, 1] = w6 - w8
+    w10 = out[1, 5] = out[5, 1] = w6 + w8
     w11 = w0*w7
     w12 = E_I*w0
     w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
     w14 = w12 + w13*w2 - w13
     w15 = 3.0*w12*w2 + w14
-    fill(out, ((w1, -w1, w1), (w4, w9, -w4, w10, -w11 + w15, -w9, 3.0*E_I*w0*w2 - w14, w4, -w10, w11 + w15)))
+    out[0, 3] = out[3, 0] = -w1
+    out[1, 4] = out[4, 1] = -w4
+    out[2, 2] = -w11 + w15
+    out[2, 4] = out[4, 2] = -w9
+    out[2, 5] = out[5, 2] = 3.0*E_I*w0*w2 - w14
+    out[4, 5] = out[5, 4] = -w10
+    out[5, 5] = w11 + w15
 
 
 @njit(**OPTIONS)
@@ -152,8 +160,8 @@ def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, M of translation alone, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
-    omega, epsilon = unpacked(s, 2)
+    rho_A, E_I, length, rho_A_rise, E_I_rise, phi_s = p[0], p[2], p[3], p[5], p[7], p[12]
+    omega, epsilon = s[0], s[1]
     w0 = omega*omega
     w1 = length*rho_A
     w2 = 0.3333333333333333*w1
@@ -226,16 +234,35 @@ def K_d(p, s, out):
     w69 = w2 + w4
     w70 = w46 + w69
     w71 = w15 + w34 + w67
-    fill(out, (
-        (-w0*w5, -w0*w32, -w0*w69),
-        (
-            w0*(w36 - w38 - w5), w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45),
-            w0*(-w32 + w38), w0*(w19 - w22 + w24 - w44 - w50), w0*(w54 + w57 - w59 - w66), w0*(w15 - w25 + w43 - w50),
-            w0*(-w60 + w65), w0*(-w36 - w38 - w69), w0*(0.005357142857142857*w23 + w45 + w49),
-            w0*(-w54 - w57 + w59 - w66),
-        ),
-        (-epsilon*w12, -epsilon*w31, -epsilon*w33, epsilon*w35, epsilon*w47, -epsilon*w68, -epsilon*w70, epsilon*w71),
-    ))
+    out[0, 0] = -w0*w5
+    out[0, 1] = -epsilon*w12
+    out[0, 2] = -epsilon*w31
+    out[0, 3] = out[3, 0] = -w0*w32
+    out[0, 4] = -epsilon*w33
+    out[0, 5] = epsilon*w35
+    out[1, 0] = epsilon*w12
+    out[1, 1] = w0*(w36 - w38 - w5)
+    out[1, 2] = out[2, 1] = w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45)
+    out[1, 3] = -epsilon*w47
+    out[1, 4] = out[4, 1] = w0*(-w32 + w38)
+    out[1, 5] = out[5, 1] = w0*(w19 - w22 + w24 - w44 - w50)
+    out[2, 0] = epsilon*w31
+    out[2, 2] = w0*(w54 + w57 - w59 - w66)
+    out[2, 3] = epsilon*w68
+    out[2, 4] = out[4, 2] = w0*(w15 - w25 + w43 - w50)
+    out[2, 5] = out[5, 2] = w0*(-w60 + w65)
+    out[3, 1] = epsilon*w47
+    out[3, 2] = -epsilon*w68
+    out[3, 3] = -w0*w69
+    out[3, 4] = -epsilon*w70
+    out[3, 5] = epsilon*w71
+    out[4, 0] = epsilon*w33
+    out[4, 3] = epsilon*w70
+    out[4, 4] = w0*(-w36 - w38 - w69)
+    out[4, 5] = out[5, 4] = w0*(0.005357142857142857*w23 + w45 + w49)
+    out[5, 0] = -epsilon*w35
+    out[5, 3] = -epsilon*w71
+    out[5, 5] = w0*(-w54 - w57 + w59 - w66)
 
 
 @njit(**OPTIONS)
@@ -243,8 +270,8 @@ def K_g(p, s, out):
     """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, m_0, S_0, _, _, phi_s = unpacked(p, 13)
-    omega, _, a_x, _, P_0 = unpacked(s, 5)
+    rho_A, E_I, length, x_0, rho_A_rise, E_I_rise = p[0], p[2], p[3], p[4], p[5], p[7]
+    m_0, S_0, phi_s, omega, a_x, P_0 = p[8], p[9], p[12], s[0], s[2], s[4]
     w0 = omega*omega
     w1 = length*rho_A
     w2 = length*rho_A_rise
@@ -321,18 +348,15 @@ def K_g(p, s, out):
     P_2 = a_x*w1 - w3 + x_0*(0.5*length*rho_A_rise*w0 - w0*w1)
     P_3 = -rho_A*w4*w5 - w2*w4*x_0 + w3 + 0.25*w6
     P_4 = -0.3333333333333333*w6
-    v0 = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
-    fill(out, (
-        (
-            v0, P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39, -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17,
-            P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43,
-            P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69),
-            -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39,
-            P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68),
-            v0, -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43,
-            P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69),
-        ),
-    ))
+    out[1, 1] = out[4, 4] = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
+    out[1, 2] = out[2, 1] = P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39
+    out[1, 4] = out[4, 1] = -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17
+    out[1, 5] = out[5, 1] = P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43
+    out[2, 2] = P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69)
+    out[2, 4] = out[4, 2] = -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39
+    out[2, 5] = out[5, 2] = P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68)
+    out[4, 5] = out[5, 4] = -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43
+    out[5, 5] = P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69)
 
 
 @njit(**OPTIONS)
@@ -340,7 +364,7 @@ def C(p, s, out):
     """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, E_I, length, _, rho_A_rise, _, E_I_rise, _, _, _, _, phi_s = unpacked(p, 13)
+    rho_A, E_I, length, rho_A_rise, E_I_rise, phi_s = p[0], p[2], p[3], p[5], p[7], p[12]
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.6666666666666666*w0
@@ -376,7 +400,22 @@ def C(p, s, out):
     w31 = -w11 + w19 + w30
     w32 = w1 + w28 + w3
     w33 = w11 + w26 + w30
-    fill(out, ((-omega*w8, -omega*w23, -omega*w25, omega*w27, omega*w29, -omega*w31, -omega*w32, omega*w33),))
+    out[0, 1] = -omega*w8
+    out[0, 2] = -omega*w23
+    out[0, 4] = -omega*w25
+    out[0, 5] = omega*w27
+    out[1, 0] = omega*w8
+    out[1, 3] = -omega*w29
+    out[2, 0] = omega*w23
+    out[2, 3] = omega*w31
+    out[3, 1] = omega*w29
+    out[3, 2] = -omega*w31
+    out[3, 4] = -omega*w32
+    out[3, 5] = omega*w33
+    out[4, 0] = omega*w25
+    out[4, 3] = omega*w32
+    out[5, 0] = -omega*w27
+    out[5, 3] = -omega*w33
 
 
 @njit(**OPTIONS)
@@ -386,8 +425,9 @@ def F(p, s, out):
     It holds the rotary inertia -epsilon int rho I theta^T dx, too.
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A, _, E_I, length, x_0, rho_A_rise, _, E_I_rise, _, _, rho_I, rho_I_rise, phi_s = unpacked(p, 13)
-    omega, epsilon, a_x, a_y = unpacked(s, 4)
+    rho_A, E_I, length, x_0, rho_A_rise, E_I_rise = p[0], p[2], p[3], p[4], p[5], p[7]
+    rho_I, rho_I_rise, phi_s, omega, epsilon, a_x = p[10], p[11], p[12], s[0], s[1], s[2]
+    a_y = s[3]
     w0 = 0.5*length
     w1 = rho_A*w0
     w2 = 0.08333333333333333*length
@@ -431,15 +471,12 @@ def F(p, s, out):
     w40 = -rho_I*w0 + w0*w16 + w10*w28 + w14*w25 + w15*x_0
     w41 = w1 + w3
     w42 = 0.08333333333333333*w13 + w5 + w6 + 0.3333333333333333*w8
-    pack(out, 0, (a_x*(-w1 + w3) + w4*(w5 - w6 + w9), a_y*(-w1 + w12 + w3) + epsilon*(w17 - w5 + w6 - w9)))
-    pack(out, 2, (
-        a_y*(w15 - w23) + epsilon*(-w26 - w28 + w29 - w30 + w32 + w33 + w34 - w35 - w36 - w37 + w38 - w39 + w40),
-        -a_x*w41 + w4*w42,
-    ))
-    pack(out, 4, (
-        a_y*(-w12 - w41) + epsilon*(-w17 - w42),
-        a_y*(w15 + w23) + epsilon*(w26 + w28 - w29 + w30 - w32 - w33 - w34 + w35 + w36 + w37 - w38 + w39 + w40),
-    ))
+    out[0] = a_x*(-w1 + w3) + w4*(w5 - w6 + w9)
+    out[1] = a_y*(-w1 + w12 + w3) + epsilon*(w17 - w5 + w6 - w9)
+    out[2] = a_y*(w15 - w23) + epsilon*(-w26 - w28 + w29 - w30 + w32 + w33 + w34 - w35 - w36 - w37 + w38 - w39 + w40)
+    out[3] = -a_x*w41 + w4*w42
+    out[4] = a_y*(-w12 - w41) + epsilon*(-w17 - w42)
+    out[5] = a_y*(w15 + w23) + epsilon*(w26 + w28 - w29 + w30 - w32 - w33 - w34 + w35 + w36 + w37 - w38 + w39 + w40)
 
 
 @njit(**OPTIONS)

@@ -4,11 +4,9 @@ Format 3; made by: make derive
 """
 
 try:
-    from kaneflex.support.machine_code import compiled_with, njit
+    from kaneflex.support.machine_code import njit
 except ImportError:  # a copy of these modules without kaneflex
-    from importlib import import_module as compiled_with
-
     from numba import njit
 
-__all__ = ["compiled_with", "njit"]
+__all__ = ["njit"]
 FORMAT = 3

@@ -12,7 +12,6 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 """
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -33,7 +32,7 @@ def elastic(p, c, g):
     """Force [N] on the second side along the normal, of an elastic contact, K d^n.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K, n = unpacked(p, 2, c + 3)
+    K, n = p[c + 3], p[c + 4]
     size = abs(g)
     return -K*g*size**(n - 1.0)
 
@@ -43,7 +42,7 @@ def damped(p, c, g, rate):
     """Force [N] on the second side along the normal, of a spring and a damper, K d^n + c d'.
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K, n, chi = unpacked(p, 3, c + 3)
+    K, n, chi = p[c + 3], p[c + 4], p[c + 5]
     size = abs(g)
     return -K*g*size**(n - 1.0) - chi*rate
 
@@ -53,7 +52,7 @@ def hysteretic(p, c, v_0, g, rate):
     """Force [N] on the second side along the normal, of a contact that loses energy by hysteresis, K d^n (1 + chi d'/v_0).
 
     d = -g is the depth; apart, where d is below zero, the same law goes on, odd in d: no force of the contact."""
-    K, n, chi = unpacked(p, 3, c + 3)
+    K, n, chi = p[c + 3], p[c + 4], p[c + 5]
     size = abs(g)
     w0 = K*g*size**(n - 1.0)
     return chi*rate*w0/v_0 - w0
@@ -62,7 +61,7 @@ def hysteretic(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def elastic_slopes(p, c, g):
     """Derivatives of ``elastic`` by g [N/m] and by its rate [N s/m]."""
-    K, n = unpacked(p, 2, c + 3)
+    K, n = p[c + 3], p[c + 4]
     size = abs(g)
     return -K*n*size**(n - 1.0), 0.0
 
@@ -70,7 +69,7 @@ def elastic_slopes(p, c, g):
 @njit(**OPTIONS)
 def damped_slopes(p, c, g):
     """Derivatives of ``damped`` by g [N/m] and by its rate [N s/m]."""
-    K, n, chi = unpacked(p, 3, c + 3)
+    K, n, chi = p[c + 3], p[c + 4], p[c + 5]
     size = abs(g)
     return -K*n*size**(n - 1.0), -chi
 
@@ -78,7 +77,7 @@ def damped_slopes(p, c, g):
 @njit(**OPTIONS)
 def hysteretic_slopes(p, c, v_0, g, rate):
     """Derivatives of ``hysteretic`` by g [N/m] and by its rate [N s/m]."""
-    K, n, chi = unpacked(p, 3, c + 3)
+    K, n, chi = p[c + 3], p[c + 4], p[c + 5]
     size = abs(g)
     w0 = K*size**(n - 1.0)
     w1 = n*w0
@@ -89,7 +88,7 @@ def hysteretic_slopes(p, c, v_0, g, rate):
 @njit(**OPTIONS)
 def stored(p, c, g):
     """Energy [J] of a contact that is as deep as -g, K d^(n + 1)/(n + 1)."""
-    K, n = unpacked(p, 2, c + 3)
+    K, n = p[c + 3], p[c + 4]
     size = abs(g)
     return K*(g*g)*size**(n - 1.0)/(n + 1.0)
 

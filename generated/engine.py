@@ -11,7 +11,6 @@ import math
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -73,10 +72,9 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    (
-        crank_centre_x, crank_mass, _, rod_centre_x, rod_mass, rod_inertia, piston_mass, crank_length, rod_length,
-        bore_branch, main_speed, main_angle, gas_offset, gas_table,
-    ) = unpacked(p, 14)
+    crank_centre_x, crank_mass, rod_centre_x, rod_mass, rod_inertia, piston_mass = p[0], p[1], p[3], p[4], p[5], p[6]
+    crank_length, rod_length, bore_branch, main_speed, main_angle, gas_offset = p[7], p[8], p[9], p[10], p[11], p[12]
+    gas_table = p[13]
     main_coordinate = s[5] = main_angle + main_speed*t
     sin_main = s[7] = math.sin(main_coordinate)
     y_rod = s[10] = crank_length*sin_main

@@ -11,7 +11,6 @@ import math
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -80,10 +79,12 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        crank_centre_x, crank_mass, _, coupler_centre_x, coupler_mass, coupler_inertia, follower_centre_x,
-        follower_mass, follower_inertia, crank_length, coupler_length, follower_length, ground_right_x, rocker_branch,
-        at_first_mass, at_second_mass, main_speed, main_angle,
-    ) = unpacked(p, 18)
+        crank_centre_x, crank_mass, coupler_centre_x, coupler_mass, coupler_inertia, follower_centre_x,
+    ) = p[0], p[1], p[3], p[4], p[5], p[6]
+    (
+        follower_mass, follower_inertia, crank_length, coupler_length, follower_length, ground_right_x,
+    ) = p[7], p[8], p[9], p[10], p[11], p[12]
+    rocker_branch, at_first_mass, at_second_mass, main_speed, main_angle = p[13], p[14], p[15], p[16], p[17]
     main_coordinate = s[15] = main_angle + main_speed*t
     cos_main = s[16] = math.cos(main_coordinate)
     x_coupler = s[19] = crank_length*cos_main

@@ -14,7 +14,6 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 import math
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -37,21 +36,21 @@ OPERATIONS = {
 @njit(**OPTIONS)
 def limit(p, c, N):
     """Largest force that holds [N or N m]."""
-    mu_static, _, _, _, preload = unpacked(p, 5, c + 4)
+    mu_static, preload = p[c + 4], p[c + 8]
     return N*mu_static + preload
 
 
 @njit(**OPTIONS)
 def coulomb(p, c, N):
     """Force by Coulomb's law."""
-    mu, _, _, _, _, preload = unpacked(p, 6, c + 3)
+    mu, preload = p[c + 3], p[c + 8]
     return N*mu + preload
 
 
 @njit(**OPTIONS)
 def stribeck(p, c, N, v):
     """Force by Stribeck's law."""
-    mu, mu_static, v_s, delta, _, preload = unpacked(p, 6, c + 3)
+    mu, mu_static, v_s, delta, preload = p[c + 3], p[c + 4], p[c + 5], p[c + 6], p[c + 8]
     size = abs(v)
     return N*(mu + (-mu + mu_static)*math.exp(-(size/v_s)**delta)) + preload
 
@@ -59,7 +58,7 @@ def stribeck(p, c, N, v):
 @njit(**OPTIONS)
 def stribeck_slope(p, c, N, v):
     """Derivative of ``stribeck`` by |v|."""
-    mu, mu_static, v_s, delta = unpacked(p, 4, c + 3)
+    mu, mu_static, v_s, delta = p[c + 3], p[c + 4], p[c + 5], p[c + 6]
     size = abs(v)
     w0 = (size/v_s)**delta
     return -N*delta*w0*(-mu + mu_static)*math.exp(-w0)/size
@@ -84,7 +83,7 @@ def bristle_rate(p, c, g, v, z):
 @njit(**OPTIONS)
 def bristle_force(p, c, g, v, z):
     """Against the motion, of bristles."""
-    viscous, _, _, _, _, sigma_0, sigma_1 = unpacked(p, 7, c + 7)
+    viscous, sigma_0, sigma_1 = p[c + 7], p[c + 12], p[c + 13]
     w0 = sigma_0*z
     size = abs(v)
     return sigma_1*(v - size*w0/g) + v*viscous + w0

@@ -13,7 +13,6 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 import math
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -35,8 +34,12 @@ def revolute(sec, i, j, d_x, d_y, angle, out, k):
     """Two points are one.
 
     Stores 2 rows at out[k], as is said above."""
-    x_1, y_1, _, v_x_1, v_y_1, _, a_x_1, a_y_1 = unpacked(sec, 8, 9 * i)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(sec, 8, 9 * j)
+    (
+        x_1, y_1, v_x_1, v_y_1, a_x_1, a_y_1,
+    ) = sec[9 * i], sec[9 * i + 1], sec[9 * i + 3], sec[9 * i + 4], sec[9 * i + 6], sec[9 * i + 7]
+    (
+        x_2, y_2, v_x_2, v_y_2, a_x_2, a_y_2,
+    ) = sec[9 * j], sec[9 * j + 1], sec[9 * j + 3], sec[9 * j + 4], sec[9 * j + 6], sec[9 * j + 7]
     gap_x = out[k] = -x_1 + x_2
     gap_y = out[k + 9] = -y_1 + y_2
     gap_x_rate = out[k + 1] = -v_x_1 + v_x_2
@@ -53,8 +56,15 @@ def weld(sec, i, j, d_x, d_y, angle, out, k):
     """Two points are one, and the second section is turned against the first by ``angle``.
 
     Stores 3 rows at out[k], as is said above."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(sec, 9, 9 * i)
-    x_2, y_2, theta_2, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(sec, 9, 9 * j)
+    (
+        x_1, y_1, theta_1, v_x_1, v_y_1, omega_1,
+    ) = sec[9 * i], sec[9 * i + 1], sec[9 * i + 2], sec[9 * i + 3], sec[9 * i + 4], sec[9 * i + 5]
+    (
+        a_x_1, a_y_1, epsilon_1, x_2, y_2, theta_2,
+    ) = sec[9 * i + 6], sec[9 * i + 7], sec[9 * i + 8], sec[9 * j], sec[9 * j + 1], sec[9 * j + 2]
+    (
+        v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2,
+    ) = sec[9 * j + 3], sec[9 * j + 4], sec[9 * j + 5], sec[9 * j + 6], sec[9 * j + 7], sec[9 * j + 8]
     gap_x = out[k] = -x_1 + x_2
     gap_y = out[k + 9] = -y_1 + y_2
     phi = -theta_1 + theta_2
@@ -75,8 +85,15 @@ def prismatic(sec, i, j, d_x, d_y, angle, out, k):
     """The second point stays on the guide d through the first, the second section is turned by ``angle``.
 
     Stores 2 rows at out[k], as is said above."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(sec, 9, 9 * i)
-    x_2, y_2, theta_2, v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2 = unpacked(sec, 9, 9 * j)
+    (
+        x_1, y_1, theta_1, v_x_1, v_y_1, omega_1,
+    ) = sec[9 * i], sec[9 * i + 1], sec[9 * i + 2], sec[9 * i + 3], sec[9 * i + 4], sec[9 * i + 5]
+    (
+        a_x_1, a_y_1, epsilon_1, x_2, y_2, theta_2,
+    ) = sec[9 * i + 6], sec[9 * i + 7], sec[9 * i + 8], sec[9 * j], sec[9 * j + 1], sec[9 * j + 2]
+    (
+        v_x_2, v_y_2, omega_2, a_x_2, a_y_2, epsilon_2,
+    ) = sec[9 * j + 3], sec[9 * j + 4], sec[9 * j + 5], sec[9 * j + 6], sec[9 * j + 7], sec[9 * j + 8]
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     t_x = out[k + 7] = d_x*w0 - d_y*w1
@@ -110,8 +127,9 @@ def turn(sec, i, j, d_x, d_y, angle, out, k):
     """Angle of the second section against the first [rad].
 
     Stores 1 row at out[k], as is said above."""
-    theta_1, _, _, omega_1, _, _, epsilon_1 = unpacked(sec, 7, 9 * i + 2)
-    theta_2, _, _, omega_2, _, _, epsilon_2 = unpacked(sec, 7, 9 * j + 2)
+    (
+        theta_1, omega_1, epsilon_1, theta_2, omega_2, epsilon_2,
+    ) = sec[9 * i + 2], sec[9 * i + 5], sec[9 * i + 8], sec[9 * j + 2], sec[9 * j + 5], sec[9 * j + 8]
     phi = out[k] = -theta_1 + theta_2
     phi_rate = out[k + 1] = -omega_1 + omega_2
     phi_second_rate = out[k + 2] = -epsilon_1 + epsilon_2
@@ -125,8 +143,13 @@ def slide(sec, i, j, d_x, d_y, angle, out, k):
     """Way of the second point along the guide d through the first [m].
 
     Stores 1 row at out[k], as is said above."""
-    x_1, y_1, theta_1, v_x_1, v_y_1, omega_1, a_x_1, a_y_1, epsilon_1 = unpacked(sec, 9, 9 * i)
-    x_2, y_2, _, v_x_2, v_y_2, _, a_x_2, a_y_2 = unpacked(sec, 8, 9 * j)
+    (
+        x_1, y_1, theta_1, v_x_1, v_y_1, omega_1,
+    ) = sec[9 * i], sec[9 * i + 1], sec[9 * i + 2], sec[9 * i + 3], sec[9 * i + 4], sec[9 * i + 5]
+    (
+        a_x_1, a_y_1, epsilon_1, x_2, y_2, v_x_2,
+    ) = sec[9 * i + 6], sec[9 * i + 7], sec[9 * i + 8], sec[9 * j], sec[9 * j + 1], sec[9 * j + 3]
+    v_y_2, a_x_2, a_y_2 = sec[9 * j + 4], sec[9 * j + 6], sec[9 * j + 7]
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
     t_y = out[k + 7] = d_x*w1 + d_y*w0
@@ -154,8 +177,10 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
     Stores at out[n]: length [m], tension [N], force on the second point x, y [N], energy [J], dissipated power [W]."""
-    x_1, y_1, _, v_x_1, v_y_1 = unpacked(sec, 5, 9 * i)
-    x_2, y_2, _, v_x_2, v_y_2 = unpacked(sec, 5, 9 * j)
+    (
+        x_1, y_1, v_x_1, v_y_1, x_2, y_2,
+    ) = sec[9 * i], sec[9 * i + 1], sec[9 * i + 3], sec[9 * i + 4], sec[9 * j], sec[9 * j + 1]
+    v_x_2, v_y_2 = sec[9 * j + 3], sec[9 * j + 4]
     gap_y = -y_1 + y_2
     gap_x = -x_1 + x_2
     length = out[n] = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
@@ -177,8 +202,7 @@ def pull_regular(sec, i, j, k, out, n):
     """The same without free length and damper, also where the points meet.
 
     Stores at out[n]: length [m], tension [N], force on the second point x, y [N], energy [J], dissipated power [W]."""
-    x_1, y_1 = unpacked(sec, 2, 9 * i)
-    x_2, y_2 = unpacked(sec, 2, 9 * j)
+    x_1, y_1, x_2, y_2 = sec[9 * i], sec[9 * i + 1], sec[9 * j], sec[9 * j + 1]
     gap_x = -x_1 + x_2
     gap_y = -y_1 + y_2
     length = out[n] = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
@@ -194,8 +218,7 @@ def twist(sec, i, j, k, c, phi_0, out, n):
     """Spring and damper k (phi - phi_0) + c phi' that turn two sections back.
 
     Stores at out[n]: angle phi [rad], torque on the first section [N m], no force: 0, 0, energy [J], dissipated power [W]."""
-    theta_1, _, _, omega_1 = unpacked(sec, 4, 9 * i + 2)
-    theta_2, _, _, omega_2 = unpacked(sec, 4, 9 * j + 2)
+    theta_1, omega_1, theta_2, omega_2 = sec[9 * i + 2], sec[9 * i + 5], sec[9 * j + 2], sec[9 * j + 5]
     phi = out[n] = -theta_1 + theta_2
     w0 = phi - phi_0
     phi_rate = -omega_1 + omega_2

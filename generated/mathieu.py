@@ -11,7 +11,6 @@ import math
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, element_matrices
@@ -79,7 +78,7 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    _, _, _, _, _, _, ground_aside_x, bar_length, far_branch, clock_speed, clock_angle, pull_value = unpacked(p, 12)
+    ground_aside_x, bar_length, far_branch, clock_speed, clock_angle, pull_value = p[6], p[7], p[8], p[9], p[10], p[11]
     clock_coordinate = s[5] = clock_angle + clock_speed*t
     cos_clock = s[7] = math.cos(clock_coordinate)
     sin_clock = s[8] = math.sin(clock_coordinate)

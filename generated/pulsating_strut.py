@@ -11,7 +11,6 @@ import math
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, F, element_matrices
@@ -81,9 +80,9 @@ def motion(t, p, s):
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     (
-        rotor_mass, _, strut_centre_x, strut_mass, _, block_mass, ground_aside_x, strut_length, far_branch, clock_speed,
-        clock_angle, mean_value, gravity_y,
-    ) = unpacked(p, 13)
+        rotor_mass, strut_centre_x, strut_mass, block_mass, ground_aside_x, strut_length,
+    ) = p[0], p[2], p[3], p[5], p[6], p[7]
+    far_branch, clock_speed, clock_angle, mean_value, gravity_y = p[8], p[9], p[10], p[11], p[12]
     clock_coordinate = s[5] = clock_angle + clock_speed*t
     cos_clock = s[7] = math.cos(clock_coordinate)
     w0 = 1.0/strut_length

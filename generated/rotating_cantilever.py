@@ -11,7 +11,6 @@ import math
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
@@ -61,7 +60,7 @@ def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
     p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
-    blade_centre_x, blade_mass, _, shaft_speed, shaft_angle, blade_length, push_value = unpacked(p, 7)
+    blade_centre_x, blade_mass, shaft_speed, shaft_angle, blade_length, push_value = p[0], p[1], p[3], p[4], p[5], p[6]
     w0 = blade_centre_x*blade_mass*(shaft_speed*shaft_speed)
     shaft_coordinate = s[5] = shaft_angle + shaft_speed*t
     cos_shaft = s[6] = math.cos(shaft_coordinate)

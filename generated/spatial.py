@@ -16,7 +16,6 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 import math
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -42,8 +41,10 @@ def demand(p, o, w, k, out, n):
     """Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.
 
     w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
-    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
-    omega_x, omega_y, omega_z, a_x, a_y, a_z, epsilon_x, epsilon_y, epsilon_z = unpacked(w, 9, k)
+    mass, centre_x, centre_y, centre_z, J_x, J_y = p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4], p[o + 5]
+    J_z, J_xy, J_yz, J_zx, omega_x, omega_y = p[o + 6], p[o + 7], p[o + 8], p[o + 9], w[k], w[k + 1]
+    omega_z, a_x, a_y, a_z, epsilon_x, epsilon_y = w[k + 2], w[k + 3], w[k + 4], w[k + 5], w[k + 6], w[k + 7]
+    epsilon_z = w[k + 8]
     w0 = a_x*mass
     w1 = centre_z*mass
     w2 = epsilon_y*w1
@@ -89,7 +90,8 @@ def demand(p, o, w, k, out, n):
 @njit(**OPTIONS)
 def inertia(p, o, out, n):
     """Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."""
-    mass, centre_x, centre_y, centre_z, J_x, J_y, J_z, J_xy, J_yz, J_zx = unpacked(p, 10, o)
+    mass, centre_x, centre_y, centre_z, J_x, J_y = p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4], p[o + 5]
+    J_z, J_xy, J_yz, J_zx = p[o + 6], p[o + 7], p[o + 8], p[o + 9]
     w0 = out[n + 4] = out[n + 24] = centre_z*mass
     w1 = out[n + 15] = out[n + 20] = centre_y*mass
     w2 = out[n + 11] = out[n + 31] = centre_x*mass
@@ -112,8 +114,15 @@ def inertia(p, o, out, n):
 @njit(**OPTIONS)
 def coincide(sec, i, j, out, n):
     """The points of two sections are one: three rows at out[n], out[n + 15] and out[n + 30]."""
-    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, _, _, _, a_x_1, a_y_1, a_z_1 = unpacked(sec, 12, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, _, _, _, a_x_2, a_y_2, a_z_2 = unpacked(sec, 12, 15 * j)
+    (
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1,
+    ) = sec[15 * i], sec[15 * i + 1], sec[15 * i + 2], sec[15 * i + 3], sec[15 * i + 4], sec[15 * i + 5]
+    (
+        a_x_1, a_y_1, a_z_1, r_x_2, r_y_2, r_z_2,
+    ) = sec[15 * i + 9], sec[15 * i + 10], sec[15 * i + 11], sec[15 * j], sec[15 * j + 1], sec[15 * j + 2]
+    (
+        v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2,
+    ) = sec[15 * j + 3], sec[15 * j + 4], sec[15 * j + 5], sec[15 * j + 9], sec[15 * j + 10], sec[15 * j + 11]
     out[n] = -r_x_1 + r_x_2
     out[n + 1] = -v_x_1 + v_x_2
     out[n + 2] = -a_x_1 + a_x_2
@@ -131,10 +140,15 @@ def coincide(sec, i, j, out, n):
 @njit(**OPTIONS)
 def perpendicular(sec, i, j, axes, k, l, out, n):
     """Axis k of the first section and axis l of the second are at right angles: a row at out[n]."""
-    omega_x_1, omega_y_1, omega_z_1, _, _, _, epsilon_x_1, epsilon_y_1, epsilon_z_1 = unpacked(sec, 9, 15 * i + 6)
-    omega_x_2, omega_y_2, omega_z_2, _, _, _, epsilon_x_2, epsilon_y_2, epsilon_z_2 = unpacked(sec, 9, 15 * j + 6)
-    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
-    n_x_2, n_y_2, n_z_2 = unpacked(axes, 3, 3 * l)
+    (
+        omega_x_1, omega_y_1, omega_z_1, epsilon_x_1, epsilon_y_1, epsilon_z_1,
+    ) = sec[15 * i + 6], sec[15 * i + 7], sec[15 * i + 8], sec[15 * i + 12], sec[15 * i + 13], sec[15 * i + 14]
+    (
+        omega_x_2, omega_y_2, omega_z_2, epsilon_x_2, epsilon_y_2, epsilon_z_2,
+    ) = sec[15 * j + 6], sec[15 * j + 7], sec[15 * j + 8], sec[15 * j + 12], sec[15 * j + 13], sec[15 * j + 14]
+    (
+        n_x_1, n_y_1, n_z_1, n_x_2, n_y_2, n_z_2,
+    ) = axes[3 * k], axes[3 * k + 1], axes[3 * k + 2], axes[3 * l], axes[3 * l + 1], axes[3 * l + 2]
     w0 = n_y_2*omega_z_2
     w1 = n_z_2*omega_y_2 - w0
     w2 = n_y_1*omega_z_1 - n_z_1*omega_y_1
@@ -160,11 +174,18 @@ def perpendicular(sec, i, j, axes, k, l, out, n):
 def on_plane(sec, i, j, axes, k, out, n):
     """The second point is in the plane across the axis k through the first: a row at out[n]."""
     (
-        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1, omega_x_1, omega_y_1, omega_z_1, a_x_1, a_y_1, a_z_1, epsilon_x_1,
-        epsilon_y_1, epsilon_z_1,
-    ) = unpacked(sec, 15, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2, _, _, _, a_x_2, a_y_2, a_z_2 = unpacked(sec, 12, 15 * j)
-    n_x_1, n_y_1, n_z_1 = unpacked(axes, 3, 3 * k)
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1,
+    ) = sec[15 * i], sec[15 * i + 1], sec[15 * i + 2], sec[15 * i + 3], sec[15 * i + 4], sec[15 * i + 5]
+    (
+        omega_x_1, omega_y_1, omega_z_1, a_x_1, a_y_1, a_z_1,
+    ) = sec[15 * i + 6], sec[15 * i + 7], sec[15 * i + 8], sec[15 * i + 9], sec[15 * i + 10], sec[15 * i + 11]
+    (
+        epsilon_x_1, epsilon_y_1, epsilon_z_1, r_x_2, r_y_2, r_z_2,
+    ) = sec[15 * i + 12], sec[15 * i + 13], sec[15 * i + 14], sec[15 * j], sec[15 * j + 1], sec[15 * j + 2]
+    (
+        v_x_2, v_y_2, v_z_2, a_x_2, a_y_2, a_z_2,
+    ) = sec[15 * j + 3], sec[15 * j + 4], sec[15 * j + 5], sec[15 * j + 9], sec[15 * j + 10], sec[15 * j + 11]
+    n_x_1, n_y_1, n_z_1 = axes[3 * k], axes[3 * k + 1], axes[3 * k + 2]
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
@@ -191,8 +212,12 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
     Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1 = unpacked(sec, 6, 15 * i)
-    r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2 = unpacked(sec, 6, 15 * j)
+    (
+        r_x_1, r_y_1, r_z_1, v_x_1, v_y_1, v_z_1,
+    ) = sec[15 * i], sec[15 * i + 1], sec[15 * i + 2], sec[15 * i + 3], sec[15 * i + 4], sec[15 * i + 5]
+    (
+        r_x_2, r_y_2, r_z_2, v_x_2, v_y_2, v_z_2,
+    ) = sec[15 * j], sec[15 * j + 1], sec[15 * j + 2], sec[15 * j + 3], sec[15 * j + 4], sec[15 * j + 5]
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2
@@ -214,8 +239,9 @@ def pull_regular(sec, i, j, k, out, n):
     """The same without free length and damper, also where the points meet.
 
     Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
-    r_x_1, r_y_1, r_z_1 = unpacked(sec, 3, 15 * i)
-    r_x_2, r_y_2, r_z_2 = unpacked(sec, 3, 15 * j)
+    (
+        r_x_1, r_y_1, r_z_1, r_x_2, r_y_2, r_z_2,
+    ) = sec[15 * i], sec[15 * i + 1], sec[15 * i + 2], sec[15 * j], sec[15 * j + 1], sec[15 * j + 2]
     w0 = -r_x_1 + r_x_2
     w1 = -r_y_1 + r_y_2
     w2 = -r_z_1 + r_z_2

@@ -13,7 +13,6 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load, fill_square,
@@ -85,7 +84,7 @@ def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
+    rho_A, rho_I_y, rho_I_z, length = p[0], p[1], p[2], p[8]
     f_0 = length*rho_A
     f_1 = length*(rho_I_y + rho_I_z)
     bend_v = (0.0, 0.0, length)
@@ -101,7 +100,7 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    _, _, _, E_I_y, E_I_z, E_A, G_J, _, length = unpacked(p, 9)
+    E_I_y, E_I_z, E_A, G_J, length = p[3], p[4], p[5], p[6], p[8]
     w0 = 1.0/length
     w1 = 1.0/(length*length*length)
     f_0 = E_A*w0
@@ -121,8 +120,8 @@ def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length = unpacked(p, 9)
-    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
+    rho_A, rho_I_y, rho_I_z, length, omega_x, omega_y = p[0], p[1], p[2], p[8], s[0], s[1]
+    omega_z, epsilon_x, epsilon_y, epsilon_z = s[2], s[3], s[4], s[5]
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A
@@ -153,8 +152,8 @@ def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, _, _, _, _, _, _, I_p_A, length, x_0 = unpacked(p, 10)
-    _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
+    rho_A, I_p_A, length, x_0, omega_y, omega_z = p[0], p[7], p[8], p[9], s[1], s[2]
+    a_x, P_0 = s[6], s[9]
     w0 = omega_y*omega_y
     w1 = 0.5*rho_A
     w2 = w1*(x_0*x_0)
@@ -178,8 +177,7 @@ def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, _, _, _, _, _, _, _, length = unpacked(p, 9)
-    omega_x, omega_y, omega_z = unpacked(s, 3)
+    rho_A, length, omega_x, omega_y, omega_z = p[0], p[8], s[0], s[1], s[2]
     w0 = 2.0*length*rho_A
     f_0 = -omega_z*w0
     f_1 = omega_y*w0
@@ -196,8 +194,9 @@ def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    rho_A, rho_I_y, rho_I_z, _, _, _, _, _, length, x_0 = unpacked(p, 10)
-    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
+    rho_A, rho_I_y, rho_I_z, length, x_0, omega_x = p[0], p[1], p[2], p[8], p[9], s[0]
+    omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x = s[1], s[2], s[3], s[4], s[5], s[6]
+    a_y, a_z = s[7], s[8]
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A

@@ -13,13 +13,12 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load,
     fill_square,
 )  # digest 029c4814df5589ab
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 7ffd5a125daa3e85
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest e6dd88fabc88defa
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -40,10 +39,9 @@ def M(p, out):
     It holds the correction M_c for the element's answer to its own inertia; K_d and C are without it.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, rotary, phi_y, phi_z,
-    ) = unpacked(p, 20)
+    rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, length = p[0], p[1], p[2], p[3], p[4], p[8]
+    rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise, E_I_z_rise, rotary = p[10], p[11], p[12], p[13], p[14], p[17]
+    phi_y, phi_z = p[18], p[19]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
@@ -94,9 +92,8 @@ def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
     p: ELEMENT_PARAMETERS of one element. out: zeros."""
-    (
-        _, _, _, E_I_y, E_I_z, E_A, G_J, _, length, _, _, _, _, E_I_y_rise, E_I_z_rise, _, _, _, phi_y, phi_z,
-    ) = unpacked(p, 20)
+    E_I_y, E_I_z, E_A, G_J, length, E_I_y_rise = p[3], p[4], p[5], p[6], p[8], p[13]
+    E_I_z_rise, phi_y, phi_z = p[14], p[18], p[19]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
@@ -131,11 +128,10 @@ def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, rotary, phi_y, phi_z,
-    ) = unpacked(p, 20)
-    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z = unpacked(s, 6)
+    rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, length = p[0], p[1], p[2], p[3], p[4], p[8]
+    rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise, E_I_z_rise, rotary = p[10], p[11], p[12], p[13], p[14], p[17]
+    phi_y, phi_z, omega_x, omega_y, omega_z, epsilon_x = p[18], p[19], s[0], s[1], s[2], s[3]
+    epsilon_y, epsilon_z = s[4], s[5]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = omega_z*omega_z
@@ -239,11 +235,9 @@ def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    (
-        rho_A, _, _, E_I_y, E_I_z, _, _, I_p_A, length, x_0, rho_A_rise, _, _, E_I_y_rise, E_I_z_rise, m_0, S_0, _,
-        phi_y, phi_z,
-    ) = unpacked(p, 20)
-    _, omega_y, omega_z, _, _, _, a_x, _, _, P_0 = unpacked(s, 10)
+    rho_A, E_I_y, E_I_z, I_p_A, length, x_0 = p[0], p[3], p[4], p[7], p[8], p[9]
+    rho_A_rise, E_I_y_rise, E_I_z_rise, m_0, S_0, phi_y = p[10], p[13], p[14], p[15], p[16], p[18]
+    phi_z, omega_y, omega_z, a_x, P_0 = p[19], s[1], s[2], s[6], s[9]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = omega_y*omega_y
@@ -277,11 +271,9 @@ def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, _, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, rotary, phi_y, phi_z,
-    ) = unpacked(p, 20)
-    omega_x, omega_y, omega_z = unpacked(s, 3)
+    rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, length = p[0], p[1], p[2], p[3], p[4], p[8]
+    rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise, E_I_z_rise, rotary = p[10], p[11], p[12], p[13], p[14], p[17]
+    phi_y, phi_z, omega_x, omega_y, omega_z = p[18], p[19], s[0], s[1], s[2]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = 2.0*rho_A - rho_A_rise
@@ -324,11 +316,10 @@ def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros."""
-    (
-        rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, _, _, _, length, x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise,
-        E_I_z_rise, _, _, rotary, phi_y, phi_z,
-    ) = unpacked(p, 20)
-    omega_x, omega_y, omega_z, epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = unpacked(s, 9)
+    rho_A, rho_I_y, rho_I_z, E_I_y, E_I_z, length = p[0], p[1], p[2], p[3], p[4], p[8]
+    x_0, rho_A_rise, rho_I_y_rise, rho_I_z_rise, E_I_y_rise, E_I_z_rise = p[9], p[10], p[11], p[12], p[13], p[14]
+    rotary, phi_y, phi_z, omega_x, omega_y, omega_z = p[17], p[18], p[19], s[0], s[1], s[2]
+    epsilon_x, epsilon_y, epsilon_z, a_x, a_y, a_z = s[3], s[4], s[5], s[6], s[7], s[8]
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = omega_y*omega_y

@@ -21,7 +21,6 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 import math
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -979,7 +978,7 @@ def section(w, k, out, n):
     """Store R, T row by row and T' theta' of a section turned by theta_y and theta_z, then by theta_x about itself.
 
     w[k]: theta, theta'. R: the section's axes in the body's; T theta': its angular velocity there."""
-    theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = unpacked(w, 6, k)
+    theta_x, theta_y, theta_z, rate_x, rate_y, rate_z = w[k], w[k + 1], w[k + 2], w[k + 3], w[k + 4], w[k + 5]
     w0 = theta_y*theta_y
     w1 = theta_z*theta_z
     w2 = w0 + w1

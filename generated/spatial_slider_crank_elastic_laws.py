@@ -8,7 +8,6 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 """
 
 from kaneflex.generated.compiling import njit
-from kaneflex.generated.packs import unpacked  # digest 67fe1a50d01d878e
 from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3
@@ -28,7 +27,7 @@ OPERATIONS = {'courses': (2, 2), 'magnitudes': (0, 0)}
 @njit(**OPTIONS)
 def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
-    shaft_speed, shaft_angle = unpacked(p, 2)
+    shaft_speed, shaft_angle = p[0], p[1]
     shaft_coordinate = out[k] = shaft_angle + shaft_speed*t
     out[k + 1] = shaft_speed
     out[k + 2] = 0.0

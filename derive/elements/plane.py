@@ -8,7 +8,6 @@ scalar at 1 and the others at 0 it gives the constant matrix before that scalar'
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
 
@@ -18,8 +17,8 @@ from kaneflex.derive.elements.beam import Element, beam_element
 from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_TERMS
 from kaneflex.derive.elements.shapes import x_0
 from kaneflex.derive.ir.names import Names
-from kaneflex.derive.ir.program import Program, named, prune, share
-from kaneflex.derive.printers import module_text, packs
+from kaneflex.derive.ir.program import Program, share
+from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.rows import element_table, rows_text
 from kaneflex.support.contract import ELEMENT_KERNELS
@@ -108,26 +107,13 @@ def element_kernel(name: str, element: Element) -> emit.Printed:
     arguments = ("p", "s", "out") if any(term.scalar != 1 for term in chosen) else ("p", "out")
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
     doc += " out: zeros; structural zeros are not stored."
-    matrix = stored.cols > 1
-    program = share(Program(name, symbols, steps, _stores(stored)))
-    program = named(_independent(program, stored) if matrix else program, least=2)
-    return emit.Kernel(program, arguments, inputs, doc, packed=True, fill=matrix), raw
+    return emit.Kernel(share(Program(name, symbols, steps, _stores(stored))), arguments, inputs, doc), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
     """Entries that are not zero, with their places."""
     places = product(range(matrix.rows), range(matrix.cols))
     return tuple((f"out[{i}{f', {j}' * (matrix.cols > 1)}]", matrix[i, j]) for i, j in places if matrix[i, j] != 0)
-
-
-def _independent(program: Program, matrix: sm.Matrix) -> Program:
-    """Program of the independent entries of a 6 x 6 matrix."""
-    places = [(block, place) for block in packs.BLOCKS for place in packs.independent(block)]
-    for block, (i, j) in places:
-        difference = matrix[j, i] - packs.sign(block) * matrix[i, j]
-        assert difference.expand() == 0, f"the {block} of {program.name} is not as packs.BLOCKS says"
-    wanted = {f"out[{i}, {j}]" for _, (i, j) in places}
-    return prune(replace(program, outputs=tuple(entry for entry in program.outputs if entry[0] in wanted)))
 
 
 def every_matrix(terms: Iterable[TermRow], size: int) -> str:

@@ -7,7 +7,6 @@ programs (or to numbers); printing is the business of :mod:`kaneflex.derive.prin
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -132,22 +131,6 @@ def _renamed(
     found = [(kept[symbol], value) for symbol, value in temporaries if symbol in kept]
     found += [(symbol, value) for symbol, value in named if value not in spare]
     return [(symbol, value.xreplace(replaced)) for symbol, value in found], replaced
-
-
-def named(program: Program, prefix: str = "v", least: int = 1) -> Program:
-    """With a symbol for every output that is an expression, but for mere signs; equal ones have the same.
-
-    Those that there are fewer than ``least`` equal ones of stay without.
-    """
-    taken = {*program.inputs, *(symbol for symbol, _ in program.assignments)}
-    free = (symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken)
-    found: dict[sm.Expr, sm.Symbol] = {}
-    for expression, count in Counter(expression for _, expression in program.outputs).items():
-        if count >= least and not expression.is_Symbol and not (-expression).is_Symbol:
-            found[expression] = next(free)
-    assignments = (*program.assignments, *((symbol, expression) for expression, symbol in found.items()))
-    outputs = tuple((slot, found.get(expression, expression)) for slot, expression in program.outputs)
-    return replace(program, assignments=assignments, outputs=outputs)
 
 
 def _executable_order(assignments: Iterable[Assignment], inputs: Iterable[sm.Symbol]) -> tuple[Assignment, ...]:

@@ -339,8 +339,8 @@ class Expressions:
 
 
 def _is_special(called: Any) -> bool:
-    """True for an intrinsic of numba's, a function of ``generated/packs.py``, and one of Python's own."""
-    return hasattr(called, "_defn") or getattr(called, "__module__", "") in ("builtins", "kaneflex.generated.packs")
+    """True for an intrinsic of numba's, and a function of Python's own."""
+    return hasattr(called, "_defn") or getattr(called, "__module__", "") == "builtins"
 
 
 _NOTHING = "(void *[1]){NULL}", "(void *[1]){NULL}"

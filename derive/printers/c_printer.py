@@ -15,7 +15,7 @@ the type of a variable is the widest type assigned to it. The subset of Python:
 - Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
-- ``unpacked``, ``pack`` and ``fill`` of ``generated/packs.py``; the marks ``apart``, ``together`` and ``inside``.
+- The marks ``apart``, ``together`` and ``inside``.
 
 C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
 All else raises NotImplementedError with the function, the line and the construct.
@@ -34,7 +34,6 @@ from numba import types
 
 from kaneflex.derive.printers.c_expressions import OPERATORS, Expressions
 from kaneflex.derive.printers.c_types import WIDTH, Structures, bare, parts_of
-from kaneflex.derive.printers.packs import BLOCKS, independent, sign
 from kaneflex.support.escaping import c_comment
 
 _QUOTIENT = """/* Quotient, rounded down. */
@@ -181,10 +180,6 @@ class _Written(Expressions):
     def _Expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):  # its documentation
             return
-        called = getattr(self._packs(node.value), "__name__", "")
-        if called in ("pack", "fill"):
-            getattr(self, f"_{called}")(*node.value.args)
-            return
         text, _ = self.expression(node.value)
         if text:
             self._line(f"{text};")
@@ -226,16 +221,8 @@ class _Written(Expressions):
         value = self._copied(text, kind)
         return f"({self.printer.declared(of)}){{{', '.join(f'{value}.{name}' for name, _ in parts_of(kind))}}}"
 
-    def _packs(self, node: ast.expr) -> Any:
-        """The function of ``generated/packs.py`` that is called."""
-        called = self.object_of(node.func) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
-        return called if getattr(called, "__module__", "") == "kaneflex.generated.packs" else None
-
     def _parallel(self, targets: Sequence[ast.expr], node: ast.Assign) -> None:
         """Several at once: in sequence if no value uses a target assigned before it, else by copies."""
-        if self._packs(node.value):
-            self._read(targets, *node.value.args)
-            return
         if isinstance(node.value, ast.Tuple) and len(node.value.elts) == len(targets):
             values = [self.expression(value) for value in node.value.elts]
             names = {target.id if isinstance(target, ast.Name) else "" for target in targets[:-1]}
@@ -251,36 +238,6 @@ class _Written(Expressions):
             values = [(f"{found}.{name}", kind) for name, kind in parts_of(whole)]
         for target, value in zip(targets, values, strict=True):
             self._store([target], *value, node)
-
-    def _read(self, targets: Sequence[ast.expr], array: ast.expr, _: ast.expr, *start: ast.expr) -> None:
-        """Elements of an array one by one."""
-        for k, target in enumerate(targets):
-            place = _after(start[0], k) if start else ast.Constant(k)
-            self._store([target], *self.expression(ast.Subscript(array, place)), target)
-
-    def _pack(self, out: ast.expr, place: ast.expr, values: ast.Tuple) -> None:
-        """Values to places side by side."""
-        *row, column = place.elts if isinstance(place, ast.Tuple) else [place]
-        for k, value in enumerate(values.elts):
-            there = _after(column, k)
-            target = ast.Subscript(out, ast.Tuple([*row, there]) if row else there)
-            self._store([target], *self.expression(value), value)
-
-    def _fill(self, out: ast.expr, parts: ast.Tuple) -> None:
-        """A matrix by the independent entries of its parts; equal ones in one statement."""
-        blocks = {len(independent(block)): block for block in BLOCKS}
-        found: dict[tuple[int, int], str] = {}
-        for part in parts.elts:
-            block = blocks[len(part.elts)]
-            for (i, j), value in zip(independent(block), part.elts, strict=True):
-                text, _ = self.expression(value)
-                found[j, i] = text if sign(block) > 0 else f"(-{text})"
-                found[i, j] = text
-        shared: dict[str, list[str]] = {}
-        for (i, j), text in sorted(found.items()):
-            shared.setdefault(text, []).append(f"{self.expression(out)[0]}[{i}][{j}]")
-        for text, places in shared.items():
-            self._line(f"{' = '.join(places)} = {bare(text)};")
 
     def _copied(self, text: str, kind: Any) -> str:
         """Name of a variable of its own that has a value."""
@@ -368,10 +325,3 @@ class _Written(Expressions):
         text, kind = self.expression(node.value)
         self.returned = kind if self.returned == types.void else self.wider(node, self.returned, kind)
         self._line(f"return {bare(text)};")
-
-
-def _after(node: ast.expr, k: int) -> ast.expr:
-    """The place that is k after another one."""
-    if isinstance(node, ast.Constant):
-        return ast.Constant(node.value + k)
-    return ast.BinOp(node, ast.Add(), ast.Constant(k)) if k else node

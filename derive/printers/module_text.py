@@ -10,7 +10,6 @@ from textwrap import indent
 
 import sympy as sm
 
-from kaneflex.derive.printers import packs
 from kaneflex.derive.printers.bracketed import LINE, bracketed
 from kaneflex.support.contract import FORMAT
 
@@ -64,13 +63,11 @@ Format {FORMAT}; made by: make derive
 """
 
 try:
-    from kaneflex.support.machine_code import compiled_with, njit
+    from kaneflex.support.machine_code import njit
 except ImportError:  # a copy of these modules without kaneflex
-    from importlib import import_module as compiled_with
-
     from numba import njit
 
-__all__ = ["compiled_with", "njit"]
+__all__ = ["njit"]
 FORMAT = {FORMAT}
 '''
 OPTIONS = 'OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}'
@@ -86,16 +83,13 @@ def module(
     structure: str = "",
     made: str = "make derive",
 ) -> str:
-    """Text of a module, which imports ``math``, ``rows`` and ``packs`` where its text calls them.
+    """Text of a module, which imports ``math`` and ``rows`` where its text calls them.
 
     ``imports``: of other siblings; ``before``: of other packages; ``structure``: hash, empty for modules of all scenes;
     ``made``: command that makes the module.
     """
     kernels, tables = "\n\n".join(kernels), _together(tables)
-    packed = [name for name in packs.CALLED if f" {name}(" in kernels]
-    imports = [*([import_called("packs", packed, packs.TEXT)] if packed else []), *imports]
-    if kernels:
-        imports.insert(0, "from kaneflex.generated.compiling import njit")
+    imports = [*["from kaneflex.generated.compiling import njit"] * bool(kernels), *imports]
     if re.search(r"\brows\.\w", tables):
         imports.insert(0, "from kaneflex.generated import rows")
     before = [*["import math"] * ("math." in kernels), *before]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from kaneflex.derive.ir.names import Names
 from kaneflex.derive.ir.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count, share
-from kaneflex.derive.printers import packs
+from kaneflex.derive.printers.bracketed import reads
 from kaneflex.derive.printers.functions_text import LAW_FUNCTIONS, TABLE_LOOKUPS
 from kaneflex.derive.printers.module_text import UNCHECKED, function, module, operations_table
 
@@ -77,7 +76,6 @@ class Kernel:
 
     zeros: zero outputs are stored too, as the array may contain other numbers. returns: the outputs are returned, not
     stored. calls: statements after the program's own, which read its outputs by name. inline: into every caller.
-    packed: outputs are stored at the end, neighbours together; with fill those of a matrix by its independent entries.
     """
 
     program: Program
@@ -88,8 +86,6 @@ class Kernel:
     returns: bool = False
     calls: tuple[str, ...] = ()
     inline: bool = False
-    packed: bool = False
-    fill: bool = False
 
 
 Printed = tuple[Kernel, Program]
@@ -121,7 +117,7 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
     kernels = list(kernels)
     arguments = [argument for kernel in kernels for argument in kernel.arguments]
     programs = [kernel.program for kernel in kernels]
-    identifiers = names.identifiers(programs, [*arguments, *packs.CALLED, *TABLE_LOOKUPS, *LAW_FUNCTIONS])
+    identifiers = names.identifiers(programs, [*arguments, *TABLE_LOOKUPS, *LAW_FUNCTIONS])
     return [print_kernel(kernel, identifiers) for kernel in kernels]
 
 
@@ -129,16 +125,8 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     """One compiled function: reads, then assignments, which store outputs at once, then the other stores."""
     printer = NumbaPrinter(identifiers)
     used = set().union(*(e.free_symbols for _, e in (*kernel.program.assignments, *kernel.program.outputs)))
-    told = statements(kernel, printer)
-    body = [*packs.loads((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)]
-    if kernel.packed:
-        slots = {}
-        for name, places, value in told:
-            body += [f"{name} = {value}"] if name else []
-            slots |= {tuple(map(int, re.findall(r"\d+", place))): name or value for place in places}
-        body += [packs.filled(slots)] if kernel.fill else packs.stores(list(slots.items()))
-    else:
-        body += [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in told]
+    body = [*reads((printer.doprint(symbol), source) for symbol, source in kernel.reads if symbol in used)]
+    body += statements(kernel, printer)
     if kernel.returns:
         values = (_bare(printer.doprint(expression)) for _, expression in kernel.program.outputs)
         body.append(f"return {', '.join(values)}")
@@ -147,8 +135,8 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     return function(f"{kernel.program.name}({', '.join(kernel.arguments)})", kernel.doc, body, options)
 
 
-def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, list[str], str]]:
-    """Statements of a kernel: name of a number, or ""; places of its stores; its value.
+def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[str]:
+    """Statements of a kernel that assign numbers and store them.
 
     Entries that are zero by structure are stored only if ``kernel.zeros``. Equal entries share a statement.
     """
@@ -158,8 +146,8 @@ def statements(kernel: Kernel, printer: NumbaPrinter) -> Iterator[tuple[str, lis
         if expression != 0 or kernel.zeros:
             stored.setdefault(expression, []).append(slot)
     for symbol, expression in program.assignments:
-        yield text(symbol), stored.pop(symbol, []), _bare(text(expression))
-    yield from (("", slots, _bare(text(expression))) for expression, slots in stored.items())
+        yield " = ".join([text(symbol), *stored.pop(symbol, []), _bare(text(expression))])
+    yield from (" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items())
 
 
 def _bare(text: str) -> str:

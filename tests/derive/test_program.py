@@ -17,7 +17,6 @@ from kaneflex.derive.printers import functions_text
 from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
 from kaneflex.generated import laws
-from kaneflex.generated.packs import unpacked
 from kaneflex.scene.law_parser import parse_law
 from kaneflex.scene.laws import FUNCTIONS, ON_ARRAYS
 from kaneflex.scene.structure import structure_of
@@ -191,7 +190,7 @@ def test_a_printed_kernel_reads_what_it_uses_and_stores_what_is_not_zero():
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate((a, b, c, z)))
     text = print_kernel(Kernel(program, ("p", "out"), reads, "Doc."))
     assert "out[1]" not in text and not re.search(r"\bz\b", text)
-    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "math": math, "unpacked": unpacked}
+    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "math": math}
     exec(text, scope)  # our own text
     out = [0.0, 0.0]
     scope["p"]([2.0, 3.0, 4.0, 5.0], out)
@@ -200,12 +199,11 @@ def test_a_printed_kernel_reads_what_it_uses_and_stores_what_is_not_zero():
 
 
 def test_a_printed_kernel_reads_from_where_its_numbers_begin():
-    """From the first one that it asks for on, and alone what stands alone."""
     reads = ((a, "p[k + 1]"), (x, "p[k + 2]"), (b, "p[k + 3]"), (c, "q[9 * i]"), (z, "q[9 * i + 1]"))
     program = Program("p", (*INPUTS, x, z), (), (("value", a + 10 * b + 100 * c),))
     text = print_kernel(Kernel(program, ("p", "k", "q", "i"), reads, "Doc.", returns=True))
-    assert "a, _, b = unpacked(p, 3, k + 1)\n" in text and "c = q[9 * i]\n" in text
-    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}, "unpacked": unpacked}
+    assert "a, b, c = p[k + 1], p[k + 3], q[9 * i]\n" in text
+    scope = {"njit": lambda **options: lambda function: function, "OPTIONS": {}}
     exec(text, scope)  # our own text
     assert scope["p"]([0.0, 0.0, 0.0, 1.0, 0.0, 2.0], 2, [0.0] * 9 + [3.0], 1) == 321.0
 

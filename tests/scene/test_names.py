@@ -145,7 +145,7 @@ def computed(tmp_path, monkeypatch, **names):
     {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
     {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
     {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
-    {"LOAD_1": "rows", "LOAD_2": "unpacked", "LOAD_3": "pack", "POINT_1": "fill"},
+    {"LOAD_1": "rows", "LOAD_2": "table", "LOAD_3": "njit", "POINT_1": "out"},
     {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
 ], ids=lambda names: ", ".join(names.values()))  # fmt: skip
 def test_names_that_met_in_symbols_give_the_same_numbers(names, tmp_path, monkeypatch):

@@ -99,14 +99,11 @@ def test_whatever_a_scene_says_its_module_holds_tables_and_kernels_alone(point, 
         if isinstance(node, ast.Assign):
             ast.literal_eval(without_rows(node.value))
     imports = [ast.unparse(node) for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom))]
-    siblings = [
-        "from kaneflex.generated import rows", "from kaneflex.generated.compiling import njit",
-        "from kaneflex.generated.packs import unpacked",
-    ]  # fmt: skip
+    siblings = ["from kaneflex.generated import rows", "from kaneflex.generated.compiling import njit"]
     assert imports == ["import math", *siblings]
     called = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     called -= {f"rows.{name}" for name, value in vars(rows).items() if callable(value)}
-    assert called <= {"math.sin", "math.cos", "math.tanh", "njit", "motion", "range", "unpacked"}
+    assert called <= {"math.sin", "math.cos", "math.tanh", "njit", "motion", "range"}
     read = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Load)}
     assert not read & {"os", "__import__", "exec", "eval", "open"}
 

@@ -179,9 +179,14 @@ def functions(model: Model) -> Iterator[str]:
 def _of_motion(model: Model) -> tuple[dict[str, str], str]:
     """Name of a number that ``motion`` reads -> its path, sorted by unit, and the statements that read them."""
     source = getsource(model.module.motion.py_func)
-    _, names, body = re.split(r"\n    \(?([^()\"=]*?)\)? = unpacked\(p, \d+\)\n", source)
-    body = re.sub(r"\btable\((.*?), p, int\((\w+)\)\)", r"\2(\1)", _pruned(model, body))
-    read = sorted(zip(re.findall(r"\w+", names), model.module.PARAMETERS, strict=False), key=lambda each: each[1][1])
+    statements = [each for each in ast.walk(ast.parse(source)) if isinstance(each, ast.Assign)]
+    reads = [each for each in statements if ast.unparse(each.value).startswith(("p[", "(p["))]
+    names = [name for read in reads for name in re.findall(r"\w+", ast.unparse(read.targets[0]))]
+    places = [int(place) for read in reads for place in re.findall(r"\d+", ast.unparse(read.value))]
+    body = _pruned(model, "\n".join(source.split("\n")[reads[-1].end_lineno :]))
+    body = re.sub(r"\btable\((.*?), p, int\((\w+)\)\)", r"\2(\1)", body)
+    numbers = [model.module.PARAMETERS[place] for place in places]
+    read = sorted(zip(names, numbers, strict=True), key=lambda each: each[1][1])
     return {name: path for name, (path, _) in read if re.search(rf"\b{name}\b", body)}, body
 
 

@@ -180,20 +180,10 @@ def _compiled_address(function: Any, signature: str) -> tuple[int, Any]:
     return made.library.get_pointer_to_function(made.fndesc.llvm_func_name), of
 
 
-def compiled_with(module: str) -> None:
-    """Import a module, which extends numba, before the first function is compiled."""
-    _NEEDED.append(module)
-
-
-_NEEDED = ["kaneflex.support.inner"]
-"""First how kaneflex has numba compile."""
-
-
 def _compiled(function: FunctionType, options: dict[str, Any]) -> Any:
     import numba
 
-    for module in _NEEDED:
-        importlib.import_module(module)
+    importlib.import_module("kaneflex.support.inner")  # how kaneflex has numba compile
     return numba.njit(**options)(function)
 
 
