@@ -4,7 +4,6 @@ Reading compiled functions does not prepare numba to compile.
 """
 
 import gc
-import importlib.util
 import itertools
 import json
 import math
@@ -17,17 +16,13 @@ from types import SimpleNamespace
 import numba
 import numpy as np
 import pytest
-from llvmlite import ir
 from numba import types
-from numba.core import event, ssa
-from numba.core import ir as numba_ir
+from numba.core import event
 from numba.core.caching import FunctionCache
-from numba.core.compiler import Flags, run_frontend
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
 from kaneflex import load, read_scene
-from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
 from kaneflex.integrate import fourier
 from kaneflex.mechanism.position_analysis import place
@@ -177,66 +172,6 @@ def test_parts_are_linked_once_by_what_encloses_them():
     assert len(list(part.library.get_defined_functions())) == 1
 
 
-def test_sizes_of_types_are_asked_once(monkeypatch):
-    context, asked = cpu_target.target_context, []
-    own = ir.Type.get_abi_size
-    monkeypatch.setattr(ir.Type, "get_abi_size", lambda self, data: asked.append(self) or own(self, data))
-    double = ir.DoubleType()
-    for kind, size in ((ir.ArrayType(double, 7919), 63352), (ir.LiteralStructType([double, ir.IntType(1)]), 16)):
-        for _ in range(2):
-            assert context.get_abi_sizeof(kind) == size
-    assert 1 <= len(asked) <= 2
-
-
-def test_implementations_are_read_where_some_are_new(monkeypatch):
-    context, read = cpu_target.target_context, []
-    own = type(context).load_additional_registries
-    context.refresh()
-    monkeypatch.setattr(type(context), "load_additional_registries", lambda self: read.append(self) or own(self))
-    context.refresh()
-    assert not read
-
-    def twice(x):
-        return x + x
-
-    numba.extending.overload(twice)(lambda x: lambda x: 2 * x)
-    assert numba.njit(lambda x: twice(x))(3) == 6
-    assert read
-
-
-def test_equal_flags_are_found_without_reading_each():
-    one, two = Flags(), Flags()
-    one.nrt, two.nrt = False, True
-    assert one == Flags() != two and hash(one) == hash(Flags())  # given as it is by default
-    one.nrt = True
-    with pytest.MonkeyPatch.context() as unread:
-        unread.setattr(Flags, "values", None)
-        assert one == two and hash(one) == hash(two)
-
-
-def test_variables_of_statements_are_those_that_numba_lists():
-    """Of assignments, calls with names, tuples, branches and stores, in their order."""
-
-    def own(value):
-        if isinstance(value, numba_ir.Var):
-            return [value]
-        if isinstance(value, numba_ir.Expr):
-            return own(value._kws)
-        if isinstance(value, dict | list | tuple):
-            return [each for part in (value.values() if isinstance(value, dict) else value) for each in own(part)]
-        return []
-
-    def told(x, out):
-        for k in range(len(x)):
-            out[k] = dict(a=(x[k], -x[k], k), b=sum([x[k]]))
-        return out if x[0] > 0 else x
-
-    found = [each for block in run_frontend(told).blocks.values() for each in block.body]
-    assert max(len(each.list_vars()) for each in found) == 4
-    for each in found:
-        assert each.list_vars() == own(vars(each)), each
-
-
 def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     """It uses that of its mechanism, though it has none of the contacts: a second one takes as long to compile."""
     scene = read_scene("slider-crank-clearance")
@@ -309,17 +244,3 @@ def test_functions_of_other_packages_are_read_as_numba_reads_them(monkeypatch):
         cache._py_func = SimpleNamespace(__module__=module)
         assert cache.load_overload("signature", cpu_target.target_context) == "signature"
         assert len(asked) == refreshes
-
-
-def test_variables_get_the_names_that_numba_gives_them():
-    """Rewriting only the blocks that mention a variable, in a kernel of many loops."""
-    spec = importlib.util.find_spec("numba.core.ssa")
-    plain = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(plain)
-    assert plain._run_block_rewrite is not ssa._run_block_rewrite
-
-    def blocks(ways):
-        found = ways.reconstruct_ssa(run_frontend(spatial_shapes.shaped_energy.py_func)).blocks
-        return {label: [str(statement) for statement in block.body] for label, block in found.items()}
-
-    assert blocks(ssa) == blocks(plain)

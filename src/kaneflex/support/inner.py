@@ -15,12 +15,30 @@ from functools import cache
 from typing import Any
 
 from numba.core import types
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.typed_passes import InlineOverloads, IRLegalization, NativeLowering
-from numba.core.untyped_passes import InlineClosureLikes
+from numba.core.typed_passes import NativeLowering
 
 from kaneflex.support import shipped_kernels
+
+
+class PartLibrary(JITCodeLibrary):
+    """LLVM code of one function alone; the function that encloses it links, optimises and compiles it."""
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+
+def _link_parts(library: Any, called: Any) -> None:
+    """Add to a library what it calls and, where that is a part, what the part calls.
+
+    LLVM skips what nothing calls yet, so callers come first. numba's own method links every part again in each caller.
+    """
+    called._ensure_finalized()
+    if called not in library._linking_libraries:
+        needed = dict.fromkeys([called, *(called._linking_libraries if isinstance(called, PartLibrary) else ())])
+        library._linking_libraries = [each for each in library._linking_libraries if each not in needed] + [*needed]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -33,25 +51,11 @@ class _Registered(LoweringPass):
         super().__init__()
 
     def run_pass(self, state) -> bool:
-        from kaneflex.support.numba_shortcuts import PartLibrary  # which a process that compiles nothing never needs
-
         state.library.__class__ = PartLibrary
         name = list[object]().append  # numba wants a builtin of its own for every function, and never calls it
         state["cr"] = state["cr"]._replace(cfunc=name)
         state.targetctx.insert_user_function(name, state["cr"].fndesc, [state.library])
         return True
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _Deletions(IRLegalization):
-    """Deletions of variables, only in functions with arrays: numba counts the references to these."""
-
-    _name = "deletions_where_counted"
-
-    def run_pass(self, state) -> bool:
-        models = state.targetctx.data_model_manager
-        counted = any(models[kind].contains_nrt_meminfo() for kind in state.typemap.values())
-        return counted and super().run_pass(state)
 
 
 class Inner(CompilerBase):
@@ -64,8 +68,6 @@ class Inner(CompilerBase):
         self.state.flags = self.state.flags.copy()
         self.state.flags.no_compile = True
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state, "inner")
-        passes.passes = [(_Deletions if each is IRLegalization else each, about) for each, about in passes.passes
-                         if each not in _NOT_NEEDED]  # fmt: skip
         passes.add_pass_after(_Registered, NativeLowering)
         passes.finalize()
         return [passes]
@@ -80,10 +82,6 @@ def once(dispatcher):
     of_types = dispatcher.get_call_template
     dispatcher.get_call_template = lambda args, kws: of_types(tuple(map(types.unliteral, args)), kws)
     return dispatcher
-
-
-_NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
-"""Compiler pass for nested functions, which are not used."""
 
 
 @cache
@@ -102,12 +100,11 @@ def prepare() -> None:
     from numba import types
     from numba.core.dispatcher import Dispatcher
 
-    from kaneflex.support import numba_shortcuts  # only here: reading compiled functions needs none of it
-
+    library: Any = JITCodeLibrary
+    library.add_linking_library = _link_parts
     function: Any = types.Function
     function.get_call_type = _remembering(function.get_call_type)
     _compile_parts_within_callers(Dispatcher)
-    numba_shortcuts.use()
 
 
 def _reading_only(load: Any) -> Any:
