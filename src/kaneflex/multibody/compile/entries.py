@@ -47,14 +47,13 @@ signatures: ``m`` is the mechanism, ``N`` the address of numbers, ``TABLE`` that
 _C_TYPES = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "boolean": ctypes.c_bool, "void": None}
 
 
-def entries_of(kind: Kind, integrates: bool = True) -> Mapping[str, str]:
+LIBRARIES = *((kind, True) for kind in Kind), (Kind.RIGID_SPACE, False)
+"""Kinds of mechanisms, and whether the library integrates: of prescribed motions only rigid bodies have their own."""
+
+
+def entries_of(kind: Kind, integrates: bool) -> Mapping[str, str]:
     """Functions of the library of a kind of mechanism, with their signatures."""
-    return PLANE if kind.d == 3 else SPACE if _integrated(kind, integrates) else PRESCRIBED
-
-
-def _integrated(kind: Kind, integrates: bool) -> bool:
-    """True for a library that integrates: of prescribed motions only those of rigid bodies have their own."""
-    return integrates or kind is not Kind.RIGID_SPACE
+    return PLANE if kind.d == 3 else SPACE if integrates else PRESCRIBED
 
 
 def sources() -> list[Path]:
@@ -84,13 +83,15 @@ def library(kind: Kind, integrates: bool = True) -> dict[str, Callable[..., Any]
     Libraries of mechanisms with contacts, impacts, holds, elastic bodies in space or discontinuous loads have more
     functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
     """
-    name = kind.name.lower() if _integrated(kind, integrates) else "prescribed"
-    addresses = c_addresses(name, kind, entries_of(kind, integrates), sources())
+    integrates = integrates or kind is not Kind.RIGID_SPACE
+    name, entries = kind.name.lower() if integrates else "prescribed", entries_of(kind, integrates)
+    addresses = c_addresses(name, kind, entries, sources())
     if not addresses:
         with compiling():
-            addresses = Kernel("multibody.compile.library", f"addresses_{name}", sources)()
+            number = (0,) * (1 + LIBRARIES.index((kind, integrates)))
+            addresses = Kernel("multibody.compile.library", "addresses", sources)(number)
     found: dict[str, Callable[..., Any]] = {}
-    for (function, signature), address in zip(entries_of(kind, integrates).items(), addresses, strict=True):
+    for (function, signature), address in zip(entries.items(), addresses, strict=True):
         returned, _, given = signature.partition("(")
         kinds: list[Any] = [_C_TYPES.get(each, ctypes.c_void_p) for each in given[:-1].split(", ")]
         found[function.rpartition(".")[2]] = ctypes.CFUNCTYPE(_C_TYPES[returned], *kinds)(address)

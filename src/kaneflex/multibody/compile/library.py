@@ -15,13 +15,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.types import FunctionType, UniTuple, int64
 
-from kaneflex.multibody.compile.entries import entries_of, sources
+from kaneflex.multibody.compile.entries import LIBRARIES, entries_of, sources
 from kaneflex.multibody.compile.mechanisms import HANDED, typed
 from kaneflex.multibody.compile.types import OUTER
-from kaneflex.multibody.model.layout import Kind
 from kaneflex.support.fingerprint import made_of
-
-_made_of_parts = made_of(*map(str, sources()))
 
 
 def entered(entries: Mapping[Any, Any]) -> Any:
@@ -29,86 +26,36 @@ def entered(entries: Mapping[Any, Any]) -> Any:
 
     @intrinsic
     def entered(typing):
-        def read(context, builder, sig, args):
-            found = []
-            for function, of in entries.items():
-                made = function.get_compile_result(of)
-                context.active_code_library.add_linking_library(made.library)
-                kind = context.get_value_type(FunctionType(of).ftype).pointee
-                wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
-                found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
-            return context.make_tuple(builder, sig.return_type, found)
-
-        return UniTuple(int64, len(entries))(), read
+        return _returned(entries)
 
     return entered
 
 
-def _of(kind: Kind, integrates: bool = True) -> Any:
-    return entered(typed(entries_of(kind, integrates), HANDED[kind]))
+def _returned(entries: Mapping[Any, Any], *given: Any) -> tuple[Any, Any]:
+    """Signature and code of such an intrinsic with arguments of these types."""
+
+    def read(context, builder, sig, args):
+        found = []
+        for function, of in entries.items():
+            made = function.get_compile_result(of)
+            context.active_code_library.add_linking_library(made.library)
+            kind = context.get_value_type(FunctionType(of).ftype).pointee
+            wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
+            found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
+        return context.make_tuple(builder, sig.return_type, found)
+
+    return UniTuple(int64, len(entries))(*given), read
 
 
-(
-    _plain, _contacts, _impacts, _holds, _space, _rigid_space, _switched_space, _contact_space, _hold_space,
-) = map(_of, Kind)  # fmt: skip
-_prescribed = _of(Kind.RIGID_SPACE, False)
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_plain():
-    return _plain()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_contacts():
-    return _contacts()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_impacts():
-    return _impacts()
+@intrinsic
+def _chosen(typing, number):
+    kind, integrates = LIBRARIES[number.count - 1]
+    return _returned(typed(entries_of(kind, integrates), HANDED[kind]), number)
 
 
 @njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_holds():
-    return _holds()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_space():
-    return _space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_rigid_space():
-    return _rigid_space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_switched_space():
-    return _switched_space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_contact_space():
-    return _contact_space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_hold_space():
-    return _hold_space()
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def addresses_prescribed():
-    return _prescribed()
+@made_of(*map(str, sources()))
+def addresses(number):
+    """Addresses of all entries of a library, whose number is the length of a tuple, as types choose what is compiled.
+    """
+    return _chosen(number)
