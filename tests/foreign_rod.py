@@ -60,28 +60,3 @@ def welded(K, M, rows: np.ndarray, count: int = 1) -> np.ndarray:
     held = csc_array(rows / np.linalg.norm(rows, axis=1)[:, None])
     squares = eigsh(csc_array(K) + 1e3 * abs(K).max() * (held.T @ held), count, csc_array(M), sigma=0.0)[0]
     return np.sqrt(np.sort(squares)) / (2.0 * np.pi)
-
-
-def of_mbdyn(path, numbers, nodes, shapes, stiffness, lumped=None):
-    """A file as MBDyn's input manual has it, all numbers of it; a node's rotations are zero."""
-    count = shapes.shape[1]
-    lines = ["** MBDyn MODAL DATA FILE", "** NODE SET \"ALL\"", "**", "** RECORD GROUP 1, HEADER"]
-    lines += ["**   REVISION.  NODE.  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES."]
-    lines += [f"REV0 {len(numbers)} {count} 0 0 0"]
-    lines += ["**", "** RECORD GROUP 2, FINITE ELEMENT NODE LIST"]
-    lines += [" ".join(map(str, part)) for part in np.array_split(numbers, len(numbers) // 6)]
-    for group, name in ((3, "DISPLACEMENTS"), (4, "VELOCITIES")):
-        lines += ["**", f"** RECORD GROUP {group}, INITIAL MODAL {name}", "0. " * count]
-    for k, axis in enumerate("XYZ"):
-        lines += ["**", f"** RECORD GROUP {5 + k}, NODAL {axis} COORDINATES", *(f"{x:.17E}" for x in nodes[:, k])]
-    lines += ["**", "** RECORD GROUP 8, MODE SHAPES"]
-    for k, shape in enumerate(shapes.T):
-        lines += [f"**    NORMAL MODE SHAPE #  {k + 1}"]
-        lines += [" ".join(f"{x:.17E}" for x in (*own, 0.0, 0.0, 0.0)) for own in shape.reshape(-1, 3)]
-    lines += ["**", "** RECORD GROUP 9, MODAL MASS MATRIX", *(" ".join(map(str, row)) for row in np.eye(count))]
-    lines += ["**", "** RECORD GROUP 10, MODAL STIFFNESS MATRIX"]
-    lines += [" ".join(f"{x:.17E}" for x in row) for row in stiffness]
-    if lumped is not None:
-        lines += ["**", "** RECORD GROUP 11, DIAGONAL OF LUMPED MASS MATRIX"]
-        lines += [f"{m:.17E} {m:.17E} {m:.17E} 0. 0. 0." for m in lumped]
-    Path(path).write_text("\n".join([*lines, "**"]) + "\n")

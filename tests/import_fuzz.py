@@ -16,10 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from foreign_rod import of_mbdyn
 from scene_fuzz import NUMBERS, broken, broken_text
 from scipy.io import mmwrite
-from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 
 from kaneflex.fem.foreign_data import foreign_data
@@ -65,20 +63,13 @@ def written(folder: Path) -> dict[str, tuple[str, str, str]]:
         )
         if find_spec("pyyeti"):
             _punched(folder / f"{name}.pch", "mk"[name == "stiffness"], matrix, numbers)
-    squares, shapes = eigh(K.toarray(), M.toarray())
-    few, kept = shapes[:, :40], squares[:40]
-    of_mbdyn(folder / "modes.fem", numbers, nodes, few, np.diag(kept), np.full(len(nodes), 0.002))
     found = {
         "market": ("mass.mtx", "stiffness.mtx", "nodes.txt"),
         "abaqus": ("mass-by-node.mtx", "stiffness-by-node.mtx", "nodes.inp"),
         "coordinate": ("mass-by-row.mtx", "stiffness-by-row.mtx", "nodes.txt"),
-        "mbdyn": ("modes.fem", "modes.fem", "modes.fem"),
     }
     if find_spec("pyyeti"):
         found["punch"] = ("mass.pch", "stiffness.pch", "nodes.txt")
-    if find_spec("pyuff"):
-        _universal(folder / "modes.unv", numbers, nodes, few, kept)
-        found["universal"] = ("mass.mtx", "modes.unv", "modes.unv")
     return found
 
 
@@ -88,21 +79,6 @@ def _punched(file: Path, name: str, matrix: csc_array, numbers: np.ndarray) -> N
 
     index = pd.MultiIndex.from_product([numbers, [1, 2, 3]], names=["id", "dof"])
     nastran.wtdmig(str(file), {f"{name}aax": pd.DataFrame(matrix.toarray(), index=index, columns=index)})
-
-
-def _universal(file: Path, numbers: np.ndarray, nodes: np.ndarray, shapes: np.ndarray, squares: np.ndarray) -> None:
-    import pyuff
-
-    writer, one = pyuff.UFF(str(file)), np.ones(len(numbers), int)
-    writer.write_sets({"type": 2411, "node_nums": numbers, "def_cs": one, "disp_cs": one, "color": one,
-                       **dict(zip("xyz", nodes.T, strict=True))}, "overwrite")  # fmt: skip
-    for k, (square, mode) in enumerate(zip(squares, shapes.T, strict=True)):
-        u, v, w = mode.reshape(-1, 3).T
-        writer.write_sets(pyuff.prepare_55(
-            id1="a", id2="a", id3="a", id4="a", id5="a", model_type=1, analysis_type=2, data_ch=2, spec_data_type=8,
-            data_type=2, n_data_per_node=3, r1=u, r2=v, r3=w, node_nums=numbers, load_case=1, mode_n=k + 1,
-            modal_m=1.0, freq=np.sqrt(max(square, 0.0)) / (2 * np.pi), modal_damp_vis=0.0, modal_damp_his=0.0,
-        ), "add")  # fmt: skip
 
 
 def _changed(text: str, pick: random.Random) -> bytes:
@@ -144,7 +120,7 @@ class Mutants:
         files = self.formats[form]
         self.changed = pick.choice([*files, *files, "start.txt", "end.txt"])
         (self.folder / self.changed).write_bytes(_changed(self.texts[self.changed], pick))
-        rigid = pick.random() < 0.5 and form not in ("mbdyn", "universal")
+        rigid = pick.random() < 0.5
         return form, tuple(str(self.folder / name) for name in files), pick.random() < 0.3, rigid
 
 

@@ -13,7 +13,7 @@ from places import DATA, ROOT
 
 HERE = ROOT
 PROJECT = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-USERS = ("tables", "peer", "cluster", "nastran", "uff", "vtk")
+USERS = ("tables", "peer", "cluster", "nastran", "vtk")
 """Extras for users; the others are for building, testing and measuring kaneflex."""
 IMPORTED = {"distributed": "dask"}
 WITHOUT = """
@@ -81,7 +81,6 @@ parameters = {"solve.steps" = [90, 91]}
 def test_a_missing_package_is_named_with_the_command_that_brings_it(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "k.op4").write_text("")
-    (tmp_path / "modes.unv").write_text("")
     said = without_extras(tmp_path, """
 import kaneflex as k
 

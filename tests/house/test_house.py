@@ -108,7 +108,7 @@ def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     used -= {*sys.stdlib_module_names, "kaneflex"}
     extras = PYPROJECT["project"]["optional-dependencies"]
     entries = [*PYPROJECT["project"]["dependencies"]]
-    imported = ("tables", "cluster", "vtk", "nastran", "uff")
+    imported = ("tables", "cluster", "vtk", "nastran")
     entries += [entry for extra in imported for entry in extras[extra]]
     declared = {re.split(r"[^\w-]", entry)[0].replace("-", "_") for entry in entries}
     brought = {"PIL": "pillow", "mpl_toolkits": "matplotlib", "pydantic_core": "pydantic"}

@@ -78,9 +78,7 @@ def import_link(
     MASS and STIFFNESS are matrices of the free body: two or three translations of each node, with --space also
     rotations. Formats are Matrix Market, Abaqus .mtx, CalculiX .mas and .sti, Nastran .op4 and .pch (pip install
     "kaneflex[nastran]"). NODES is a text file with the number and the coordinates of each node, or an input file of
-    Abaqus or CalculiX (.inp). With --coupling averaged a file of modes can replace both STIFFNESS and NODES: MBDyn's
-    .fem or a universal file (.unv, .uff; pip install "kaneflex[uff]"); a .fem with lumped masses can also be MASS. Use
-    the written file as modal_data of a body under preset coupled.
+    Abaqus or CalculiX (.inp). Use the written file as modal_data of a body under preset coupled.
 
     \b
       kaneflex import rod.mas rod.sti rod.inp --point start=bore.txt --point end=pin.txt -o rod.npz

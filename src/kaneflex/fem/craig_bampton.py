@@ -53,9 +53,8 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     B = np.vstack([link.held(name, motion) for name in link.points]) @ T
     count, held = K.shape[0], len(B)
     if modes > count - held - (count > _FEW):
-        cure = "Ask for fewer, or give a finer mesh" if link.span is None else "Ask for fewer, or give more modes"
         kind = "" if motion == "any" else f"{motion} "
-        raise Fault(f"{modes} {kind}modes of {count - held} held coordinates", cure)
+        raise Fault(f"{modes} {kind}modes of {count - held} held coordinates", "Ask for fewer, or give a finer mesh")
     scale = abs(K).max()
     try:
         factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))

@@ -6,8 +6,6 @@ motions separate into axial (u even and v odd in Y) and transverse ones (u odd a
 Deviations of the matrices from the symmetry are averaged, which is a Ritz approximation like the mesh itself.
 
 In space a body may have any form: all its motions are one kind.
-
-If only modes are known, displacements are those of the modes and of the link as a rigid body.
 """
 
 from __future__ import annotations
@@ -44,22 +42,6 @@ Motion = Literal["axial", "transverse", "any"]
 
 
 @dataclass(frozen=True, eq=False)
-class Projected:
-    """Stiffness [N/m] of the part of a displacement that lies in the span of some modes.
-
-    ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes);
-    ``normal``: whether they are normal modes, none of them a static shape.
-    """
-
-    onto: np.ndarray
-    stiffness: np.ndarray
-    normal: bool = False
-
-    def __matmul__(self, displacements):
-        return self.onto.T @ (self.stiffness @ (self.onto @ displacements))
-
-
-@dataclass(frozen=True, eq=False)
 class Stresses:
     """Stresses at ``places`` [Pa] by displacements: ``matrix`` (6 n_places, n_nodes d), or 3 n_places where d is two.
     """
@@ -76,16 +58,13 @@ class Foreign:
     Attributes
     ----------
     M, K : csc_array (n_nodes d, n_nodes d)
-        Mass [kg] and stiffness [N/m], d motions per node: two or three translations, or three and three rotations; the
-        latter :class:`Projected` where only modes are known.
+        Mass [kg] and stiffness [N/m], d motions per node: two or three translations, or three and three rotations.
     nodes : ndarray (n_nodes, 2 or 3)
         Places from the start [m].
     points : mapping of str
         Name of each point -> the nodes that belong to it; `start` and `end` are among them.
     spatial : bool
         True if it moves in space.
-    span : ndarray (n_nodes d, m) or None
-        Displacements that all others are sums of, where modes are all there is.
     turn : ndarray (3, 3)
         The link's axes in those of the files, one a row.
     sections : mapping of str
@@ -95,11 +74,10 @@ class Foreign:
     """
 
     M: csc_array
-    K: csc_array | Projected
+    K: csc_array
     nodes: np.ndarray
     points: Mapping[str, np.ndarray]
     spatial: bool = False
-    span: np.ndarray | None = None
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
     sections: Mapping[str, float] = field(default_factory=dict)
     stresses: Stresses | None = None
@@ -119,7 +97,6 @@ class Foreign:
         """Flags of nodes with rotations about all axes, (n_nodes,): nodes of solid elements have none."""
         if self.motions < TURNS:
             return np.zeros(len(self.nodes), bool)
-        assert not isinstance(self.K, Projected)  # whose nodes have translations alone
         return np.asarray((self.K.diagonal().reshape(-1, TURNS)[:, 3:] > 0.0).all(axis=1))
 
     def _still(self, *several: int) -> np.ndarray:
@@ -217,11 +194,6 @@ class Foreign:
 
     def basis(self, motion: Motion, rigid: bool) -> csc_array:
         """Orthogonal displacements of that symmetry, (n_nodes d, m); ``rigid``: nodes of a point form a rigid body."""
-        if self.span is not None:
-            if rigid:
-                raise Fault("modes do not give rigid motion of the nodes of a point",
-                            "Use --coupling averaged")  # fmt: skip
-            return self._spanned(motion)
         found = self._moving() if motion == "any" else self._symmetric(motion)
         if not rigid:
             return found
@@ -241,19 +213,8 @@ class Foreign:
 
     def _moving(self) -> csc_array:
         """Rows with stiffness: nodes of solid elements have no rotations."""
-        assert not isinstance(self.K, Projected)  # whose motions are spanned
         there = np.asarray(abs(self.K).sum(axis=0)).ravel() > 0.0
         return csc_array(eye_array(len(there), format="csc")[:, np.flatnonzero(there)])
-
-    def _spanned(self, motion: Motion) -> csc_array:
-        """Part of the span of the modes with that symmetry."""
-        assert self.span is not None  # or there is no need to ask
-        whole = self.span.reshape(len(self.nodes), self.axes, -1)
-        for mirror, own in ((1, 0), (2, 1))[: 0 if motion == "any" else self.axes - 1]:
-            signs = np.array([of[own] for of in _PARITY[motion]])[: self.axes]
-            whole = 0.5 * (whole + signs[:, None] * whole[self._mirrored(mirror)])
-        found, sizes, _ = np.linalg.svd(whole.reshape(len(self.nodes) * self.axes, -1), full_matrices=False)
-        return csc_array(found[:, sizes > ALIKE * sizes[0]])
 
     def _symmetric(self, motion: Motion) -> csc_array:
         signs, count, d = _PARITY[motion], len(self.nodes), self.axes

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
-from kaneflex.fem.foreign import ALIKE, OPPOSITE, TURNS, Foreign, Projected
+from kaneflex.fem.foreign import OPPOSITE, TURNS, Foreign
 from kaneflex.fem.matrices import read_lines, read_matrix, read_table
-from kaneflex.fem.modal_files import Modes, has_modes, read_modes
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import plain_number
 
@@ -33,11 +32,10 @@ def read_foreign(
     Parameters
     ----------
     mass, stiffness : str
-        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one. The latter may be one of modes, see
-        :mod:`kaneflex.fem.modal_files`.
+        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one.
     nodes : str
-        A text file with a line for each node: its number, then its coordinates; an input of Abaqus or CalculiX
-        (``.inp``); or a file of modes.
+        A text file with a line for each node: its number, then its coordinates; or an input of Abaqus or CalculiX
+        (``.inp``).
     points : mapping of str
         Name of a point -> a text file of the numbers of its nodes; ``start`` and ``end`` are needed.
     units : pair of float
@@ -59,30 +57,24 @@ def read_foreign(
     for name in (*points, *(sections or {})):
         check_name(name)
     numbers, at = _nodes(nodes)
-    modes = read_modes(stiffness) if has_modes(stiffness) else None
-    turning = spatial and modes is None
-    M = read_matrix(mass, numbers, "m", turning) * weight
+    M = read_matrix(mass, numbers, "m", spatial) * weight
     _check_masses(M, mass, numbers)
-    K = None if modes is not None else read_matrix(stiffness, numbers, "k", turning) * weight
+    K = read_matrix(stiffness, numbers, "k", spatial) * weight
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
     _check_points(chosen, numbers)
     place, turn = _frame(length * at, chosen, np.array(normal, float), spatial)
     d = M.shape[0] // len(at)
     if spatial and d < 3:
         raise Fault(f"{mass} has two translations of each node", "Mesh the body in space, or leave --space out")
-    if K is not None and K.shape != M.shape:  # lumped masses needn't resist turns, nor all elements bend
+    if K.shape != M.shape:  # lumped masses needn't resist turns, nor all elements bend
         d, M, K = TURNS, _with_turns(M, len(at)), _with_turns(K, len(at))
     each = turn[:d, :d] if d < TURNS else block_diag(turn, length * turn)  # moments and turns beside forces and ways
     turned, place = csc_array(kron(eye_array(len(at)), each)), place[:, : min(d, 3)]
-    M = csc_array(turned @ M @ turned.T)
-    link = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial, turn=turn)
+    M, K = (csc_array(turned @ each @ turned.T) for each in (M, K))
+    link = Foreign(M, K, place, chosen, spatial, turn)
     link = replace(link, sections=_sections(link, sections or {}, length))
-    if modes is not None:
-        found = _of_modes(link, modes, stiffness, numbers, turned)
-    else:
-        found = replace(link, K=csc_array(turned @ K @ turned.T))
-    _check(found, mass, stiffness)
-    return found
+    _check(link, mass, stiffness)
+    return link
 
 
 def _check_masses(M: csc_array, path: str, numbers: np.ndarray) -> None:
@@ -132,26 +124,8 @@ def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[
     return found if "mid" in link.points or "mid" in found else {"mid": link.length / 2} | found
 
 
-def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turned: csc_array) -> Foreign:
-    """A link with the stiffness of its modes, which are in the axes and the order of their file."""
-    rows = {int(number): row for row, number in enumerate(modes.numbers)}
-    absent = [number for number in numbers.tolist() if number not in rows]
-    if absent:
-        raise Fault(f"{path} has no motion of node {absent[0]}", "Give the modes of all nodes")
-    order = [rows[number] for number in numbers.tolist()]
-    own = replace(modes, numbers=numbers, shapes=modes.shapes[order])
-    stiffness = own.stiffness_by(turned.T @ link.M @ turned)
-    whole = list(link.whole.values())
-    span = np.column_stack([*whole, turned @ own.translations(link.axes)])
-    onto = np.linalg.pinv(span.T @ link.M @ span, rcond=ALIKE**2, hermitian=True) @ (link.M @ span).T
-    return replace(link, K=Projected(onto[len(whole) :], stiffness, modes.omega is not None), span=span)
-
-
 def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     """Numbers and coordinates (n_nodes, 3) of the nodes."""
-    if has_modes(path):
-        modes = read_modes(path)
-        return modes.numbers, modes.nodes
     table = _input_nodes(path) if Path(path).suffix.lower() == ".inp" else read_table(path)
     if table.shape[1] not in (3, 4):
         raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
@@ -233,8 +207,6 @@ def _check(found: Foreign, mass: str, stiffness: str) -> None:
     total = along @ found.M @ along
     if not total > _NONE * abs(found.M).sum():  # a stiffness matrix has no forces in rigid motions
         raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give the mass first, then the stiffness")
-    if isinstance(found.K, Projected):  # which motions of the whole link are no part of
-        return
     stretched = found.field(found.nodes[:, 0], 0.0)
     if not stretched @ (found.K @ stretched) > 0.0:
         raise Fault(f"{stiffness} does not resist a stretch of the link", "Give the stiffness with a positive sign")

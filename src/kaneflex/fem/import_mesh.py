@@ -75,7 +75,7 @@ def import_mesh(
     Warns
     -----
     ValidityWarning
-        Doubtful units, and flexibility that modes lack.
+        Doubtful units.
 
     Raises
     ------
@@ -83,19 +83,14 @@ def import_mesh(
         It names the file and what is wrong with it.
     """
     from kaneflex.fem.foreign_data import foreign_data
-    from kaneflex.fem.missing_flexibility import missing_flexibility
 
     with told("import", None):
         if coupling not in ("rigid", "averaged"):
             raise Fault(f"{coupling!r} is not a coupling", "Choose 'rigid' or 'averaged'")
         link = _link((mass, stiffness, nodes), points, options)
         data = foreign_data(link, modes, coupling == "rigid", damping)
-        missing = missing_flexibility(link)
-    doubts = [f"{doubt}. Check the units of the files: --units gives them" for doubt in link.doubts]
-    if missing is not None:
-        doubts.insert(0, f"{missing}. Give the stiffness matrix, more modes, or modes with attachment modes")
-    for doubt in doubts:
-        warnings.warn(f"{doubt}.", ValidityWarning, stacklevel=3)  # beyond the check of arguments
+    for doubt in link.doubts:  # stacklevel: beyond the check of arguments
+        warnings.warn(f"{doubt}. Check the units of the files: --units gives them.", ValidityWarning, stacklevel=3)
     return data
 
 

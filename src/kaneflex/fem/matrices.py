@@ -22,7 +22,6 @@ import numpy as np
 from scipy.io import mminfo
 from scipy.sparse import coo_array, csc_array, diags_array
 
-from kaneflex.fem.modal_files import has_modes, read_modes
 from kaneflex.support import machine
 from kaneflex.support.errors import Fault, installed
 from kaneflex.support.files import check_file
@@ -112,8 +111,6 @@ def _reader(path: str) -> Callable[[str, np.ndarray, str], tuple[csc_array, Labe
     by_ending = {".op4": _output4, ".pch": _punched, ".sti": _calculix, ".mas": _calculix}
     if (ending := Path(path).suffix.lower()) in by_ending:
         return by_ending[ending]
-    if has_modes(path):
-        return _lumped
     with Path(path).open("rb") as file:
         return _matrix_market if file.read(2) == b"%%" else _abaqus
 
@@ -219,14 +216,6 @@ def _calculix(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, La
         raise Fault(f"{path} and {names} do not fit together", "Give the files of one run of CalculiX")
     at = table[:, :2].astype(np.int64) - 1
     return _halved(at[:, 0], at[:, 1], table[:, 2], len(rows)), (rows[:, 0], rows[:, 1])
-
-
-def _lumped(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
-    found = read_modes(path)
-    if found.lumped is None:
-        cure = "Give a file of the mass matrix, or of MBDyn with record group 11"
-        raise Fault(f"{path} contains modes and no mass of its nodes", cure)
-    return csc_array(diags_array(found.lumped.ravel())), _one_after_the_other(found.numbers, _DIRECTIONS)
 
 
 def _output4(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
-from kaneflex.fem.foreign import TURNS, Foreign, Projected, Stresses
+from kaneflex.fem.foreign import TURNS, Foreign, Stresses
 from kaneflex.fem.foreign_files import check_name
 from kaneflex.fem.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
@@ -28,15 +28,12 @@ _AT = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in STRESSES[6
 
 
 def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalData:
-    """Data of a link with section forces and stresses, for the shapes (n_nodes d, n) of the data.
-
-    If the stiffness is given by modes only, section forces are not available.
-    """
+    """Data of a link with section forces and stresses, for the shapes (n_nodes d, n) of the data."""
     stresses = link.stresses
     if stresses is not None:
         rows = (stresses.matrix @ shapes).reshape(len(stresses.places), -1, shapes.shape[1])
         data = replace(data, stresses=Recovery(stresses.places, rows))
-    if isinstance(link.K, Projected) or not link.sections:  # modes say little of what stands between two sections
+    if not link.sections:
         return data
     pushed = (link.K @ shapes).reshape(len(link.nodes), link.motions, -1)
     nodes, forces = padded(link.nodes, range(link.axes), 3), padded(pushed, range(link.motions), max(3, link.motions))
