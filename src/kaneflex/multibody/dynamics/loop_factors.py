@@ -135,6 +135,7 @@ def solve_closed(m, A, pivots):
         for r in range(count):
             A[x + r] = factors.missing(m, A, r, opening(m, t, r))
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
+        factors.leave_out_idle(m, A, count, pivots)
         for r in range(count):
             for i in range(n):
                 A[answer + i] += A[column(m, r) + i] * A[x + r]

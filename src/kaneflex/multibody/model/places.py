@@ -70,7 +70,7 @@ def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarr
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
         at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.REACTION: rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
+        at.SCHUR: rows**2, at.REACTION: 2 * rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
         at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * c.in_space,
         at.GIVEN_REACTION: c.reactions * c.in_space,
     })  # fmt: skip

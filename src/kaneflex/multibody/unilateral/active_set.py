@@ -22,12 +22,12 @@ from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import mend
-from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed
 from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
 from kaneflex.multibody.model.layout import (
-    ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COLUMNS, COORDINATES, DUE, FLIGHT, GAP,
-    GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
+    ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COORDINATES, DUE, FLIGHT, GAP,
+    GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
     MOST_IMPACTS, NODES, OPEN, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS,
     TOUCH, VIRTUAL, WORKS, YIELDING,
 )  # fmt: skip
@@ -37,7 +37,7 @@ from kaneflex.multibody.unilateral.relative_rows import extent, meet, near, plac
 from kaneflex.multibody.unilateral.rows import (
     EPS, ROUNDING, act_of, argument, at, contacts, depth_of, law_at, product, rigid, switches,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.step_rows import along
+from kaneflex.multibody.unilateral.step_rows import along, respond
 
 CLOSES, LETS_GO, PUSHES, OPENS, HARDENS, SHIFTS = range(1, 7)
 """Changes of a contact; SHIFTS: change of a friction."""
@@ -187,12 +187,9 @@ def _close(m, n, t, A, lost):
     """Close a contact; returns the time [s] in which it reaches its depth at its approach speed."""
     apart()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
-    k, own, g, answer = at(m, n), law_at(m, n), along(m, n), plan[COLUMNS] + size * plan[KEPT]
+    k, own, g = at(m, n), law_at(m, n), along(m, n)
     pressing = larger(-product(w, g, m.du, size), 0.0)
-    for i in range(size):
-        A[answer + i] = w[g + i]
-    solve_closed(m, A, plan[PIVOTS])
-    mass = 1.0 / larger(product(w, g, shifted(A, answer), size), 1e-200)
+    mass = 1.0 / larger(product(w, g, shifted(A, respond(m, n, A)), size), 1e-200)
     stiffness, exponent = w[own + 3], w[own + 4]
     least = (mass * pressing / stiffness) ** (1.0 / exponent)
     least = larger(larger(least, _LEAST * extent(m, n)), -w[k + GAP])

@@ -14,12 +14,13 @@ from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.compile.values import by_size, width
+from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     ACROSS, ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE,
-    MODE_SIZE, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL,
-    VISCOUS, WANTED, WHAT, YIELDING,
+    MODE_SIZE, REACTION, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN,
+    VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
@@ -30,10 +31,6 @@ from kaneflex.multibody.unilateral.rows import (
 
 _SOFT = 1e-9
 """Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
-_SOFT_PLANE = 1e-3
-"""The same of both rows in a tangent plane: rounding errors where the mechanism can't move are divided by it."""
-_IMMOBILE = 1e-12
-"""Response of one of these rows, as a share of the other one's, that is rounding."""
 _SOFTEST = 1e3
 """Factor on it at a small force limit."""
 
@@ -145,18 +142,41 @@ def compliance(m, n, h, r, size, A, largest):
     """Compliance of row n in the factors, their r-th of ``size``; ``largest``: see :func:`largest_limit`.
 
     Almost zero for sticking friction, and without effect after iterative refinement. For redundant rows it determines
-    the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions: where
-    the mechanism can't move, there is no force.
+    the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions.
     """
-    k, own, soft, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], _SOFT, m.plan[SCHUR]
+    k, own, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], m.plan[SCHUR]
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
     for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
         if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
-            soft = _SOFT_PLANE if abs(own) > _IMMOBILE * abs(A[diagonal + (size + 1) * q]) else 1.0 / _SOFT_PLANE
             own += A[diagonal + (size + 1) * q]
     share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
-    return soft * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
+    soft = _SOFT * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
+    A[m.plan[WANTED] + frictions(m) - 1 - n] = soft
+    return soft
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def leave_out_idle(m, A, size, pivots):
+    """Remove forces of sticking rows that move nothing from the reactions of ``size`` rows: rounding errors, divided by
+    the compliance.
+
+    A second solution for the displacements of this compliance contains nearly the same idle forces, and of others a
+    small share only, which iterative refinement restores.
+    """
+    apart()
+    plan, x, stuck = m.plan, m.plan[REACTION], False
+    y = x + size
+    for r in range(size):
+        n, A[y + r] = row_in(m, r) if r >= plan[KEPT] + plan[VIRTUAL] else 0, 0.0 * A[x + r]
+        if n < 0 and m.w[at(m, n) + MODE] == STICKING:
+            A[y + r], stuck = A[plan[WANTED] + frictions(m) - 1 - n] * A[x + r], True
+    if not stuck:
+        return
+    dense_lu.substitute(A, plan[SCHUR], size, m.pivots, pivots, y)
+    for r in range(size):
+        A[x + r] -= A[y + r]
 
 
 @of_holds(False)

@@ -16,7 +16,7 @@ from kaneflex.multibody.dynamics.algebra import (
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, AT, BENDING, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL,
+    ACROSS, ALONG, AT, BENDING, DUE, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL,
     OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIP_RATE, SLIPPING, STICKING, STORED, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
@@ -199,9 +199,11 @@ def _rub(m, n, N):
     Beyond zero of its first component the force goes on without reversal, as that of one row.
     """
     w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second(m, n))
-    v, beside = w[k + SLIP], w[other + SLIP]
-    share = laws.dry(w, j, N, magnitude(m, n, SLIP)) / sliding_size(m, n)
-    m.multipliers[row_at(m, n)] = -share * (abs(v) + SLOWEST * extent(m, n)) - w[j + VISCOUS_AT] * v
+    v, beside, least = w[k + SLIP], w[other + SLIP], SLOWEST * extent(m, n)
+    if w[k + DUE] < 0.0:  # both are rounding
+        v = beside = 0.0
+    share = laws.dry(w, j, N, math.hypot(v, beside)) / math.hypot(abs(v) + least, beside)
+    m.multipliers[row_at(m, n)] = -share * (abs(v) + least) - w[j + VISCOUS_AT] * v
     w[other + FORCE] = -share * (beside if v >= 0.0 else -beside) - w[j + VISCOUS_AT] * beside
     m.multipliers[row_at(m, second(m, n))] = w[other + FORCE]
 

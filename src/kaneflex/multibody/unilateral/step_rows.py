@@ -16,14 +16,15 @@ from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
+from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE, HOLDS,
-    JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
+    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE,
+    HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
     STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import memory_place, presses, row_in, rows_of_step
+from kaneflex.multibody.unilateral.factors import memory_place, presses, prescribe_nothing, row_in, rows_of_step
 from kaneflex.multibody.unilateral.frictions import size_of
 from kaneflex.multibody.unilateral.relative_rows import extent, meet
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
@@ -58,6 +59,19 @@ def along(m, n):
     out = derivatives(m, n)
     leave_out(m, out)
     return out
+
+
+@njit(**OPTIONS)
+def respond(m, n, A):
+    """Response of the coordinates to a unit force along a row, by the factors of this instant; returns its place."""
+    apart()
+    plan, g = m.plan, along(m, n)
+    answer = plan[COLUMNS] + plan[COORDINATES] * plan[KEPT]
+    for i in range(plan[COORDINATES]):
+        A[answer + i] = m.w[g + i]
+    prescribe_nothing(m, A)
+    solve_closed(m, A, plan[PIVOTS])
+    return answer
 
 
 @of_contacts(None)

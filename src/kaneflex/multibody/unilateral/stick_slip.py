@@ -14,11 +14,12 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.algebra import absolute, linear_size
 from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.dynamics.tree import assemble
-from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
+from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger, shifted
 from kaneflex.multibody.model.layout import (
     ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
     LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
@@ -29,9 +30,10 @@ from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
 from kaneflex.multibody.unilateral.relative_rows import extent
+from kaneflex.multibody.unilateral.step_rows import along, respond
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, row_at,
-    second, way,
+    EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, product,
+    row_at, second, way,
 )  # fmt: skip
 
 _CLOSE = 1e-11
@@ -44,6 +46,10 @@ STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
 _TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
+_IMMOBILE = 1e-13
+"""Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
+_DIRECTIONS = 50
+"""Changes of a mode, or of its direction of slip, for each friction without speed in space."""
 _CANDIDATES = 6
 """Largest number of frictions without speed of which all combinations are tried."""
 _SETTLED = 40
@@ -187,7 +193,7 @@ def decide(m, t, A):
             return 1
     if free and _share(m, t, A) == 1:
         return 1
-    for _ in range(4 * free + 4):
+    for _ in range((_DIRECTIONS if width(m) == 6 else 4) * (free + 1)):
         settled = settle(m, t, A)
         if settled == 1:
             return 1
@@ -196,8 +202,11 @@ def decide(m, t, A):
             if settled == 0:
                 return _end_decision(m)
             break
-        if w[at(m, n) + MODE] == STICKING:
-            slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
+        if second(m, n):
+            if not _stick_or_slip(m, n, t, A):
+                return 1
+        elif w[at(m, n) + MODE] == STICKING:
+            slip(m, n, -w[at(m, n) + FORCE], 0.0)
         else:
             stick(m, n)
     if free > _CANDIDATES:
@@ -219,6 +228,42 @@ def decide(m, t, A):
         if settled == 0 and _least_consistent(m) == 0:
             return _end_decision(m)
     return 2
+
+
+@njit(**OPTIONS)
+def _stick_or_slip(m, n, t, A):
+    """Let a friction in a tangent plane stick, or slip in the direction in which it then accelerates; False: singular.
+
+    With the response W of its rows and the force f, a vector of the size of the limit, the acceleration a + W f is
+    -s f, s >= 0: the size of f = -(W + s)^-1 a falls with s. If f without s is within the limit, it sticks.
+    """
+    apart()
+    k, other, size = at(m, n), second(m, n), m.plan[COORDINATES]
+    w, limit, s = m.w, m.w[k + LIMIT], 0.0
+    if w[k + MODE] == STICKING:
+        slip(m, n, -w[k + FORCE], -across(m, n, FORCE))
+    if not mend(m, t, A, 1):
+        return False
+    exert(m)
+    one, f, g = shifted(A, respond(m, n, A)), w[k + FORCE], w[at(m, other) + FORCE]
+    w_11, w_12 = product(w, along(m, n), one, size), product(w, along(m, other), one, size)
+    w_22 = product(w, along(m, other), shifted(A, respond(m, other, A)), size)
+    a, b = w[k + SLIP_RATE] - w_11 * f - w_12 * g, w[at(m, other) + SLIP_RATE] - w_12 * f - w_22 * g
+    s = least = _IMMOBILE * (w_11 + w_22) + 1e-300
+    for _ in range(_SETTLED):
+        determinant = (w_11 + s) * (w_22 + s) - w_12 * w_12
+        f, g = (w_12 * b - (w_22 + s) * a) / determinant, (w_12 * a - (w_11 + s) * b) / determinant
+        force = math.hypot(f, g)
+        if not force > (1.0 + _CLOSE) * limit + no_force(m, n):
+            break
+        # Newton's method for the inverse of its size
+        slope = ((w_22 + s) * f * f - 2.0 * w_12 * f * g + (w_11 + s) * g * g) / determinant
+        s += (force / larger(limit, _SHORT * force) - 1.0) * force * force / slope
+    if s == least:
+        stick(m, n)
+    else:
+        slip(m, n, -f, -g)
+    return True
 
 
 @njit(**OPTIONS)
@@ -337,7 +382,7 @@ def _least_consistent(m):
             off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
             unsure = _SHORT / _WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
-            off = -way(m, n) * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
+            off = (abs(across(m, n, SLIP_RATE)) - way(m, n) * w[k + SLIP_RATE]) / (unsure * no_rate(m, n))
         if off > larger(worst, 1.0):
             worst, found = off, n
     return found
