@@ -316,5 +316,5 @@ def test_a_first_run_compiles_the_motion_and_the_steps_once_and_nothing_else(tmp
     compiled = sorted(path.name.partition("-")[0] for path in (tmp_path / "cache").rglob("*.nbc"))
     assert compiled == [
         "beam_euler_bernoulli.element_matrices", "corrections.corrected", "engine.tabulate",
-        "instants.eighths", "instants.equations", "instants.mean_products", "kernels.multiply_rows",
+        "instants.eighths", "instants.equations", "instants.mean_products",
     ]  # fmt: skip

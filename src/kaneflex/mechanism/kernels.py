@@ -91,30 +91,24 @@ class Parameters(NamedTuple):
 
 
 @part
-def _multiply(scalars, row, pattern, begin, count, monomials):
-    """Monomials of a row of scalars; ``pattern`` holds, from ``begin`` on, the end of each, then its scalars."""
+def _multiply(scalars, pattern, begin, count, monomials):
+    """Monomials of the scalars; ``pattern`` holds, from ``begin`` on, the end of each, then its scalars."""
     first = begin + count
     place = first
     for k in range(count):
         end = first + pattern[begin + k]
         product = 1.0
         while place < end:
-            product *= scalars[row, pattern[place]]
+            product *= scalars[pattern[place]]
             place += _ONE
-        monomials[row, k] = product
-
-
-@compiled
-def multiply_rows(scalars, pattern, monomials):
-    for row in range(np.uint64(monomials.shape[0])):
-        _multiply(scalars, row, pattern, _ZERO, np.uint64(monomials.shape[1]), monomials)
+        monomials[k] = product
 
 
 @part
 def _scalars(t, p):
-    """Scalars of the motion at time t, one row of a table. Monomials contain none that is zero by structure."""
-    scalars = np.empty((1, p.pattern[_ZERO]))
-    p.motion(t, p.numbers, scalars[0])
+    """Scalars of the motion at time t. Monomials contain none that is zero by structure."""
+    scalars = np.empty(p.pattern[_ZERO])
+    p.motion(t, p.numbers, scalars)
     return scalars
 
 
@@ -124,7 +118,7 @@ def _sum(p, scalars, which, monomials, out):
     pattern, coefficients = p.pattern, p.coefficients
     head = _TWO + np.uint64(_HEAD) * which
     begin, first = pattern[head + _THREE], pattern[head + _FOUR]
-    _multiply(scalars, _ZERO, pattern, begin, pattern[head], monomials)
+    _multiply(scalars, pattern, begin, pattern[head], monomials)
     count = pattern[head + _TWO]
     slots = begin + pattern[head] + pattern[head + _ONE]
     ends = slots + count
@@ -135,7 +129,7 @@ def _sum(p, scalars, which, monomials, out):
         end = pattern[ends + slot]
         total = 0.0
         while k < end:
-            total += coefficients[first + k] * monomials[_ZERO, pattern[terms + k]]
+            total += coefficients[first + k] * monomials[pattern[terms + k]]
             k += _ONE
         out[pattern[slots + slot]] = total
 
@@ -143,7 +137,7 @@ def _sum(p, scalars, which, monomials, out):
 @compiled
 def evaluate(t, p, which, out):
     """Sum with an index in SUMS at time t [s], as a flat array."""
-    _sum(p, _scalars(t, p), which, np.empty((1, p.pattern[_ONE])), out)
+    _sum(p, _scalars(t, p), which, np.empty(p.pattern[_ONE]), out)
 
 
 def _kernel(name: str, about: str) -> Any:
@@ -163,7 +157,7 @@ M, C, K, K_s, K_d, K_c, K_g, F, positions, inverse_dynamics = (_kernel(*each) fo
 @compiled
 def equations(t, p, M, C, K, F):
     """M, C, K, all (n, n), and F (n,) of M z'' + C z' + K z = F at time t [s], from one evaluation of the motion."""
-    s, monomials = _scalars(t, p), np.empty((1, p.pattern[_ONE]))
+    s, monomials = _scalars(t, p), np.empty(p.pattern[_ONE])
     _sum(p, s, _M, monomials, M.reshape(M.size))
     _sum(p, s, _C, monomials, C.reshape(C.size))
     _sum(p, s, _K, monomials, K.reshape(K.size))
