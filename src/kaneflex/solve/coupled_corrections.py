@@ -30,8 +30,8 @@ _ORDER, _LEAST = 3, 1e-13
 """Power of their steps' length with which the tolerance of richer runs changes, and its least value: half as long steps
 of fifth order leave about an eighth of the error."""
 _TIGHT = 1e-7
-"""Largest tolerance at which a richer run has no shorter steps, as their error is small beside that of modes and
-elements; that of longer ones is eight times as large. At 1e-5 longer steps missed half of an error."""
+"""Largest tolerance at which a richer run has longer steps instead of shorter ones: their error, eight times as large,
+is small beside that of modes and elements, or of the data. At 1e-5 longer steps missed half of an error."""
 _CLOSER = 1e-3
 """Tolerance of a richer model's cycle, relative to that of the run's."""
 _MANY = 6
@@ -45,7 +45,8 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
     By default the richest one alone, which has all parts of the error.
     """
     model, longer = solution.model, step_of_richer(solution.model)
-    read = Read.of(solution, model.options.start == "periodic", max(1, int(longer)))
+    apart = 1 if model.scene.contacts else max(1, int(longer))
+    read = Read.of(solution, model.options.start == "periodic", apart)
     richer, stages = list(_richer(model, longer)), list[Stage]()
     if model.options.errors != "all":
         richer = [(TOGETHER, *richer[-1][1:])]
@@ -61,11 +62,11 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
 def step_of_richer(model: Model) -> float:
     """Step of a richer run, relative to the model's."""
     options = model.options
-    if options.errors == "all" or not model.scene.is_elastic or options.tolerance > _TIGHT:
+    tolerance = options.tolerance if options.dynamics == "coupled" else options.forward_tolerance
+    closed = options.start == "periodic" and not model.scene.is_elastic  # what the search for the cycle leaves decides
+    if options.errors == "all" or tolerance > _TIGHT or closed:
         return 0.5
-    if model.scene.contacts:  # whose peaks need all instants
-        return 1.0
-    return 0.5 if options.steps % 2 else 2.0
+    return 0.5 if options.steps % 2 and not model.scene.contacts else 2.0
 
 
 def _richer(model: Model, longer: float = 0.5) -> Iterator[tuple[str, Scene, Options]]:
@@ -73,13 +74,15 @@ def _richer(model: Model, longer: float = 0.5) -> Iterator[tuple[str, Scene, Opt
     effect are left out."""
     scene, options = model.given or model.scene, model.options
     tolerance, forward = (max(_LEAST, longer**_ORDER * each) for each in (options.tolerance, options.forward_tolerance))
-    options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=round(options.steps / longer))
+    # peaks of contacts need all stored instants
+    steps = options.steps if scene.contacts and longer > 1.0 else round(options.steps / longer)
+    options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=steps)
     yield "time", scene, options
     if not scene.is_elastic:
         return
-    # twice as many, or four more, covers symmetric links, too; every third mode is one of stretch
+    # of three more one is of stretch, and one at least moves the middle of a symmetric link
     modes = int(options.modes)
-    modes = max(4, min(2 * modes + 1, modes + 4))
+    modes = max(4, min(2 * modes + 1, modes + 3))
     scene, options = _with_modes(scene, modes), options._replace(modes=modes)
     yield "modes", scene, options
     yield "elements", with_half_elements(scene), options

@@ -24,7 +24,7 @@ KINDS = ("time", "modes", "terms", "elements")
 """Sources of error, in the order in which the model is enriched."""
 LONGEST, _RICHER = 1.0, 3.0
 """Nominal seconds of a coupled run up to which its error is estimated by default, and how many times as long a richer
-run takes, unless its steps are longer, too."""
+run takes; without contacts as long, if its steps are longer."""
 _SECOND_ORDER = 4.0 / 3.0
 """Total error relative to the change by half as long elements: forces converge with the square of the length."""
 
@@ -164,7 +164,7 @@ def _too_long(solution: RunResult) -> str:
         return ""
     from kaneflex.solve.coupled_corrections import step_of_richer
 
-    richer = seconds if step_of_richer(model) > 1.0 else _RICHER * seconds
+    richer = seconds if step_of_richer(model) > 1.0 and not model.scene.contacts else _RICHER * seconds
     if richer <= _RICHER * LONGEST:
         return ""
     return f": the run takes about {seconds:.2g} s, and a richer one about {richer:.2g} s; {REQUEST}"

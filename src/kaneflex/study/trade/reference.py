@@ -36,6 +36,8 @@ _DENSEST = 8
 """Largest factor on the stored steps of a coupled model."""
 _BETWEEN = 0.5
 """Largest deviation of straight lines between stored instants, as a share of the tolerance."""
+_MOST_BENT = 2048
+"""Largest number of instants beside which a reference is read between its stored ones at a time."""
 _MOST = 2**23
 """Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
@@ -230,15 +232,24 @@ def _denser(run: Run, limits: Mapping[str, float]) -> Curves:
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
     curves, factor = run.curves, 1
-    ends = np.arange(1, 1 if run.solution.model.scene.contacts else len(curves.times))
+    if run.scene.contacts:
+        return curves
+    ends = _beside(np.maximum(*(_bent(curves, curves.times[k::2], limits) for k in (0, 1))))  # over two intervals
     while len(ends) and factor <= _DENSEST:
         before, middles = curves.times, 0.5 * (curves.times[ends - 1] + curves.times[ends])
         between = run.solution.at(middles).series
         values = {name: np.insert(own, ends, between[name].values) for name, own in curves.values.items()}
         curves = replace(curves, times=np.insert(before, ends, middles), values=values)
-        bent = np.flatnonzero(_bent(curves, before, limits))
-        ends, factor = np.union1d(bent, bent + 1), 2 * factor
+        ends, factor = _beside(_bent(curves, before, limits)), 2 * factor
     return curves
+
+
+def _beside(bent: np.ndarray) -> np.ndarray:
+    """Ends of the intervals beside instants at which lines deviate too far, the farthest ones if there are many."""
+    found = np.flatnonzero(bent > 1.0)
+    found = found[np.argsort(-bent[found], kind="stable")[:_MOST_BENT]]
+    ends = np.union1d(found, found + 1)
+    return ends[(ends > 0) & (ends < len(bent))]
 
 
 def _stored(scene: Scene, curves: Curves, steps: int, limits: Mapping[str, float]) -> int:
@@ -246,7 +257,8 @@ def _stored(scene: Scene, curves: Curves, steps: int, limits: Mapping[str, float
     those of the run if none of these are enough."""
     counts = (_DENSEST * steps >> k for k in (5, 4, 3, 2, 1, 0))
     grids = ((n, np.linspace(curves.times[0], curves.times[-1], n + 1)) for n in counts if n > 0)
-    return steps if scene.contacts else next((n for n, grid in grids if not _bent(curves, grid, limits).any()), steps)
+    straight = (n for n, grid in grids if _bent(curves, grid, limits).max() <= 1.0)
+    return steps if scene.contacts else next(straight, steps)
 
 
 def _limits(curves: Curves, doubts: Mapping[str, float], tolerance: float) -> dict[str, float]:
@@ -256,11 +268,12 @@ def _limits(curves: Curves, doubts: Mapping[str, float], tolerance: float) -> di
 
 
 def _bent(curves: Curves, instants: np.ndarray, limits: Mapping[str, float]) -> np.ndarray:
-    """Mask (n_times,) of instants at which straight lines between other ones deviate by more than a sensor's limit."""
-    found = np.zeros(len(curves.times), bool)
+    """Deviation of straight lines between other instants, relative to a sensor's limit: the largest, (n_times,)."""
+    found = np.zeros(len(curves.times))
     for name, limit in limits.items():
         own = curves.values[name]
-        found |= abs(np.interp(curves.times, instants, np.interp(instants, curves.times, own)) - own) > limit
+        gap = abs(np.interp(curves.times, instants, np.interp(instants, curves.times, own)) - own)
+        found = np.maximum(found, gap / max(limit, 1e-300))
     return found
 
 
