@@ -139,14 +139,7 @@ def _foreshortening(points: Points) -> str:
 
 
 def _integration(model: Model, begun: Trajectory) -> Iterator[str]:
-    """Text of the time steps or harmonics of the run."""
-    if begun.solver.startswith("spectral"):
-        from kaneflex.integrate.spectral import MODES, SPARE, periodic_orbit
-
-        options = model.options
-        orbit = periodic_orbit(model.system, model.scalars, 0.0, options.duration, options.tolerance)
-        yield filled(parts.SPECTRAL, grids=repr(orbit.grids), vectors=MODES + SPARE, modes=MODES)
-        return
+    """Text of the time steps; a periodic motion is found by them, whatever the run's integrator."""
     yield parts.RADAU
     if model.options.start == "periodic":
         yield parts.REPEATED
