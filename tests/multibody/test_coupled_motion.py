@@ -54,7 +54,7 @@ def test_constraints_are_the_gaps_between_these_places():
     system, joints = given.coupled, given.scene.joints
     q = 0.1 * np.random.default_rng(5).normal(size=(1, system.size))
     found = gaps(system, 0.0, q[0])
-    motion = FloatingMotion.of(given.scene, system, given.motion.at(0.0), path(system, q))
+    motion = FloatingMotion.of(system, given.motion.at(0.0), path(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
@@ -79,7 +79,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
     trajectory = path(system, q, v, a)
-    motion = FloatingMotion.of(given.scene, system, given.motion.at(0.0), trajectory)
+    motion = FloatingMotion.of(system, given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0
 

@@ -149,6 +149,12 @@ class Link:
                     found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
         return found
 
+    @property
+    def is_axially_rigid(self) -> bool:
+        """True if all nodes have one axial displacement."""
+        first, second, *_ = self.part.place.values()
+        return bool(first[0] == second[0])
+
     def rigid_motion(self, x: float) -> np.ndarray:
         """Displacements and rotations at x in rigid motions of the link, by those of its start, (dofs, dofs)."""
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
@@ -181,10 +187,13 @@ class SpatialLink(Link):
         return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
 
 
-def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType | None = None) -> Link:
+def link_of_scene(
+    scene: Scene, name: str, elements: int, module: ModuleType | None = None, stretches: bool = False
+) -> Link:
     """Link of an elastic body: in the plane with the element kernels of the scene's ``module``, in space without.
 
-    In space the axial force is higher by ``name.link.jump_NODE`` beyond a node where joints or loads act.
+    ``stretches``: with all axial coordinates, also of an axially rigid beam. In space the axial force is higher by
+    ``name.link.jump_NODE`` beyond a node where joints or loads act.
     """
     body, nodes = scene.bodies[name], mesh(scene, name, elements)
     assert body.beam is not None  # as of any elastic body
@@ -198,7 +207,7 @@ def link_of_scene(scene: Scene, name: str, elements: int, module: ModuleType | N
         # no jump where there is no axial load
         beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
     terms = terms_of_link(scene, name, parameters, module, kind)
-    return build_link(kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid)
+    return build_link(kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid and not stretches)
 
 
 def jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:

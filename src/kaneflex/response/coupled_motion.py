@@ -53,7 +53,7 @@ class CoupledMotion(Motion):
         motion = cast(Any, self.model.motion)
         system, record = motion.module.system, motion.curve.record(self.times)
         trajectory = by_themselves(system, self.times[:, None], record)
-        return FloatingMotion.of(self.model.scene, system, self.rigid, trajectory)
+        return FloatingMotion.of(system, self.rigid, trajectory)
 
     @property
     def scalars(self) -> RigidMotion:
@@ -156,7 +156,7 @@ class CoupledMotion(Motion):
 def coupled_motion(model: Model, moved: RigidMotion, trajectory: Any, whole: Motion | None = None) -> CoupledMotion:
     """Motion of a run; ``moved``: the model's motion at its instants, in space of the bodies that deform."""
     if model.coupled is not None:
-        moving = FloatingMotion.of(model.scene, model.coupled, moved, trajectory)
+        moving = FloatingMotion.of(model.coupled, moved, trajectory)
         return CoupledMotion(model, moved, moving, whole=whole)
     deforming = cast(DeformingMotion, moved)
     return CoupledMotion(model, deforming.motion.rigid.later(deforming.times), deforming, whole=whole)

@@ -172,7 +172,7 @@ class Deformation:
         """
         every = slice(0, len(self.link.nodes) - 1)
         total = self.residuals_of(every) if self.residuals is None else self.residuals.copy()
-        if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.balances:
+        if self.link.is_axially_rigid and self.model.balances:
             tension = self._passed_on(total)
             total[:, 0] -= tension
             total[:, 3] += tension

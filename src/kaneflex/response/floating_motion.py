@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING, Self, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates, applied, turning
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
-from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
@@ -39,22 +37,20 @@ class FloatingMotion(DeformingMotion):
 
     Attributes
     ----------
-    scene : Scene
     system : System
     rigid : RigidMotion
         Rigid mechanism at these instants, which knows drives and loads.
     trajectory : CoupledTrajectory
     """
 
-    scene: Scene
     system: System
     rigid: RigidMotion
     trajectory: CoupledTrajectory
 
     @classmethod
-    def of(cls, scene: Scene, system: System, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
+    def of(cls, system: System, rigid: RigidMotion, trajectory: CoupledTrajectory) -> Self:
         """Motion of a trajectory."""
-        return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), scene, system, rigid, trajectory)
+        return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), system, rigid, trajectory)
 
     @property
     def recorded(self) -> np.ndarray:
@@ -142,7 +138,7 @@ class FloatingMotion(DeformingMotion):
         if part:
             k, found = self.system.start[body] + floating_coordinates(body).index(joint), self.trajectory
             return found.q[:, k], found.v[:, k], found.a[:, k]
-        of = mechanism_of(self.scene).joints[joint]
+        of = self.system.mechanism.joints[joint]
         if not of.slides:
             first, second = (self.moving_place(side.body, side.at) for side in of.sides)
             return cast(Rates, tuple(end[2] - start[2] for start, end in zip(first, second, strict=True)))

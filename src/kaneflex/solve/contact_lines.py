@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.mechanism.planar import BodyPoint
-from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.scene import Scene
 from kaneflex.scene.contacts import Contact
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.response.floating_motion import FloatingMotion
     from kaneflex.solve.run_result import RunResult
 
@@ -27,12 +26,11 @@ _TOUCHING = 1e-3
 """Gap at the start, as a share of the link's length, that counts as contact."""
 
 
-def check_lines(scene: Scene, first: RigidMotion) -> None:
-    """Raise SceneError if a side touches the straight line of an elastic link far from the line's address.
-
-    ``first``: the rigid mechanism at the start.
-    """
-    for name, contact in _lines(scene):
+def check_lines(model: Model) -> None:
+    """Raise SceneError if a side touches the straight line of an elastic link far from the line's address at the start;
+    the model needs no equations."""
+    scene, first = model.scene, model.motion.at(0.0)
+    for name, contact in _lines(model):
         line, point = contact.sides
         length = scene.bodies[line.body].length or 1.0
         start, end = (first.frame(side.body).place(scene.point(side)) for side in (line, point))
@@ -50,7 +48,7 @@ def check_lines(scene: Scene, first: RigidMotion) -> None:
 def off_their_lines(solution: RunResult) -> Iterator[str]:
     """Warnings of contacts that act where the axis of their elastic link leaves its straight line."""
     motion, scene = solution.motion, solution.model.scene
-    for name, contact in _lines(scene):
+    for name, contact in _lines(solution.model):
         line, point = contact.sides
         pushed = np.flatnonzero(motion.contact(name)[1] > 0.0)
         if not len(pushed):
@@ -75,9 +73,9 @@ def off_their_lines(solution: RunResult) -> Iterator[str]:
             )
 
 
-def _lines(scene: Scene) -> Iterator[tuple[str, Contact]]:
+def _lines(model: Model) -> Iterator[tuple[str, Contact]]:
     """Contacts whose line is on an elastic link."""
-    for name, contact in scene.contacts.items():
-        body = scene.bodies.get(contact.sides[0].body)
+    for name, contact in model.scene.contacts.items():
+        body = model.scene.bodies.get(contact.sides[0].body)
         if contact.kind == "point-line" and body is not None and body.elastic:
             yield name, contact

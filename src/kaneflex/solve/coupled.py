@@ -115,7 +115,7 @@ def along(model: Model, run: Run) -> SpatialKinematics:
     reached = model.options._replace(duration=float(run.here[0]) - run.start.t)
     if module.FREE:
         motion = with_open_reactions(motion, reached)
-        check_laws(model.scene, motion, reached)
+        check_laws(replace(model, motion=motion, options=reached))
     return motion
 
 
@@ -189,7 +189,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     if system is None:
         return _in_space(model, trajectory, trajectory.curve, seconds)
     assert isinstance(rigid, ReferenceKinematics)
-    bare = FloatingMotion.of(model.scene, system, rigid.at(trajectory.times), trajectory)
+    bare = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory)
     frames = [k + j for k in system.start.values() for j in range(BODY)]
     q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], bare.courses(rigid.module.FREE)
     free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
@@ -246,7 +246,7 @@ def _check_speeds(model: Model, start: State) -> None:
     except ArithmeticError:  # the run reports it
         return
     found = by_themselves(system, system.engine.row(start.t)[None])
-    moved = FloatingMotion.of(scene, system, model.motion.at(found.times), found)
+    moved = FloatingMotion.of(system, model.motion.at(found.times), found)
     rates = {name: float(moved.coordinate(name)[1][0]) for name in speeds}
     for name, speed in speeds.items():
         if not abs(rates[name] - speed) <= _MISSED * abs(speed):

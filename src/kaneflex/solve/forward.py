@@ -6,7 +6,7 @@ In the plane it becomes courses of the free joints, from which the generated mod
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -133,7 +133,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
             "Use preset coupled, which continues along a branch, or shorten the duration",
         )  # fmt: skip
     check_closure(system.mechanism, motion, model.options.duration)
-    check_laws(model.scene, motion, model.options)
+    check_laws(replace(model, motion=motion))
     return motion
 
 

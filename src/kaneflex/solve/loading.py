@@ -17,7 +17,7 @@ from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import build_model
+from kaneflex.multibody.model.building import build_model, model_without_equations
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
@@ -123,7 +123,7 @@ def _bind_one_way(
         motion = at_start(system, motion)
     else:
         check_closure(mechanism_of(scene), motion, options.duration)
-        check_laws(scene, motion, options)
+        check_laws(model_without_equations(scene, options, motion))
     return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
 
 
@@ -187,7 +187,7 @@ def _bind_coupled(
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     """Variant of :func:`_bind_one_way` for preset coupled, which needs the laws of drives and loads only."""
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.assembly import build_system, with_stretch
+    from kaneflex.multibody.model.assembly import build_system
     from kaneflex.multibody.model.determinacy import check_freedoms, check_sensors, undetermined
     from kaneflex.multibody.time.rigid_reference import rigid_reference
     from kaneflex.solve.contact_lines import check_lines
@@ -206,13 +206,13 @@ def _bind_coupled(
 
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
-    scene = with_stretch(scene)
     motion = rigid_reference(coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
     check_reference(motion, options)
-    check_laws(scene, motion, options)
-    check_lines(scene, motion.at(np.zeros(1)))
+    bound = model_without_equations(scene, options, motion)
+    check_laws(bound)
+    check_lines(bound)
     model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
@@ -278,12 +278,11 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     if model.coupled is None:
         return build_model(scene, options, _moved(model, scene, options.duration), like)
     from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.assembly import bound_system, with_stretch
+    from kaneflex.multibody.model.assembly import bound_system
     from kaneflex.multibody.time.rigid_reference import rigid_reference
 
     own = model.coupled
     system = bound_system(scene, own.module, like=own if alike else None, frozen=frozen)
-    scene = with_stretch(scene)
     motion = rigid_reference(system, place(scene))
     found = build_model(scene, options, motion, like, bare=model.bare)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))

@@ -9,13 +9,14 @@ import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 from kaneflex.support.machine import gib, installed
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.state import State
 
 _ROUNDED = 1e-9  # share of a law's largest value that counts as rounding
@@ -42,15 +43,16 @@ _ASSEMBLED = (10_000, 100_000)
 elements, and a crankshaft with 60 elements per journal."""
 
 
-def check_laws(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+def check_laws(model: Model) -> None:
     """Raise SceneError, which names the entry and the time, unless springs have directions and laws are finite over a
-    run."""
-    _check_springs(scene, motion, options)
-    _check_finite(scene, motion, options)
+    run; the model needs no equations."""
+    _check_springs(model)
+    _check_finite(model)
 
 
-def _check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+def _check_finite(model: Model) -> None:
     """Raise SceneError unless loads and prescribed motions are finite at every step."""
+    scene, motion, options = model.scene, model.motion, model.options
     times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     free_bodies = options.dynamics == "coupled" and bool(scene.floating or scene.free_joints)
     rigid = motion.at(times)
@@ -61,7 +63,7 @@ def _check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> No
     known = [name for name in known if name not in elsewhere]  # known only after the motion is computed
     whole = len(known) == len(motion.column)  # else positions are not needed
     if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
-        _check_poles(scene, rigid, known)
+        _check_poles(model, rigid, known)
         return
     for name in sorted(known, key=lambda name: name not in scene.loads):
         lost = ~np.isfinite(rigid[name])
@@ -79,10 +81,10 @@ def _check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> No
         )  # fmt: skip
 
 
-def _check_poles(scene: Scene, rigid: RigidMotion, known: Sequence[str]) -> None:
+def _check_poles(model: Model, rigid: RigidMotion, known: Sequence[str]) -> None:
     """Raise SceneError if a law has a pole between two samples."""
-    laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in scene.drives.items()}
-    laws |= {name: ("loads", name, load.law) for name, load in scene.loads.items()}
+    laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in model.scene.drives.items()}
+    laws |= {name: ("loads", name, load.law) for name, load in model.scene.loads.items()}
     for scalar in sorted(laws.keys() & set(known)):
         table, name, law = laws[scalar]
         t = None if law is None else _pole(rigid, scalar)
@@ -152,14 +154,15 @@ def check_repeats(system: Any, driven: Sequence[str], start: State, period: floa
             refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
-def _check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
+def _check_springs(model: Model) -> None:
     """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there."""
+    scene, motion = model.scene, model.motion
     directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:
         return
     from kaneflex.mechanism.springs import points_meet
 
-    rigid = motion.at(motion.begin + np.linspace(0.0, options.duration, SWEEP + 1))
+    rigid = motion.at(motion.begin + np.linspace(0.0, model.options.duration, SWEEP + 1))
     for name, spring in directed.items():
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
         d = end - start

@@ -57,7 +57,8 @@ def bind_in_space(
     compiled = compiled_by(progress, system.engine.compile)
     motion = _bound(system, options)
     if not motion.is_start:
-        check_laws(scene, motion.rigid if isinstance(motion, CoupledKinematics) else motion, options)
+        rigid = motion.rigid if isinstance(motion, CoupledKinematics) else motion
+        check_laws(model_without_equations(scene, options, rigid))
     model = _coupled_model(options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
     return model, tuple(_beyond(system) if coupled else ()), {"derive": derived, "compile": compiled}

@@ -72,7 +72,7 @@ def bound_system(
             return held_shapes(body.modal, held, freed)
         assert body.beam is not None
         if options is None:
-            link = link_of_scene(with_stretch(scene), name, body.beam.elements, element_of(scene))
+            link = link_of_scene(scene, name, body.beam.elements, element_of(scene), stretches=True)
         else:
             link = link_of_scene(scene, name, options.elements or body.beam.elements)
         if frozen and before is not None:
@@ -149,17 +149,6 @@ def check_modes(scene: Scene, name: str) -> None:
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
             "Use fewer modes, or more elements",
         )  # fmt: skip
-
-
-def with_stretch(scene: Scene) -> Scene:
-    """Scene with axially flexible beams: their finite elements have all coordinates, whatever shapes are kept."""
-    bodies = {
-        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
-        if body.elastic
-        else body
-        for name, body in scene.bodies.items()
-    }
-    return scene.seen(bodies=bodies)
 
 
 def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:

@@ -86,14 +86,15 @@ def _turn(angles, found):
 
 
 class DeformingMotion(RigidMotion, ABC):
-    """Motion of bodies that deform, by the names of a rigid motion's scalars.
-
-    ``scene``; ``system``: that of the record.
-    """
+    """Motion of bodies that deform, by the names of a rigid motion's scalars; ``system``: that of the record."""
 
     motion: Any
-    scene: Scene
     system: Any
+
+    @property
+    def scene(self) -> Scene:
+        scene: Scene = self.system.scene
+        return scene
 
     @property
     @abstractmethod

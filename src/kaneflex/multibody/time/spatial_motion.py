@@ -22,7 +22,6 @@ from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.curves import Curve, Standing
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
-from kaneflex.scene import Scene
 
 _XYZ = "xyz"
 _BODY = (
@@ -284,10 +283,6 @@ class SpatialMotion(DeformingMotion):
     @property
     def system(self) -> System:  # type: ignore[override]
         return self.motion.module.system
-
-    @property
-    def scene(self) -> Scene:  # type: ignore[override]
-        return self.system.scene
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m or rad] and normal force [N or N m] of a contact."""
