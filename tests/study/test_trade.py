@@ -227,9 +227,12 @@ def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
     assert not folder.exists()
 
 
-def test_a_scene_without_elastic_links_is_refused():
-    with pytest.raises(SceneError, match="no body has a beam"):
-        trade(read_scene("double-pendulum"))
+def test_rigid_bodies_differ_by_their_steps_alone():
+    scene = with_settings(read_scene("double-pendulum"), ["solve.duration=1 s", "solve.steps=400"])
+    found = trade(scene, budget=5.0)
+    names = {entry.name for entry in found.ranked}
+    assert {"rigid", "coupled"} < names and {name.partition(",")[0] for name in names} == {"rigid", "coupled"}
+    assert 0.0 < max(found.reference.doubts.values()) < 1e-4 and found.chosen.within
 
 
 def test_a_short_run_is_repeated_for_its_time():

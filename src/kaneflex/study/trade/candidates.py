@@ -103,7 +103,8 @@ def families(scene: Scene, stored: int = 0) -> tuple[Family, ...]:
     if scene.solve.preset == "coupled":
         return (coupled,)
     rigid = () if scene.is_frame else (Family(Variant("rigid", ("solve.preset=rigid",))),)
-    return (*rigid, *(_one_way(scene, preset) for preset in ("quasistatic", "linear", "stiffened")), coupled)
+    elastic = ("quasistatic", "linear", "stiffened") if scene.is_elastic else ()
+    return (*rigid, *(_one_way(scene, preset) for preset in elastic), coupled)
 
 
 def _one_way(scene: Scene, preset: str) -> Family:
@@ -131,7 +132,7 @@ def _coupled(scene: Scene, stored: int) -> Family:
     """Fewer modes of each link, each with looser tolerances of a step, by a number of stored steps."""
     modes, tolerance, steps, work = modes_of(scene), tolerance_of(scene), resolve_options(scene).steps, {}
     stored = stored or steps
-    for count in (modes, *(fewer for fewer in _COUPLED_MODES if fewer < modes)):
+    for count in (modes, *(fewer for fewer in _COUPLED_MODES if scene.is_elastic and fewer < modes)):
         for limit in (tolerance, *(loose for loose in _LOOSE if loose > tolerance)):
             name = "coupled" if count == modes else f"coupled, {_count(count, 'mode')} a link"
             settings = () if count == modes else (f"solve.modes={count}",)
@@ -164,13 +165,8 @@ def _count(number: int, thing: str) -> str:
     return f"{number} {thing}" + ("" if number == 1 else "s")
 
 
-def check_request(
-    scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None, several: bool = True
-) -> tuple[str, ...]:
-    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed.
-
-    ``several``: whether models of different fineness are compared, which needs a beam.
-    """
+def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the compared sensors; raises SceneError for an invalid request before anything is computed."""
     refuse(
         (not 0 < tolerance < 1, "--tolerance", tolerance, "not a share of each sensor's peak",
          "Give a value between 0 and 100 %"),
@@ -183,7 +179,5 @@ def check_request(
          "the compared models have different coordinates", "Start from zero, quasistatic or periodic"),
         (modal is not None, f"bodies.{modal}.modal_data", modal and Path(str(scene.bodies[modal].modal_data)).name,
          "only preset coupled accepts modal data, so there is nothing to compare", "Give the body a beam"),
-        (several and not elements_of(scene.bodies), "bodies", None, "no body has a beam: there is only one model",
-         "Give a body a beam, or run it without a tolerance"),
     )  # fmt: skip
     return tuple(sensors or scene.sensors)

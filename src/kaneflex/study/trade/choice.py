@@ -110,7 +110,7 @@ def _largest(choices: Sequence[Choice]) -> dict[str, Any]:
 def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice:
     """Choice of a tried model; raises SceneError if a named sensor is not within the tolerance."""
     reference, beyond, tolerance = trials.reference, trials.beyond(model), trials.tolerance
-    for sensor, error in beyond.items() if named else ():
+    for sensor, error in beyond.items() if named or len(beyond) == len(reference.sensors) else ():
         reason = f"between its stored instants the finest model changes {sensor} by {100 * error:.2g} %"
         raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
     return Choice(

@@ -106,7 +106,7 @@ def trade(
     Raises
     ------
     SceneError
-        If the scene has no elastic body or no sensor, a sensor does not exist, the reference fails or does not
+        If the scene has no sensor, a sensor does not exist, the reference fails or does not
         converge, or no candidate can be run.
     """
     scene = scene_from(scene)

@@ -200,7 +200,7 @@ def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
         tolerance = max(_LEAST, tolerance_of(scene) / scale**_ORDER)
         # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
         mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
-        name = f"coupled, {modes} modes a link, tolerance {tolerance:.2g}"
+        name = "coupled" + (f", {modes} modes a link" if mesh else "") + f", tolerance {tolerance:.2g}"
         finer = [f"solve.tolerance={tolerance!r}", f"solve.modes={modes}"]
     else:
         counts = ", ".join(map(str, dict.fromkeys(mesh.values())))

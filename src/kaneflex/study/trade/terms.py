@@ -163,7 +163,7 @@ def terms(
         has no groups.
     """
     scene = scene_from(scene)
-    sensors = check_request(scene, tolerance, budget, sensors, several=False)
+    sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     runs, whole = Runs(basis, progress or silent), _whole(basis.solve.preset)
     effects, left_out = list[Effect](), dict[str, str]()
