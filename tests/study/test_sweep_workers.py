@@ -7,6 +7,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -58,16 +59,16 @@ def test_two_processes_give_the_dataset_of_one_bit_for_bit(tmp_path, swept):
 
 
 def killing(kill: Callable[[int], None]) -> type[Processes]:
-    """A pool that calls `kill` with the number of answers so far before it waits for the next."""
+    """A pool that calls `kill` with the number of answers so far before it gives the next."""
 
     class Killing(Processes):
         answers = 0
 
-        def finished(self):
+        def answer(self, future):
             kill(self)
-            for item in super().finished():
-                self.answers += 1
-                yield item
+            found = super().answer(future)
+            self.answers += 1
+            return found
 
     return Killing
 
@@ -117,24 +118,19 @@ class Deadly:
     workers = 2
 
     def __init__(self, point: int) -> None:
-        self.point, self.under_way, self.solved = point, {}, Counter()
+        self.point, self.under_way, self.dead, self.solved = point, {}, False, Counter()
 
     def submit(self, points):
-        self.under_way[tuple(points)] = points
-        return tuple(points)
+        future = Future()
+        future.set_result(None)
+        self.dead = self.point in points or (self.dead and bool(self.under_way))
+        self.under_way[future] = tuple(points)
+        return future
 
-    def finished(self):
-        if any(self.point in chunk for chunk in self.under_way):
-            found = [(chunk, self.lost) for chunk in self.under_way]
-        else:
-            found = [(chunk, lambda chunk=chunk: self.answer(chunk)) for chunk in self.under_way]
-        self.under_way = {}
-        return found
-
-    def lost(self):
-        raise Lost
-
-    def answer(self, chunk):
+    def answer(self, future):
+        chunk = self.under_way.pop(future)
+        if self.dead:
+            raise Lost
         self.solved.update(chunk)
         return [Record(point, "completed") for point in chunk], 0.25 * len(chunk)
 
@@ -281,7 +277,7 @@ def test_a_killed_scheduler_is_named_and_what_is_solved_is_kept(tmp_path, plan, 
 def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, monkeypatch):
     from kaneflex.study import cluster as ours
 
-    monkeypatch.setattr(ours, "_maker", lambda: ("9.9", "format-0"))
+    monkeypatch.setattr(workers, "_maker", lambda: "9.9 format-0")
     with pytest.raises(SceneError, match=r"it has kaneflex \d.*, not 9\.9 format-0.*Install the same kaneflex"):
         sweep(plan, tmp_path / "out", ours.on_cluster(cluster[0]))
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 1  # what was solved here is kept

@@ -1,23 +1,26 @@
-"""Distribution of points over workers in chunks of about a second, and worker processes of this machine."""
+"""Distribution of points over the workers of an executor in chunks of about a second, and processes of this machine."""
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
 
-from kaneflex.study.plan import Plan, names_file
+from kaneflex.scene import with_settings
+from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.records import FAILED, Record, solve_chunk, solve_points
 from kaneflex.study.study import Point, number_and_unit
 from kaneflex.support.arguments import takes
+from kaneflex.support.module_cache import cache_folder, keep, sources_digest
 
 SECONDS = 1.0
 """Target duration of a chunk: long compared with sending it, short compared with what an interruption loses."""
@@ -34,19 +37,50 @@ class Lost(Exception):
     """The worker of a chunk died."""
 
 
-class Pool(Protocol):
-    """Workers that solve chunks."""
+@dataclass(frozen=True)
+class Sent:
+    """A plan without its points, as workers get it with every chunk: equal ones are unpacked once.
 
-    workers: int
+    ``maker``: version and sources of the kaneflex that sends it.
+    """
 
-    def submit(self, points: Points) -> Hashable:
-        """Begin a chunk; returns its key."""
+    digest: str
+    maker: str
+    plan: Plan = field(compare=False)
 
-    def finished(self) -> Iterable[tuple[Hashable, Callable[[], Answer]]]:
-        """Wait until a chunk is finished; pairs of its key and a function that returns the answer or raises Lost."""
+
+class Pool:
+    """Chunks of a plan in an executor, which is started again after a worker's death has broken it.
+
+    ``workers``: how many chunks it solves at a time; ``died``: error of a chunk whose worker died.
+    """
+
+    workers: int = 1
+    died: type[Exception] = BrokenExecutor
+
+    def __init__(self, plan: Plan, files: Mapping[str, bytes], start: Callable[[], Executor]) -> None:
+        self._sent = Sent(plan.digest, _maker(), replace(plan, points={}, files=files))
+        self._start, self._executor = start, start()
+
+    def submit(self, points: Points) -> Future[Answer]:
+        """Begin a chunk."""
+        try:
+            return self._executor.submit(solve_sent, self._sent, points)
+        except BrokenExecutor:
+            self._executor.shutdown()
+            self._executor = self._start()
+            return self._executor.submit(solve_sent, self._sent, points)
+
+    def answer(self, future: Future[Answer]) -> Answer:
+        """Result of a finished chunk. Raises Lost if its worker died."""
+        try:
+            return future.result()
+        except self.died as error:
+            raise Lost from error
 
     def close(self) -> None:
         """Stop all work."""
+        self._executor.shutdown(cancel_futures=True)
 
 
 def first_of_each_kind(plan: Plan, todo: Sequence[int]) -> list[int]:
@@ -83,15 +117,15 @@ def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) ->
 
 def _through(plan: Plan, todo: Sequence[int], pool: Pool) -> Generator[Record, None, None]:
     queue = Queue(todo)
-    waiting: dict[Hashable, Sequence[int]] = {}
+    waiting: dict[Future[Answer], tuple[int, ...]] = {}
     while queue or waiting:
         while queue.ready(len(waiting), 2 * pool.workers):
             chunk = queue.take(pool.workers)
             waiting[pool.submit({point: plan.points[point] for point in chunk})] = chunk
-        for key, answer in pool.finished():
-            chunk = waiting.pop(key)
+        for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            chunk = waiting.pop(future)
             try:
-                records, seconds = answer()
+                records, seconds = pool.answer(future)
             except Lost:
                 for point in queue.lost(chunk):
                     yield Record(point, FAILED, DIED)
@@ -144,8 +178,6 @@ class Queue:
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 for workers, unless set already: there is one process per core."""
-_own: Plan | None = None
-"""In a worker: the plan without its points."""
 
 
 @takes(workers="whole")
@@ -158,45 +190,18 @@ def in_processes(workers: int) -> Callable[[Plan, Sequence[int]], Generator[Reco
     return solve
 
 
-class Processes:
-    """A pool of processes, restarted when one of them dies, since the executor then ends all of them."""
+class Processes(Pool):
+    """A pool of processes; the death of one of them ends all."""
 
     def __init__(self, plan: Plan, workers: int) -> None:
         self.workers = workers
-        self._plan = replace(plan, points={}, files={})
-        self._futures: set[Future[Answer]] = set()
-        self._executor = self._started()
-
-    def _started(self) -> ProcessPoolExecutor:
         # spawn: a fork of a process with threads can deadlock
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.workers, context, initializer=_prepare, initargs=(self._plan,))
+        super().__init__(plan, {}, lambda: ProcessPoolExecutor(workers, context, initializer=_prepare))
 
     def submit(self, points: Points) -> Future[Answer]:
         with _one_thread():
-            try:
-                future = self._executor.submit(_solve, points)
-            except BrokenProcessPool:
-                self._executor.shutdown()
-                self._executor = self._started()
-                future = self._executor.submit(_solve, points)
-        self._futures.add(future)
-        return future
-
-    def finished(self) -> Iterator[tuple[Future[Answer], Callable[[], Answer]]]:
-        done, self._futures = wait(self._futures, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield future, lambda future=future: _answer(future)
-
-    def close(self) -> None:
-        self._executor.shutdown(cancel_futures=True)
-
-
-def _answer(future: Future[Answer]) -> Answer:
-    try:
-        return future.result()
-    except BrokenProcessPool as error:
-        raise Lost from error
+            return super().submit(points)
 
 
 @contextmanager
@@ -211,12 +216,10 @@ def _one_thread() -> Iterator[None]:
             del os.environ[name]
 
 
-def _prepare(plan: Plan) -> None:
-    global _own
+def _prepare() -> None:
     # Ctrl-C goes to all processes of the terminal; only the main process, which keeps the journal, handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _own = plan
 
 
 def _end_with_parent() -> None:
@@ -225,5 +228,32 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _solve(points: Points) -> Answer:
-    return solve_chunk(_own.with_points(points))
+def solve_sent(sent: Sent, points: Points) -> Answer:
+    """In a worker: solve a chunk. Raises RuntimeError if the worker has another kaneflex."""
+    plan, places = _unpacked(sent)
+    return solve_chunk(plan.with_points({
+        number: {path: places.get(value, value) if names_file(path) else value for path, value in point.items()}
+        for number, point in points.items()
+    }))  # fmt: skip
+
+
+@lru_cache(1)
+def _unpacked(sent: Sent) -> tuple[Plan, dict[str, str]]:
+    """The plan with its files in the worker's cache folder, and their places there."""
+    if _maker() != sent.maker:
+        raise RuntimeError(f"it has kaneflex {_maker()}, not {sent.maker}")
+    plan, places = sent.plan, dict[str, str]()
+    for name, data in plan.files.items():
+        place = cache_folder() / "files" / hashlib.sha256(data).hexdigest()[:16] / Path(name).name
+        if not place.exists() or place.read_bytes() != data:
+            keep(place, data)
+        places[name] = str(place)
+    own = [setting(key, places[file]) for key, file in file_places(plan.scene.raw).items() if file in places]
+    return replace(plan, scene=with_settings(plan.scene, own), files={}) if own else plan, places
+
+
+def _maker() -> str:
+    """Version of kaneflex and digest of its sources."""
+    import kaneflex
+
+    return f"{kaneflex.__version__} {sources_digest()}"

@@ -23,7 +23,6 @@ from kaneflex.support.terminal import log_warning
 
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SEAL = re.compile(rb"\n# sha256 ([0-9a-f]{64})\n\Z")
-_NAME = re.compile(r"[0-9a-f]{16}\.py")
 
 
 def cache_folder() -> Path:
@@ -117,8 +116,3 @@ def kept(path: Path) -> bytes | None:
     except OSError:
         return None
     return data if _ours(found) and not found.st_mode & _OTHERS and is_sealed(data) else None
-
-
-def is_module(name: str, data: bytes) -> bool:
-    """True if received data is an unmodified module with a valid name."""
-    return _NAME.fullmatch(name) is not None and is_sealed(data)
