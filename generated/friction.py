@@ -2,11 +2,11 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
-A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
-coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the
-arm of its joint; the number of its law, and of the act that it belongs to; stiffness [N/m or N m/rad] and damping of
-its bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is
-what presses the sides together [N or N m], v the speed of the second past the first.
+A friction is the numbers of p from c on that NUMBERS names: direction of its joint, end of its rows; kinetic and
+static coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N
+m]; the arm of its joint; the number of its law, and of the act that it belongs to; stiffness [N/m or N m/rad] and
+damping of its bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of
+v. N is what presses the sides together [N or N m], v the speed of the second past the first.
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -20,7 +20,7 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # of a friction, in p
 NUMBERS = (
-    'direction_x', 'direction_y', 'angle', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law', 'of',
+    'direction_x', 'direction_y', 'end', 'mu', 'mu_static', 'v_s', 'delta', 'viscous', 'preload', 'arm', 'law', 'of',
     'sigma_0', 'sigma_1',
 )
 

@@ -9,7 +9,7 @@ from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.mechanism import friction
 
 NUMBERS = (
-    "direction_x", "direction_y", "angle", "mu", "mu_static", "v_s", "delta", "viscous", "preload", "arm", "law", "of",
+    "direction_x", "direction_y", "end", "mu", "mu_static", "v_s", "delta", "viscous", "preload", "arm", "law", "of",
     "sigma_0", "sigma_1",
 )  # fmt: skip
 """Numbers of a friction in the order in which the kernels read them."""
@@ -19,7 +19,7 @@ _N, _v, _size = sm.symbols("N v size")
 _g, _slope, _way, _z = sm.symbols("g slope way z")
 
 _ABOUT = """
-A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
+A friction is the numbers of p from c on that NUMBERS names: direction of its joint, end of its rows; kinetic and static
 coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the arm
 of its joint; the number of its law, and of the act that it belongs to; stiffness [N/m or N m/rad] and damping of its
 bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is what

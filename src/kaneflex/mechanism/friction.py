@@ -50,13 +50,13 @@ def bristle_force(
     return stiffness * z + damping * rate + viscous * v
 
 
-def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, ...]:
+def numbers_of(friction: Friction, direction: Vector, of: int, end: int = 0) -> tuple[float, ...]:
     """Numbers of a friction for the kernels of ``generated/friction.py``, in the order of its NUMBERS.
 
-    ``of`` is the index of its contact, or of its cut joint.
+    ``of`` is the index of its contact, or of its cut joint, ``end`` the end of the joint's rows.
     """
     return (
-        *(float(part) for part in direction), 0.0, friction.mu, friction.mu_static, friction.speed, friction.exponent,
-        friction.viscous, friction.preload, friction.arm,
+        *(float(part) for part in direction), float(end), friction.mu, friction.mu_static, friction.speed,
+        friction.exponent, friction.viscous, friction.preload, friction.arm,
         float(LAWS.index(friction.law)), float(of), friction.stiffness, friction.damping,
     )  # fmt: skip

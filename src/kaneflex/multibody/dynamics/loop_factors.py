@@ -9,7 +9,7 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
-from kaneflex.multibody.compile.values import row_length, twists
+from kaneflex.multibody.compile.values import row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
@@ -135,7 +135,8 @@ def solve_closed(m, A, pivots):
         for r in range(count):
             A[x + r] = factors.missing(m, A, r, opening(m, t, r))
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
-        factors.leave_out_idle(m, A, count, pivots)
+        if width(m) == 6:  # in the plane few rows are redundant, and none nearly
+            factors.leave_out_idle(m, A, count, pivots)
         for r in range(count):
             for i in range(n):
                 A[answer + i] += A[column(m, r) + i] * A[x + r]

@@ -78,8 +78,8 @@ def _hold_acts(builder: TreeBuilder, mechanism: AnyMechanism, others: int) -> li
             (one, other), (x, y) = pair.sides, across(pair.axes[0])
             axis = min(builder.axis(one, each) for each in (pair.axes[0], x, y))
             builder.axis(other, mechanism.relative(pair).T @ x)
-        direction = (axis, own.stop) if space else pair.direction
-        place = put(friction.numbers_of(held, direction, of))
+        direction = (axis, 0.0) if space else pair.direction if pair.slides else (0.0, 0.0)
+        place = put(friction.numbers_of(held, direction, of, own.stop))
         found.append((at.SLIDE if pair.slides else at.TURN, pair, place))
     for k, name in enumerate(faces, start=-len(faces)):
         contact, held = pairs[name], mechanism.frictions[name]

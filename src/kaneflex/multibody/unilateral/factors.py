@@ -13,7 +13,7 @@ from numba import njit
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
-from kaneflex.multibody.compile.values import by_size, width
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.wrenches import row_wrench
@@ -26,7 +26,7 @@ from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
+    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -246,23 +246,12 @@ def slips_by(m, r):
 
 @njit(**OPTIONS)
 def presses(m, n, r):
-    """True if the reaction of a factors' row is the normal force of a friction."""
-    plan = m.plan
-    if virtual(m, r) >= 0:
-        return False
-    of = plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]] if r < plan[KEPT] else act_of(m, row_in(m, r))
-    return int(m.w[law_at(m, n) + OF_AT]) == of
-
-
-@njit(**OPTIONS)
-def _presses_6(m, n, r):
-    of, row = int(m.w[law_at(m, n) + OF_AT]), m.plan[m.plan[ROW_OF] + r]
-    if on_contact(m, n) >= 0:
-        return r >= m.plan[KEPT] and virtual(m, r) < 0 and act_of(m, row_in(m, r)) == of
-    return r < m.plan[KEPT] and m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + 1])
-
-
-presses = by_size(presses, _presses_6)
+    """True if the reaction of a factors' row is the normal force of a friction, or a part of it."""
+    plan, of = m.plan, int(m.w[law_at(m, n) + OF_AT])
+    if r >= plan[KEPT]:
+        return virtual(m, r) < 0 and act_of(m, row_in(m, r)) == of
+    row = plan[plan[ROW_OF] + r]
+    return plan[plan[CUT_OF] + row] == of or m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + END_AT])
 
 
 @of_holds(0.0)
@@ -288,23 +277,9 @@ def normal_force_by_reaction(m, n, r):
 @njit(**OPTIONS)
 def _bearing_by_reaction(m, n, row):
     """The same of a joint with respect to the reaction of one of its rows."""
-    w, j, what = m.w, law_at(m, n), m.acts[act_of(m, n), WHAT]
-    first, arm = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM]
-    one, two, own = m.multipliers[first], m.multipliers[first + 1], m.multipliers[row]
-    if what == TURN:
-        return arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
-    if (abs(one) >= arm * abs(two)) != (row == first):
-        return 0.0
-    return (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)
-
-
-@njit(**OPTIONS)
-def _bearing_by_reaction_6(m, n, row):
     one, two = borne(m, n, joint_wrench(m, n))
     one_by, two_by = borne(m, n, row_wrench(m, row, 1))
     total = dot(one, one_by) / larger(math.sqrt(dot(one, one)), 1e-300)
     total += dot(two, two_by) / larger(math.sqrt(dot(two, two)), 1e-300)
     return m.w[law_at(m, n) + ARM] * total if m.acts[act_of(m, n), WHAT] == TURN else total
 
-
-_bearing_by_reaction = by_size(_bearing_by_reaction, _bearing_by_reaction_6)

@@ -10,9 +10,7 @@ from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.compile.values import by_size, row_length
-from kaneflex.multibody.dynamics.algebra import (
-    absolute, axpy, cross, dot, first, last, minus, plus, scaled, zero_like,
-)  # fmt: skip
+from kaneflex.multibody.dynamics.algebra import absolute, axpy, cross, dot, first, plus, scaled, zero_like
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
@@ -20,10 +18,10 @@ from kaneflex.multibody.model.layout import (
     OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIP_RATE, SLIPPING, STICKING, STORED, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, reference_axis
+from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, fixed, force, reference_axis, turning
 from kaneflex.multibody.unilateral.rows import (
-    ARM, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, law_at, magnitude, on_contact, row_at,
-    second,
+    ARM, END_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, law_at, magnitude, on_contact,
+    row_at, second,
 )  # fmt: skip
 
 
@@ -102,33 +100,25 @@ _face = by_size(_face, _face_6)
 
 @njit(**OPTIONS)
 def normal_force(m, n):
-    """Normal force of a friction [N or N m]: its contact's force, or its joint's reactions in NOW."""
+    """Normal force of a friction [N or N m]: its contact's force, or that of the joint's reactions in NOW."""
     w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
     if what >= ALONG:
         return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
-    return _bearing(m, n, arm)
-
-
-@njit(**OPTIONS)
-def _bearing(m, n, arm):
-    """Normal force of a joint's friction by the reactions of the joint in NOW."""
-    row = m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT]
-    one, two = m.multipliers[row], m.multipliers[row + 1]
-    turns = m.acts[act_of(m, n), WHAT] == TURN
-    return arm * math.sqrt(one * one + two * two) if turns else larger(abs(one), arm * abs(two))
+    one, two = borne(m, n, joint_wrench(m, n))
+    total = math.sqrt(dot(one, one)) + math.sqrt(dot(two, two))
+    return arm * total if what == TURN else total
 
 
 @njit(**OPTIONS)
 def borne(m, n, wrench):
     """Parts of a joint's wrench at both ends of a guide's block, across its direction; of a pin the force in two equal
     parts."""
-    own, along = law_at(m, n), m.axes[int(m.w[law_at(m, n)])]
-    force = first(wrench)
-    half = scaled(0.5, axpy(-dot(along, force), along, force))
+    along = fixed(m, n, 0.0, 0)
+    half = force(m, scaled(0.5, axpy(-dot(along, wrench), along, wrench)))
     if m.acts[act_of(m, n), WHAT] == TURN:
         return half, half
-    apart_ = scaled(0.5 * m.w[own + ARM], cross(last(wrench), along))
-    return plus(half, apart_), minus(half, apart_)
+    apart_ = scaled(0.5 * m.w[law_at(m, n) + ARM], turning(wrench, along))  # moment x direction
+    return plus(half, apart_), axpy(-1.0, apart_, half)
 
 
 @of_holds(0)
@@ -145,19 +135,9 @@ def friction_of(m, row):
 def joint_wrench(m, n):
     """Wrench of the reactions in NOW that a joint with friction exerts on its second body."""
     total = zero_like(m.wrenches[0])
-    for row in range(m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT], int(m.w[law_at(m, n) + 1])):
+    for row in range(m.acts[int(m.w[law_at(m, n) + OF_AT]), ROW_AT], int(m.w[law_at(m, n) + END_AT])):
         total = axpy(m.multipliers[row], row_wrench(m, row, 1), total)
     return total
-
-
-@njit(**OPTIONS)
-def _bearing_6(m, n, arm):
-    one, two = borne(m, n, joint_wrench(m, n))
-    total = math.sqrt(dot(one, one)) + math.sqrt(dot(two, two))
-    return arm * total if m.acts[act_of(m, n), WHAT] == TURN else total
-
-
-_bearing = by_size(_bearing, _bearing_6)
 
 
 @of_holds(None)
