@@ -266,7 +266,7 @@ def test_data_fed_back_have_the_same_poles(in_space):
 def test_other_axes_are_those_of_the_same_motion(in_space, plane, held):
     """Data in axes that go along with the rod's start, held elsewhere: as its shapes are there from the beginning."""
     link = link_of_scene(read_scene(in_space / "beam.toml"), "rod", 4)
-    whole = spatial_shapes(read_scene(in_space / "beam.toml"), link, 3, (0.0, 0.0, 0.0))
+    whole = spatial_shapes(link, 3, (0.0, 0.0, 0.0))
     bent = abs(whole.basis[{"v": 1, "w": 2}[plane] :: 6]).max(axis=0) > 0.0
     data = link_data(replace(whole, basis=whole.basis[:, bent]))
     expected_basis = data_less_rigid(whole.basis[:, bent], link, held)

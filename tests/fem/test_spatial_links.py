@@ -34,7 +34,7 @@ def module(name: str):
 def built(name, nodes, at, module, mu=None) -> SpatialLink:
     parameters = element_parameters(at, nodes) | {"rotary": np.ones(len(nodes) - 1)}
     terms = terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)
-    return build_link(SpatialLink, name, nodes, parameters, terms)
+    return build_link(None, SpatialLink, name, nodes, parameters, terms)
 
 
 def link(elements: int, at: Properties = FLAT, length: float = 1.5, theory: str = "euler_bernoulli", mu=None):

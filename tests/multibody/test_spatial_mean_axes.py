@@ -210,7 +210,7 @@ def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     text = STRIP.format(joint=PIN, turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
     scene = scene_of(text)
     link = link_of_scene(scene, "strip", 4)
-    basis, M = spatial_shapes(scene, link, 3, (0.0, 0.0, 0.0), "z").basis, link.part.matrices["M"].value({})
+    basis, M = spatial_shapes(link, 3, (0.0, 0.0, 0.0), "z").basis, link.part.matrices["M"].value({})
     energies, x = np.einsum("aj,ab,bj->j", basis, M, basis), np.array([[node, 0.0, 0.0] for node in link.nodes])
     for axis, unit in zip("xyz", np.eye(3), strict=True):
         turn = np.hstack([np.cross(unit, x), np.tile(unit, (len(x), 1))]).ravel()
@@ -228,7 +228,7 @@ def test_shapes_between_two_joints_follow_their_chord(between):
     scene = scene_of(ROD.format(section='circle = "8 mm"', speed=0.0) + between)
     link = link_of_scene(scene, "rod", 4)
     M = link.part.matrices["M"].value({})
-    found = [spatial_shapes(scene, link, 3, (x, 0.0, 0.0), "xyz") for x in (0.0, 0.8)]
+    found = [spatial_shapes(link, 3, (x, 0.0, 0.0), "xyz") for x in (0.0, 0.8)]
     for shapes in found:
         scale = abs(shapes.basis).max()
         assert abs(shapes.basis[[1, 2, -5, -4]]).max() < 1e-12 * scale and abs(shapes.basis[4:6]).max() > 0.1

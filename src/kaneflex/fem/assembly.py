@@ -94,15 +94,15 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
 
 
 def parts_of_links(
-    scene: Scene, options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+    options: Options, links: Mapping[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
     """Loaded links as parts, and the bases of reduced ones; ``frozen``: bases to reduce to."""
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
     for name, link in links.items():
-        parts[name] = load_on_link(scene, link.part, link)
+        parts[name] = load_on_link(link.part, link)
         if options.reduction == "craig-bampton":
-            held = interfaces.held_rows(parts[name]) | (_loaded_rows(scene, link) if link.dofs == 3 else set())
+            held = interfaces.held_rows(parts[name]) | (_loaded_rows(link) if link.dofs == 3 else set())
             held = held or {*parts[name].place[0]}  # of a link that nothing holds: its start has the rigid motion
             count = _count_of_modes(options, name, parts[name].size - len(held))
             parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
@@ -120,8 +120,9 @@ def _count_of_modes(options: Options, link: str, limit: int) -> int:
     return count
 
 
-def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+def _loaded_rows(link: Link) -> set[int]:
     """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
+    scene = link.scene
     addresses = [mass.at for mass in scene.masses.values()]
     addresses += [end for spring in scene.springs.values() for end in spring.ends]
     addresses += [side for contact in scene.contacts.values() for side in contact.sides]
@@ -131,26 +132,26 @@ def _loaded_rows(scene: Scene, link: Link) -> set[int]:
     return {row for node in nodes for row in link.part.place[node]}
 
 
-def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
-    """Add the scene's point loads on a link to its F, in link axes; in space one scalar of each node and axis."""
+def load_on_link(part: Part, link: Link) -> Part:
+    """Add the point loads on a link to its F, in link axes; in space one scalar of each node and axis."""
     if link.dofs == 6:
         return with_pushes(part, {f"push_{node}_{axis}": part.place[node][k]
-                                  for node in pushed_nodes(scene, link) for k, axis in enumerate("xyz")})  # fmt: skip
+                                  for node in pushed_nodes(link) for k, axis in enumerate("xyz")})  # fmt: skip
     total = part.matrices["F"]
-    for name, load in scene.forces.items():
+    for name, load in link.scene.forces.items():
         if load.force_on.body == part.name:
             direction = Affine.term((name,), np.array(load.direction)[:, None])
             local = to_link_axes(part.name) @ direction if load.axes == "global" else direction
             spread = np.zeros((part.size, 2))
-            spread[part.place[link.node_at(scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
+            spread[part.place[link.node_at(link.scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
             total = total + Affine.constant(spread) @ local
     return replace(part, matrices={**part.matrices, "F": total})
 
 
-def pushed_nodes(scene: Scene, link: Link) -> list[int]:
+def pushed_nodes(link: Link) -> list[int]:
     """Nodes of a link on which loads act."""
-    on = [load.force_on for load in scene.forces.values()]
-    nodes = {link.node_at(scene.point(at)[0]) for at in on if at is not None and at.body == link.name}
+    on = [load.force_on for load in link.scene.forces.values()]
+    nodes = {link.node_at(link.scene.point(at)[0]) for at in on if at is not None and at.body == link.name}
     return sorted(node for node in nodes if node is not None)
 
 

@@ -171,4 +171,4 @@ def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
 
     nodes = mesh(scene, name, elements)
     coordinates, place = node_coordinates(name, len(nodes), scene.bodies[name].beam.axially_rigid)
-    return Link(name, nodes, {}, (), Part(name, coordinates, {}, place))
+    return Link(scene, name, nodes, {}, (), Part(name, coordinates, {}, place))

@@ -16,6 +16,7 @@ from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_fun
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.meshes import forced_points, mesh
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.parts import Load
 from kaneflex.support.contract import SPATIAL_NODE, beam_module
 from kaneflex.support.errors import SceneError
@@ -63,6 +64,8 @@ class Link:
 
     Attributes
     ----------
+    scene : Scene
+        With the body of this ``name``.
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m].
     parameters : mapping of str to ndarray (elements,)
@@ -73,6 +76,7 @@ class Link:
         The assembled link, coordinates u, v, theta of each node in turn; one u for all nodes if it does not stretch.
     """
 
+    scene: Scene
     name: str
     nodes: np.ndarray
     parameters: Mapping[str, np.ndarray]
@@ -90,6 +94,10 @@ class Link:
     """Places of the node's coordinates among those of a node in space."""
     densities: ClassVar[tuple[str, ...]] = ("rho_A", "rho_I")
     """Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z."""
+
+    @property
+    def body(self) -> Body:
+        return self.scene.bodies[self.name]
 
     @property
     def length(self) -> float:
@@ -150,6 +158,11 @@ class Link:
         return found
 
     @property
+    def jumps(self) -> dict[str, float]:
+        """Nodes between its ends at which joints or loads act, by their numbers, and their places [m]."""
+        return _jumps(self.scene, self.name, self.nodes)
+
+    @property
     def is_axially_rigid(self) -> bool:
         """True if all nodes have one axial displacement."""
         first, second, *_ = self.part.place.values()
@@ -201,23 +214,23 @@ def link_of_scene(
     if module is None:
         kind, parameters = SpatialLink, profile.elements(nodes)
         beam = beam_module(profile.rotary, profile.shear, profile.varying)
-        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), jumps(scene, name, nodes)
+        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), _jumps(scene, name, nodes)
     else:
         parameters, known = profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
         # no jump where there is no axial load
         beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
     terms = terms_of_link(scene, name, parameters, module, kind)
-    return build_link(kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid and not stretches)
+    rigid = body.beam.axially_rigid and not stretches
+    return build_link(scene, kind, name, nodes, parameters, terms, beyond, rigid)
 
 
-def jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
-    """Nodes between a link's ends at which joints or loads act, by their numbers, and their places [m]."""
+def _jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
     places = set(forced_points(scene, name).values())
     return {str(k): x for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= SAME * nodes[-1] for at in places)}
 
 
 def build_link(
-    kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray],
+    scene: Scene, kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray],
     terms: Iterable[tuple[tuple[str, Monomial], np.ndarray]], jumps: Mapping[str, float] = MappingProxyType({}),
     axially_rigid: bool = False,
 ) -> Link:  # fmt: skip
@@ -248,7 +261,7 @@ def build_link(
     coordinates, place = node_coordinates(name, len(nodes), axially_rigid, kind.names)
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
     part = Part(name, coordinates, chain(sums.items(), place, len(coordinates)), place)
-    return kind(name, nodes, parameters, element_terms, part)
+    return kind(scene, name, nodes, parameters, element_terms, part)
 
 
 def at_gauss(

@@ -117,8 +117,8 @@ class SpatialMechanism:
 
     A lumped mass is part of its rigid body; on an elastic one it is a separate body, welded to the link's axis.
 
-    ``asked``: joints whose coordinate a drive, a law or a spring uses; ``known``: those of them not only used by a free
-    drive; ``prescribed``: those with a prescribed coordinate; ``read``: those of sensors.
+    ``asked``: joints whose coordinate a drive, a law or a spring uses; ``prescribed``: those with a prescribed
+    coordinate; ``read``: those of sensors.
     """
 
     bodies: Mapping[str, SpatialBody]
@@ -129,7 +129,6 @@ class SpatialMechanism:
     frictions: Mapping[str, Friction]
     floating: tuple[str, ...]
     asked: frozenset[str]
-    known: frozenset[str]
     prescribed: frozenset[str]
     read: frozenset[str]
     gravity: np.ndarray
@@ -206,16 +205,15 @@ def _made(scene: Scene) -> SpatialMechanism:
         )
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or way_of(scene) or 1.0
-    known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
-    known |= {contact.joint for contact in contacts.values() if contact.joint in joints}
-    prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"} & set(joints)
-    known |= prescribed
+    asked = {*scene.drives, *scene.observed, *(spring.joint for spring in springs.values())}
+    asked |= {contact.joint for contact in contacts.values()}
+    prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"}
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
         bodies, joints, loads, springs, contacts, frictions_of(scene), tuple(scene.floating),
-        frozenset((known | {*scene.drives}) & set(joints)),
-        frozenset(known & set(joints)), frozenset(prescribed), frozenset(read & set(joints)), gravity, float(size),
+        frozenset(joints.keys() & asked), frozenset(joints.keys() & prescribed), frozenset(joints.keys() & read),
+        gravity, float(size),
     )  # fmt: skip
 
 

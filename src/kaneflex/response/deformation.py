@@ -113,7 +113,7 @@ class Deformation:
         """Sum of forces at the elements' ends less the point loads at each node, (n_nodes, dofs, n_times)."""
         coordinates, place = node_coordinates(self.link.name, len(self.link.nodes), False, self.link.names)
         unloaded = Part(self.link.name, coordinates, {"F": Affine.zero(len(coordinates), 1)}, place)
-        loads = self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
+        loads = self.rigid.column_of(load_on_link(unloaded, self.link).matrices["F"])
         total = -loads.reshape(len(place), self.link.dofs, -1)
         for e, at_ends in enumerate(forces):
             total[e : e + 2] += at_ends.reshape(2, self.link.dofs, -1)

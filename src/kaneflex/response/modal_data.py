@@ -16,6 +16,7 @@ from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.response.stresses import section_at
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.options import modes_of, resolve_options
 from kaneflex.scene.recovery import NONE, Recovery
@@ -30,7 +31,7 @@ def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, Modal
         shapes = bound_system(scene, module, options).shapes
     else:
         shapes = build_system(scene, progress)[0].shapes
-    return {name: recovering(scene, each.link, each.basis, link_data(each)) for name, each in shapes.items()}
+    return {name: recovering(each.link, each.basis, link_data(each)) for name, each in shapes.items()}
 
 
 def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:
@@ -49,7 +50,7 @@ def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Pa
     return list(paths.values())
 
 
-def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) -> ModalData:
+def recovering(link: Link, shapes: np.ndarray, data: ModalData) -> ModalData:
     """Modal data of a link with section forces at its points and, in the plane, stresses at their edges.
 
     ``shapes`` (n_nodes c, n): at the nodes. All points must be nodes.
@@ -62,10 +63,10 @@ def recovering(scene: Scene, link: Link, shapes: np.ndarray, data: ModalData) ->
     if spatial:
         return replace(data, sections=Recovery(data.points, rows))
     rows = rows[:, list(IN_PLANE)]
-    return replace(data, sections=Recovery(data.points, rows), stresses=_at_edges(scene, link.name, data, rows))
+    return replace(data, sections=Recovery(data.points, rows), stresses=_at_edges(link.body, data, rows))
 
 
-def _at_edges(scene: Scene, name: str, data: ModalData, sections: np.ndarray) -> Recovery:
+def _at_edges(body: Body, data: ModalData, sections: np.ndarray) -> Recovery:
     """Stresses at `POINT_upper` and `POINT_lower`, the edges +y and -y of every point whose section shape is known.
 
     Normal stress by Navier's hypothesis, N/A - y M/I; edges have no shear. The section is the one before the point; at
@@ -73,7 +74,7 @@ def _at_edges(scene: Scene, name: str, data: ModalData, sections: np.ndarray) ->
     """
     names, rows = [], []
     for point, x, (N, _, M) in zip(data.points, data.arrays["X"].tolist(), sections, strict=True):
-        section = section_at(scene.bodies[name], x)
+        section = section_at(body, x)
         if section is None:
             continue
         outline, numbers = section

@@ -76,11 +76,11 @@ def bound_system(
         else:
             link = link_of_scene(scene, name, options.elements or body.beam.elements)
         if frozen and before is not None:
-            return alike(spanned(scene, before, link, held[0] if options and held else None), before)
+            return alike(spanned(before, link, held[0] if options and held else None), before)
         if options is None:
-            found = link_shapes(scene, link, link_modes(scene, name))
+            found = link_shapes(link, link_modes(scene, name))
         else:
-            found = spatial_shapes(scene, link, int(options.modes), held, freed)
+            found = spatial_shapes(link, int(options.modes), held, freed)
         return found if before is None else alike(found, before)
 
     flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}

@@ -114,7 +114,7 @@ def _planar_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     """Meshed links and coordinates of a planar mechanism; ``frozen``: bases of reductions."""
     scene, options, links = model.scene, model.options, _links(model)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
-    parts, bases = parts_of_links(scene, options, links, interfaces, frozen)
+    parts, bases = parts_of_links(options, links, interfaces, frozen)
     sites = Sites(scene, links, parts, interfaces)
     frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]

@@ -26,22 +26,22 @@ _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
 sign where the link turns about it."""
 
 
-def shape_damping(scene: Scene, link: Link, basis: np.ndarray) -> np.ndarray:
+def shape_damping(link: Link, basis: np.ndarray) -> np.ndarray:
     """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (dofs n_nodes, count)."""
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
-    if scene.damping is None or link.dofs == 3:  # planar shapes are modes in these axes already
-        return modal_damping(scene, link, basis, M)
-    apart = against_axes(scene, link, basis, M)
+    if link.scene.damping is None or link.dofs == 3:  # planar shapes are modes in these axes already
+        return modal_damping(link, basis, M)
+    apart = against_axes(link, basis, M)
     mass = apart.T @ M @ apart
     modes = symmetric_modes(apart.T @ K @ apart, mass, len(mass))[1]
-    of_modes = modal_damping(scene, link, apart @ modes, M)
+    of_modes = modal_damping(link, apart @ modes, M)
     back = modes.T @ mass
     return back.T @ of_modes @ back
 
 
-def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
+def modal_damping(link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
     """Damping matrix of the modal coordinates [N s/m]; a modal ratio applies to the link's own modes."""
-    damping = scene.damping
+    damping = link.scene.damping
     if damping is None:
         return np.zeros((modal.shape[1],) * 2)
     K, mass = modal.T @ link.part.matrices["K_s"].value({}) @ modal, modal.T @ M @ modal
@@ -54,14 +54,12 @@ def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: Matrix) -> np.
     return modal.T @ link.part.matrices["C_s"].value({}) @ modal
 
 
-def against_axes(
-    scene: Scene, link: Link, basis: np.ndarray, M: Matrix, hung: float | None = None
-) -> np.ndarray:
+def against_axes(link: Link, basis: np.ndarray, M: Matrix, hung: float | None = None) -> np.ndarray:
     """Shapes relative to a link's axes by its joints, without rigid motions, (dofs n_nodes, count).
 
     ``hung``: place of the joint of the tree, where alone the axes may then follow the section.
     """
-    joined, alone = _joined(scene, link, hung)
+    joined, alone = _joined(link, hung)
     left, d, places = basis.copy(), link.dofs, link.motions
 
     def rigid_motion(*moved: tuple[int, float | np.ndarray]) -> np.ndarray:
@@ -90,26 +88,26 @@ def against_axes(
             take(rigid, [row(joined[0], v), row(joined[-1], v)])
         else:
             take(rigid, [row(at, v) if joined else M @ rigid[:, 0], M @ rigid[:, 1]])
-    for k, at_joint in ((0, axial_place(scene, link, hung)), (3, alone.get("x")))[: d // 3]:
+    for k, at_joint in ((0, axial_place(link, hung)), (3, alone.get("x")))[: d // 3]:
         rigid = rigid_motion((k, 1.0))[:, None]
         take(rigid, [M @ rigid[:, 0] if at_joint is None else row(at_joint, k)])
     return left
 
 
-def axial_place(scene: Scene, link: Link, hung: float | None = None) -> float | None:
+def axial_place(link: Link, hung: float | None = None) -> float | None:
     """Distance from a link's start [m] of its section without axial displacement in its axes: at its only joint, or at
     the one that holds its bending; None: it has none in the mean over its mass."""
-    joined, alone = _joined(scene, link, hung)
+    joined, alone = _joined(link, hung)
     return joined[0] if len(joined) == 1 else alone["z"] if {*"zy"[: link.dofs // 3]} <= {*alone} else None
 
 
-def _joined(scene: Scene, link: Link, hung: float | None) -> tuple[list[float], dict[str, float]]:
+def _joined(link: Link, hung: float | None) -> tuple[list[float], dict[str, float]]:
     """Distances from a link's start [m] of its joints, and of the section that the axes follow about each axis that a
     single joint holds."""
     if link.dofs == 3:
-        clamped = {each.x: "z" * each.clamped for each in stations(scene, link.name) if each.joined}
+        clamped = {each.x: "z" * each.clamped for each in stations(link.scene, link.name) if each.joined}
     else:
-        clamped = clamps(spatial_mechanism_of(scene), scene, link.name)
+        clamped = clamps(spatial_mechanism_of(link.scene), link.scene, link.name)
     places = {axis: [x for x, held in clamped.items() if axis in held] for axis in "xyz"}
     alone = {axis: of[0] for axis, of in places.items() if len(of) == 1 and hung in (None, of[0])}
     return sorted(clamped), alone

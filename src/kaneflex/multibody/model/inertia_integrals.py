@@ -44,8 +44,8 @@ _RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inert
 
 def link_data(shapes: Shapes) -> ModalData:
     """Modal data of a link's finite elements without lumped masses, in its axes, with the points on its axis."""
-    scene, link = shapes.scene, shapes.link
-    points = {name: scene.vector(at) for name, at in scene.bodies[link.name].points_all.items()}
+    link = shapes.link
+    points = {name: link.scene.vector(at) for name, at in link.body.points_all.items()}
     places = {name: at for name, at in points.items() if not any(at[1:])}
     of_points = [shapes.at(at) for at in places.values()]
     r, N, G = (np.array(each) for each in (list(places.values()), *zip(*of_points, strict=True)))
@@ -65,7 +65,7 @@ def _planar_moments(shapes: Shapes, s: slice, w: slice) -> dict[str, np.ndarray]
 
     Rotary energy includes the mass matrix's correction for an element's answer to its own inertia.
     """
-    m, profile, length = shapes.moments, shapes.scene.bodies[shapes.link.name].profile, shapes.link.length
+    m, profile, length = shapes.moments, shapes.link.body.profile, shapes.link.length
     total = profile.inertia(length)
     across, M = m.N_N[1, 1, w, w], shapes.link.part.matrices["M"].value({})
     return {
@@ -80,7 +80,7 @@ def _planar_moments(shapes: Shapes, s: slice, w: slice) -> dict[str, np.ndarray]
 
 def _spatial_data(shapes: Shapes, points: tuple[str, ...], of_points: Mapping[str, np.ndarray]) -> ModalData:
     """Modal data in space from SPATIAL_POINT_ARRAYS."""
-    m, body = shapes.moments, spatial_mechanism_of(shapes.scene).bodies[shapes.link.name]
+    m, body = shapes.moments, spatial_mechanism_of(shapes.link.scene).bodies[shapes.link.name]
     return spatial_modal_data(shapes.link.length, points, {
         "mass": np.array(body.mass), "mass_r": body.mass * body.centre,
         "mass_r_r": second_moments(body) + body.mass * np.outer(body.centre, body.centre),

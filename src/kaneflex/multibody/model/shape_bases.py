@@ -35,21 +35,21 @@ _EQUAL = 1e-6  # relative distance of squared frequencies that are one's
 _MORE = 4  # modes found beyond those requested, for those equal to the last one
 
 
-def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
+def link_shapes(link: Link, modes: int) -> Shapes:
     """Shapes of a planar link: static ones of the points where forces enter, and ``modes`` fixed-interface modes.
 
     The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
     by forces at those points and by the link's own inertia.
     """
-    found = stations(scene, link.name)
+    found = stations(link.scene, link.name)
     frame = frame_of(found)
     points = {node_of(link, station.x): "z" * station.turned for station in found}
     first, freed = None if frame.kind == "free" else node_of(link, frame.at), "z" * (frame.kind != "tangent")
-    return _shapes(scene, link, modes, points, first, freed, frame.kind not in IN_THE_MEAN)
+    return _shapes(link, modes, points, first, freed, frame.kind not in IN_THE_MEAN)
 
 
 def _shapes(
-    scene: Scene, link: Link, modes: int, points: Mapping[int, str], first: int | None, freed: str, swings: bool,
+    link: Link, modes: int, points: Mapping[int, str], first: int | None, freed: str, swings: bool,
     hung: float | None = None,
 ) -> Shapes:  # fmt: skip
     """Shapes of a link by kinds of motion.
@@ -65,7 +65,7 @@ def _shapes(
     hung : float or None
         See :func:`against_axes`.
     """
-    d, beam, found = link.dofs, scene.bodies[link.name].beam, list[np.ndarray]()
+    d, beam, found = link.dofs, link.body.beam, list[np.ndarray]()
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
     assert beam is not None
     most, turning = K.shape[0], [3 + "xyz".index(axis) for axis in freed]
@@ -94,9 +94,9 @@ def _shapes(
             modal = _fixed_interface(K, M, inner, count, not static, d == 6)
         own = _orthogonal(np.hstack([static_shapes(K, static, inner), modal]), K, M, link)
         own = own[:, rigid if first is None else len(loose) :]
-        found.append(_orthogonal(against_axes(scene, link, own, M, hung), K, M, link))
+        found.append(_orthogonal(against_axes(link, own, M, hung), K, M, link))
     counts = tuple(own.shape[1] for own in found)
-    return Shapes(scene, link, np.hstack(found), counts, axial_place(scene, link, hung), most, bool(freed))
+    return Shapes(link, np.hstack(found), counts, axial_place(link, hung), most, bool(freed))
 
 
 def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
@@ -122,15 +122,15 @@ def _axial_loads(link: Link, node: int, swings: bool) -> np.ndarray:
     return found[:, ::-1] if swings else found
 
 
-def spanned(scene: Scene, shapes: Shapes, link: Link, hung: float | None = None) -> Shapes:
-    """Shapes of a link of a scene that span the same space, orthogonal with respect to its mass and stiffness.
+def spanned(shapes: Shapes, link: Link, hung: float | None = None) -> Shapes:
+    """Shapes of another link that span the same space, orthogonal with respect to its mass and stiffness.
 
     The equations need orthogonal shapes; the motion depends on their space alone. ``hung``: see :func:`against_axes`.
     """
     K, M = (link.part.matrices[key].value({}) for key in ("K_s", "M"))
     kinds = np.split(shapes.basis, np.cumsum(shapes.counts)[:-1], axis=1)
-    found = [_orthogonal(against_axes(scene, link, own, M, hung), K, M, link) for own in kinds]
-    return replace(shapes, scene=scene, link=link, basis=np.hstack(found), held=axial_place(scene, link, hung))
+    found = [_orthogonal(against_axes(link, own, M, hung), K, M, link) for own in kinds]
+    return replace(shapes, link=link, basis=np.hstack(found), held=axial_place(link, hung))
 
 
 def alike(shapes: Shapes, others: Shapes) -> Shapes:
@@ -178,7 +178,7 @@ def _scaled(shapes: np.ndarray, link: Link, others: np.ndarray | None = None) ->
     return shapes / np.where((place > 3)[:, None], link.length * shapes, shapes)[largest, np.arange(shapes.shape[1])]
 
 
-def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, freed: str = "") -> Shapes:
+def spatial_shapes(link: Link, modes: int, held: Place | None, freed: str = "") -> Shapes:
     """Static shapes of the points with joints and loads, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
@@ -188,12 +188,13 @@ def spatial_shapes(scene: Scene, link: Link, modes: int, held: Place | None, fre
     """
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)
+    scene = link.scene
     joints, pushed = points_of(spatial_mechanism_of(scene), link.name)
     points = dict.fromkeys([node_of(link, at) for at in pushed], "")
     points |= {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
     if held is None and not joints:
         points[0] = "xyz"  # the remaining motions don't deform it
-    return _shapes(scene, link, modes, points, first, freed, len({*joints}) == 1, x)
+    return _shapes(link, modes, points, first, freed, len({*joints}) == 1, x)
 
 
 def points_of(mechanism: SpatialMechanism, body: str) -> tuple[list[float], list[float]]:

@@ -17,7 +17,6 @@ from kaneflex.fem.links import GAUSS, Link
 from kaneflex.multibody.model.damping import against_axes, shape_damping
 from kaneflex.multibody.model.shape_moments import ShapeMoments
 from kaneflex.multibody.model.tree_layout import Place
-from kaneflex.scene import Scene
 
 _AT = legendre.legvander(GAUSS[0], 4)
 _RATES = np.column_stack([legendre.legval(GAUSS[0], legendre.legder(one)) for one in np.eye(5)]) @ np.linalg.inv(_AT)
@@ -30,7 +29,6 @@ class Shapes:
 
     Attributes
     ----------
-    scene : Scene
     link : Link
     basis : ndarray (dofs n_nodes, count)
         Orthogonal with respect to mass and stiffness; the largest displacement of each is one, of twist the rotation.
@@ -47,7 +45,6 @@ class Shapes:
         True if the axes of a link in space follow the section at ``held`` about some axes, the mean about others.
     """
 
-    scene: Scene
     link: Link
     basis: np.ndarray
     counts: tuple[int, ...]
@@ -96,7 +93,7 @@ class Shapes:
     def turn(self) -> np.ndarray:
         """Rotation of the axes of the planar model about the body's x, y, z by each shape, (3, count) [rad/m]."""
         M = self.link.part.matrices["M"].value({})
-        return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
+        return (self.basis - against_axes(self.link, self.basis, M))[3:6]
 
     def numbers(self) -> np.ndarray:
         """Parameters of :mod:`kaneflex.generated.spatial_shapes`."""
@@ -116,7 +113,7 @@ class Shapes:
         moved = np.zeros((len(x), 6, self.count))
         moved[:, list(self.link.motions)] = rows
         N, psi = moved[:, :3], moved[:, 3:]
-        if not self.scene.bodies[self.link.name].profile.rotary:
+        if not self.link.body.profile.rotary:
             psi[:, 1:] = 0.0  # then a section does not turn against its axes by bending
         turned, still = psi.transpose(1, 0, 2), np.zeros_like(psi[:, 0])
         first = [np.stack(of, axis=1) for of in ((-turned[2], still, turned[0]), (turned[1], -turned[0], still))]
@@ -152,7 +149,7 @@ class Shapes:
     @cached_property
     def damping(self) -> np.ndarray:
         """Damping of the modal coordinates [N s/m]."""
-        found = shape_damping(self.scene, self.link, self.basis)
+        found = shape_damping(self.link, self.basis)
         return (found + found.T) / 2
 
     @cached_property

@@ -17,7 +17,7 @@ from kaneflex.fem.assembly import (
     with_pushes,
 )
 from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
-from kaneflex.fem.links import Link, Part, jumps, link_of_scene, spread_scalar
+from kaneflex.fem.links import Link, Part, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
@@ -29,7 +29,6 @@ from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Model, Stage
 from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
-from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.contract import AXES, SPATIAL_LINK_SCALARS
 from kaneflex.support.errors import SceneError
@@ -56,7 +55,6 @@ class Deforming:
     accelerations, ARMS, and its loads. ``map`` has the parts' coordinates.
     """
 
-    scene: Scene
     mechanism: SpatialMechanism
     links: Mapping[str, Link]
     parts: Mapping[str, Part]
@@ -71,8 +69,8 @@ class Deforming:
             found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
             if name in self.links:
                 found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
-                          for node in jumps(self.scene, name, self.links[name].nodes)]  # fmt: skip
-                for node in pushed_nodes(self.scene, self.links[name]):
+                          for node in self.links[name].jumps]  # fmt: skip
+                for node in pushed_nodes(self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
                 for load in spread_on(self.mechanism, name):
                     found += [(spread_scalar(name, load, axis), "N/m", f"of {load} along the link") for axis in AXES]
@@ -103,10 +101,10 @@ class Deforming:
                 link, spread = self.links[name], spread_on(self.mechanism, name)
                 acting = [each for each in acting if each.by not in spread]
                 at = [link.node_at(each.on[0]) for each in acting]
-                for node in (0, *map(int, jumps(self.scene, name, link.nodes))):
+                for node in (0, *map(int, link.jumps)):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
                     found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
-                for node in pushed_nodes(self.scene, link):
+                for node in pushed_nodes(link):
                     pushes = [each.force for each, own in zip(acting, at, strict=True)
                               if own == node and each.by in self.mechanism.loads]  # fmt: skip
                     found.append(sum(pushes, np.zeros_like(specific_force)))
@@ -172,7 +170,7 @@ def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     ties = tuple(Tie((name, node), on[0]) for name, at in held.items() for node, on in at.items())
     own = {tie.site: tie.site for tie in ties}
     interfaces = Interfaces(ties, frozenset(tie.joint for tie in ties), own, own, {})
-    elastic, bases = parts_of_links(scene, options, links, interfaces, frozen)
+    elastic, bases = parts_of_links(options, links, interfaces, frozen)
     parts = {name: elastic[name] if name in links else with_pushes(rigid_part(name, body), _ON_RIGID)
              for name, body in mechanism.bodies.items()}  # fmt: skip
     held_too = [name for name, drive in scene.drives.items()
@@ -183,7 +181,7 @@ def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
     maps = {name: found.of(name) for name in parts}
     moving = {name for name in parts if name in links or maps[name].terms}
-    deforming = Deforming(scene, mechanism, links, parts, found)
+    deforming = Deforming(mechanism, links, parts, found)
     whole = Affine.constant(np.eye(6))
     placed = [Placed(part, maps[name], () if name in links else (((name, None), whole),))
               for name, part in parts.items()]  # fmt: skip

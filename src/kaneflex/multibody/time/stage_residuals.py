@@ -87,16 +87,20 @@ def _keep_accelerations(m, i, first):
 
 
 @njit(**OPTIONS)
+def _combine(w, into, of, count, sign, A, B, out):
+    """Stages' numbers, ``count`` each, times a sign, as those of the two systems."""
+    apart()
+    for k in range(count):
+        r_0, r_1, r_2 = w[of + k], w[of + count + k], w[of + 2 * count + k]
+        A[out + k] = sign * (into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
+        B[out + k] = sign * (into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+
+
+@njit(**OPTIONS)
 def _ask_by_forces(m, table, h, A, B):
     """Right-hand sides of the real and the complex system of the stages."""
-    plan, w, into = m.plan, m.w, table.into
-    n = plan[COORDINATES]
-    answer = plan[COLUMNS] + plan[KEPT] * n
-    for k in range(n):
-        j = plan[RESISTING] + k
-        r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
-        A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
-        B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+    plan, n = m.plan, m.plan[COORDINATES]
+    _combine(m.w, table.into, plan[RESISTING], n, -1.0, A, B, plan[COLUMNS] + plan[KEPT] * n)
 
 
 @njit(**OPTIONS)
@@ -107,24 +111,14 @@ def ask(m, table, h, A, B):
 
 
 @njit(**OPTIONS)
-def _combine(w, into, of, count, A, B, out):
-    """Stages' numbers, ``count`` each, as those of the two systems."""
-    apart()
-    for k in range(count):
-        r_0, r_1, r_2 = w[of + k], w[of + count + k], w[of + 2 * count + k]
-        A[out + k] = into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2
-        B[out + k] = into[3] * r_0 + into[4] * r_1 + into[5] * r_2
-
-
-@njit(**OPTIONS)
 def _ask_in_space(m, table, h, A, B):
     apart()
     if m.pivots[BY_FORCES]:
         _ask_by_forces(m, table, h, A, B)
         return
     plan, n = m.plan, m.plan[COORDINATES]
-    _combine(m.w, table.into, plan[RESISTING], n, A, B, plan[GIVEN])
-    _combine(m.w, table.into, plan[RESISTING_R], plan[KEPT], A, B, plan[GIVEN_REACTION])
+    _combine(m.w, table.into, plan[RESISTING], n, 1.0, A, B, plan[GIVEN])
+    _combine(m.w, table.into, plan[RESISTING_R], plan[KEPT], 1.0, A, B, plan[GIVEN_REACTION])
     resist_given(m, h * table.real[0], A)
     resist_given(m, h * table.pair[0], B)
 
