@@ -16,7 +16,7 @@ TOPICS = {
     r"|multibody/(model/(determin|massless|rigid_ref|spatial)|time/(revolutions|initial))",
     "Loads, laws and springs": r"scene/(law|load|springs|tables)|support/units",
     "Contacts and friction": r"scene/(contact|friction)|solve/(contact|touching)",
-    "Links from finite elements": r"fem/(foreign|matrices|modal|recovery|craig|import)|cli/importing|scene/modal",
+    "Links from finite elements": r"fem/imported|cli/importing|scene/modal",
     "Solving": r"solve/|multibody/|fem/|integrate/|scene/(option|start)",
     "Units, names and files": r"scene/|support/",
     "Studies and commands": r"",

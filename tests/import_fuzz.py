@@ -20,8 +20,8 @@ from scene_fuzz import NUMBERS, broken, broken_text
 from scipy.io import mmwrite
 from scipy.sparse import coo_array, csc_array
 
-from kaneflex.fem.foreign_data import foreign_data
-from kaneflex.fem.foreign_files import read_foreign
+from kaneflex.fem.imported.files import read_elements
+from kaneflex.fem.imported.modal_arrays import imported_data
 from kaneflex.support.errors import Fault
 
 STRANGE = (*map(repr, NUMBERS), "1.0D+05", "1.0E", "--1", "1_0", "\N{FULLWIDTH DIGIT ONE}", "0x1", "1e999", "", "1 2")
@@ -130,8 +130,8 @@ def examine(given: tuple[str, tuple[str, ...], bool, bool]) -> object:
     folder = Path(files[0]).parent
     points = {name: str(folder / f"{name}.txt") for name in ("start", "end")}
     try:
-        link = read_foreign(*files, points, spatial=spatial)
-        data: Any = foreign_data(link, 2, rigid)
+        link = read_elements(*files, points, spatial=spatial)
+        data: Any = imported_data(link, 2, rigid)
     except Fault as fault:
         assert fault.reason and fault.cure and len(str(fault)) < 2000
         return fault

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.export.code import derive_code as derive_code
     from kaneflex.export.code import equations as equations
     from kaneflex.export.fmu import export_fmu as export_fmu
-    from kaneflex.fem.import_mesh import import_mesh as import_mesh
+    from kaneflex.fem.imported.import_mesh import import_mesh as import_mesh
     from kaneflex.multibody.model.bound_model import Model as Model
     from kaneflex.plots import draw_all as draw_all
     from kaneflex.plots import explore as explore
@@ -61,7 +61,7 @@ __version__ = "0.1.0"
 _PUBLIC = """
 export.code: derive_code equations
 export.fmu: export_fmu
-fem.import_mesh: import_mesh
+fem.imported.import_mesh: import_mesh
 multibody.model.bound_model: Model
 plots: draw_all explore figures show
 report.page: write_report

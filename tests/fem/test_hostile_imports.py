@@ -7,7 +7,7 @@ from scene_fuzz import broken
 from scipy.io import mmwrite
 from scipy.sparse import csc_array
 
-from kaneflex.fem.matrices import read_market
+from kaneflex.fem.imported.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.support.errors import Fault
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
-from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Z, NU, PAGE, RHO, E, L, arguments, printed_by, welded
+from imported_rod import AREA, ENDS, FILES, HEIGHT, I_Z, NU, PAGE, RHO, E, L, arguments, printed_by, welded
 from machines import slider_crank
 from runs import alike, solved
 from scipy.io import mmread, mmwrite
@@ -18,8 +18,8 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse.linalg import eigsh
 
 import kaneflex
-from kaneflex.fem.craig_bampton import reduced
-from kaneflex.fem.foreign_files import read_foreign
+from kaneflex.fem.imported.craig_bampton import reduced
+from kaneflex.fem.imported.files import read_elements
 from kaneflex.scene.modal_data import read_modal_data
 from kaneflex.support.errors import Fault
 
@@ -75,7 +75,7 @@ def test_modes_of_the_free_mesh():
 
     What differs: twelve modes with the points held instead of all. Averaged coupling holds nothing rigid.
     """
-    link = read_foreign(*FILES, ENDS)
+    link = read_elements(*FILES, ENDS)
     K, M = (mmread(name).tocsc() for name in (FILES[1], FILES[0]))
     squares, modes = eigsh(K, 16, M, sigma=-1e6, v0=np.ones(K.shape[0]))
     for motion, rigid, wanted in (
@@ -96,7 +96,7 @@ def test_modes_of_the_free_mesh():
 @pytest.mark.parametrize("rigid", [True, False])
 def test_bending_of_a_pinned_bar(rigid):
     """Timoshenko's frequencies on pins (1922), which leave out how the section warps: 1 %, with stiff ends 2.5 %."""
-    found = reduced(read_foreign(*FILES, ENDS), "transverse", 3, rigid)
+    found = reduced(read_elements(*FILES, ENDS), "transverse", 3, rigid)
     omega = np.sqrt(found.stiffness / found.mass)[:3]
     k, G = np.arange(1, 4) * np.pi / L, E / (2 * (1 + NU))
     kappa = 10 * (1 + NU) / (12 + 11 * NU)  # Cowper 1966
@@ -109,7 +109,7 @@ def test_bending_of_a_pinned_bar(rigid):
 @pytest.mark.parametrize("rigid", [True, False])
 def test_a_welded_end_in_the_plane(rigid):
     """Held in its turn too, beside the mesh with springs there: few modes do, as moments on the ends have shapes."""
-    link = read_foreign(*FILES, ENDS)
+    link = read_elements(*FILES, ENDS)
     basis = link.basis("transverse", rigid)
     rows = np.array(link.means("start"))[1:]
     expected = welded(basis.T @ link.K @ basis, basis.T @ link.M @ basis, rows @ basis, 2)
@@ -365,7 +365,7 @@ def test_what_is_refused_of_an_input(more, message):
 
 
 def test_nodes_in_one_place_have_no_mirror_image():
-    link = read_foreign(*FILES, ENDS)
+    link = read_elements(*FILES, ENDS)
     flat = replace(link, nodes=np.column_stack([link.nodes[:, :2], np.zeros(len(link.nodes))]))
     with pytest.raises(Fault, match=r"several nodes are at \(0, -10, 0\) mm: their mirror images are ambiguous"):
         flat.basis("axial", rigid=False)
@@ -373,7 +373,7 @@ def test_nodes_in_one_place_have_no_mirror_image():
 
 def test_no_full_matrix_is_made_of_a_sparse_one():
     """A square array of the bar's 3675 unknowns alone is 108 MB; of 100,000 unknowns it would be 80 GB."""
-    link = read_foreign(*FILES, ENDS)
+    link = read_elements(*FILES, ENDS)
     tracemalloc.start()
     try:
         reduced(link, "transverse", 3, rigid=True)

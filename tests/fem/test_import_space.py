@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
-from foreign_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
+from imported_rod import AREA, ENDS, FILES, HEIGHT, I_Y, I_Z, NU, PAGE, RHO, WIDTH, E, L, arguments, printed_by
 from machines import pendulum, slider_crank
 from runs import alike, solved
 from scipy.io import mmread
 from scipy.sparse.linalg import eigsh
 
 import kaneflex
-from kaneflex.fem.foreign_data import foreign_data
-from kaneflex.fem.foreign_files import read_foreign
+from kaneflex.fem.imported.files import read_elements
+from kaneflex.fem.imported.modal_arrays import imported_data
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
@@ -34,7 +34,7 @@ def command(**changed):
 
 @pytest.fixture(scope="module")
 def mesh():
-    return read_foreign(*FILES, ENDS, spatial=True)
+    return read_elements(*FILES, ENDS, spatial=True)
 
 
 def test_the_page_shows_what_is_printed(printed):
@@ -57,7 +57,7 @@ def test_modes_of_the_free_mesh(mesh, rigid):
     ones meet five to 0.6 %: bending either way, torsion and stretch, never from below (Ritz 1909)."""
     K, M = (mmread(name).tocsc() for name in (FILES[1], FILES[0]))
     squares = np.sort(eigsh(K, 12, M, sigma=-1e6, v0=np.ones(K.shape[0]))[0])[6:]
-    data = foreign_data(mesh, 12, rigid)
+    data = imported_data(mesh, 12, rigid)
     found = data.arrays["stiffness"] / np.einsum("aajj->j", data.arrays["mass_N_N"])
     away = np.sqrt(found[:5] / squares[:5]) - 1.0
     assert (away > -1e-9).all() and (away < 6e-3).all()
@@ -170,7 +170,7 @@ def test_a_point_of_one_node_turns_as_the_sections_do():
     numbers = np.loadtxt("rod-nodes.txt")
     middle = abs(numbers[:, 1:] - [L, 0.0, 0.0]).max(axis=1).argmin()
     np.savetxt("middle.txt", numbers[[middle], 0], fmt="%d")
-    alone = foreign_data(read_foreign(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
+    alone = imported_data(read_elements(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
     rows = held_shapes(alone, (0.0, 0.0, 0.0)).rows[alone.points.index("end")]
     found = rows @ (rows / alone.arrays["stiffness"]).T
     assert found[5, 1] == pytest.approx(L**2 / (2 * E * I_Z), rel=3e-2)
@@ -207,9 +207,9 @@ def test_solid_elements_beside_some_that_bend(mesh):
     """A soft tripod of three beams: nodes of the solid that bear none don't turn, and its data stay as they were."""
     files, feet, numbers = on_feet(3)
     count = len(numbers)
-    link = read_foreign(*files, ENDS, spatial=True)
+    link = read_elements(*files, ENDS, spatial=True)
     assert np.flatnonzero(link.turning).tolist() == [*sorted(feet), count]
-    mixed, plain = (foreign_data(each, 4) for each in (link, mesh))
+    mixed, plain = (imported_data(each, 4) for each in (link, mesh))
     squares = [of.arrays["stiffness"] / np.einsum("aajj->j", of.arrays["mass_N_N"]) for of in (mixed, plain)]
     np.testing.assert_allclose(*(np.sort(each)[:5] for each in squares), rtol=1e-5)
     for name in ("mass", "mass_r", "mass_r_r"):
@@ -223,7 +223,7 @@ def test_solid_elements_beside_some_that_bend(mesh):
         assert yields[1, 1] == pytest.approx(5 * L**3 / (48 * E * I_Z), rel=3e-2)
         assert yields[5, 1] == pytest.approx(3 * L**2 / (8 * E * I_Z), rel=2e-2)
     np.savetxt("lone.txt", [numbers[(numbers[:, 1] == L).argmax(), 0]], fmt="%d")
-    lone = read_foreign(*files, ENDS | {"end": "lone.txt"}, spatial=True)
+    lone = read_elements(*files, ENDS | {"end": "lone.txt"}, spatial=True)
     assert len(lone.held("end", "any")) == 3  # a node of the solid has no turn of its own
 
 

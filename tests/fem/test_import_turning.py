@@ -9,8 +9,8 @@ from runs import alike, solved
 from scipy.io import mmread, mmwrite
 
 import kaneflex
-from kaneflex.fem.foreign_data import foreign_data
-from kaneflex.fem.foreign_files import read_foreign
+from kaneflex.fem.imported.files import read_elements
+from kaneflex.fem.imported.modal_arrays import imported_data
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.scene.modal_data import read_modal_data
 
@@ -64,8 +64,8 @@ def test_moments(data):
 def test_frequencies_of_the_free_bar():
     """Bending either way (beta L = 4.7300, 7.8532), twist and stretch, by closed forms, to 0.3 %."""
     points = {"start": "start.txt", "end": "end.txt"}
-    link = read_foreign("mass.mtx", "stiffness.mtx", "nodes.txt", points, normal=(1, 0, 0), spatial=True)
-    data = foreign_data(link, 30)
+    link = read_elements("mass.mtx", "stiffness.mtx", "nodes.txt", points, normal=(1, 0, 0), spatial=True)
+    data = imported_data(link, 30)
     found = np.sqrt(data.arrays["stiffness"] / np.einsum("aajj->j", data.arrays["mass_N_N"]))
     bending = [(b / L) ** 2 * np.sqrt(E * I / (RHO * A)) for b in (4.730041, 7.853205) for I in (I_Y, I_Z)]
     expected = [*bending, np.pi / L * np.sqrt(G / RHO), np.pi / L * np.sqrt(E / RHO)]

@@ -12,7 +12,7 @@ import pytest
 from scipy.io import mmwrite
 from scipy.sparse import coo_array, csc_array, triu
 
-from kaneflex.fem.matrices import read_matrix
+from kaneflex.fem.imported.matrices import read_matrix
 from kaneflex.support.errors import Fault
 
 NUMBERS = np.array([40, 7, 112, 3, 25])
@@ -190,7 +190,7 @@ def test_what_is_refused(write, message, stiffness, peer):
 def test_large_matrices_are_refused_by_their_first_line(monkeypatch, header, nodes, message):
     """Nothing of their size is stored."""
     monkeypatch.setattr("kaneflex.support.machine.installed", lambda: 16 * 2**30)
-    monkeypatch.setattr("kaneflex.fem.matrices._of_market", None)
+    monkeypatch.setattr("kaneflex.fem.imported.matrices._of_market", None)
     Path("k.mtx").write_text(f"%%MatrixMarket matrix {header}\n1 1 1.0\n")
     with pytest.raises(Fault, match=re.escape(message)):
         read_matrix("k.mtx", np.arange(1, nodes + 1), "k")

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import BSpline
 
-from kaneflex.fem.foreign_data import DEGREE, grown, shortening, splines
+from kaneflex.fem.imported.modal_arrays import DEGREE, grown, shortening, splines
 
 NODES = np.linspace(0.5, 2.0, 31)
 PLACES, WEIGHTS = np.array([1.93, 0.5, 0.9, 2.0, 0.9]), np.array([0.4, 3.0, 1.5, -0.6, 2.0])

@@ -8,7 +8,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene
-from kaneflex.fem.recovery import section_forces
+from kaneflex.fem.imported.recovery import section_forces
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.response.stresses import link_stresses
 from kaneflex.scene.modal_data import ModalData, read_modal_data

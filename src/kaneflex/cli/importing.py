@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from kaneflex.cli.command import Count, Real, check_file, command, force_option, json_option, output_option, print_json
-from kaneflex.fem.import_mesh import UNITS
+from kaneflex.fem.imported.import_mesh import UNITS
 from kaneflex.support.errors import Fault, ValidityWarning, told
 from kaneflex.support.terminal import echo
 from kaneflex.support.units import plain_number
@@ -83,7 +83,7 @@ def import_link(
     \b
       kaneflex import rod.mas rod.sti rod.inp --point start=bore.txt --point end=pin.txt -o rod.npz
     """
-    from kaneflex.fem.import_mesh import import_mesh
+    from kaneflex.fem.imported.import_mesh import import_mesh
     from kaneflex.report.tables import imported_shapes, imported_table
 
     check_file(output, "a file of arrays", ".npz", force)

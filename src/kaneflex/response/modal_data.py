@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kaneflex.fem.imported.recovery import IN_PLANE, padded, section_forces
 from kaneflex.fem.links import Link
-from kaneflex.fem.recovery import IN_PLANE, padded, section_forces
 from kaneflex.multibody.model.assembly import bound_system, build_system
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.module_loading import find_laws_module

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
-from kaneflex.fem.foreign import OPPOSITE, TURNS, Foreign
-from kaneflex.fem.matrices import read_lines, read_matrix, read_table
+from kaneflex.fem.imported.elements import OPPOSITE, TURNS, ImportedMesh
+from kaneflex.fem.imported.matrices import read_lines, read_matrix, read_table
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import plain_number
 
@@ -22,17 +22,17 @@ _STILL = 1e-6
 """Largest stiffness of a rigid motion, as a share of the largest entry."""
 
 
-def read_foreign(
+def read_elements(
     mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0), spatial: bool = False,
     sections: Mapping[str, float] | None = None,
-) -> Foreign:  # fmt: skip
+) -> ImportedMesh:  # fmt: skip
     """Finite elements of another program's files, in the axes of their link.
 
     Parameters
     ----------
     mass, stiffness : str
-        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one.
+        Files that :mod:`kaneflex.fem.imported.matrices` reads; both matrices may be in one.
     nodes : str
         A text file with a line for each node: its number, then its coordinates; or an input of Abaqus or CalculiX
         (``.inp``).
@@ -71,7 +71,7 @@ def read_foreign(
     each = turn[:d, :d] if d < TURNS else block_diag(turn, length * turn)  # moments and turns beside forces and ways
     turned, place = csc_array(kron(eye_array(len(at)), each)), place[:, : min(d, 3)]
     M, K = (csc_array(turned @ each @ turned.T) for each in (M, K))
-    link = Foreign(M, K, place, chosen, spatial, turn)
+    link = ImportedMesh(M, K, place, chosen, spatial, turn)
     link = replace(link, sections=_sections(link, sections or {}, length))
     _check(link, mass, stiffness)
     return link
@@ -110,7 +110,7 @@ def _with_turns(matrix: csc_array, nodes: int) -> csc_array:
     return csc_array(coo_array((of.data, (rows, columns)), (TURNS * nodes,) * 2))
 
 
-def _sections(link: Foreign, given: Mapping[str, float], length: float) -> dict[str, float]:
+def _sections(link: ImportedMesh, given: Mapping[str, float], length: float) -> dict[str, float]:
     """Further points on the mean line, by their distance from the start [m], with `mid`. Raises Fault."""
     for name, x in given.items():
         if name in link.points:
@@ -201,7 +201,7 @@ def _frame(
     return (at - start) @ turn.T, turn
 
 
-def _check(found: Foreign, mass: str, stiffness: str) -> None:
+def _check(found: ImportedMesh, mass: str, stiffness: str) -> None:
     """Raise Fault unless the link has mass, and no stiffness against rigid motions."""
     along = found.field(1.0, 0.0)
     total = along @ found.M @ along

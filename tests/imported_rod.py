@@ -12,7 +12,7 @@ from command_line import cli
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import eigsh
 
-from kaneflex.fem import matrices
+from kaneflex.fem.imported import matrices
 
 PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(encoding="utf-8")
 L, HEIGHT, WIDTH, E, RHO, NU = 0.137, 20e-3, 12e-3, 210e9, 7850.0, 0.3

@@ -12,7 +12,7 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, ValidityWarning, nearest, told
 
 if TYPE_CHECKING:
-    from kaneflex.fem.foreign import Foreign
+    from kaneflex.fem.imported.elements import ImportedMesh
     from kaneflex.scene.modal_data import ModalData
 
     Path = str | os.PathLike[str]
@@ -65,7 +65,7 @@ def import_mesh(
     damping : float
         Damping ratio of every shape.
     **options
-        Fields of :class:`kaneflex.fem.import_mesh.MeshOptions`.
+        Fields of :class:`kaneflex.fem.imported.import_mesh.MeshOptions`.
 
     Returns
     -------
@@ -82,22 +82,22 @@ def import_mesh(
     SceneError
         It names the file and what is wrong with it.
     """
-    from kaneflex.fem.foreign_data import foreign_data
+    from kaneflex.fem.imported.modal_arrays import imported_data
 
     with told("import", None):
         if coupling not in ("rigid", "averaged"):
             raise Fault(f"{coupling!r} is not a coupling", "Choose 'rigid' or 'averaged'")
         link = _link((mass, stiffness, nodes), points, options)
-        data = foreign_data(link, modes, coupling == "rigid", damping)
+        data = imported_data(link, modes, coupling == "rigid", damping)
     for doubt in link.doubts:  # stacklevel: beyond the check of arguments
         warnings.warn(f"{doubt}. Check the units of the files: --units gives them.", ValidityWarning, stacklevel=3)
     return data
 
 
-def _link(files: Sequence[Path], points: Mapping[str, Path], options: MeshOptions) -> Foreign:
+def _link(files: Sequence[Path], points: Mapping[str, Path], options: MeshOptions) -> ImportedMesh:
     """Finite elements of the files. Raises Fault."""
-    from kaneflex.fem.foreign_files import read_foreign
-    from kaneflex.fem.recovery import read_stresses
+    from kaneflex.fem.imported.files import read_elements
+    from kaneflex.fem.imported.recovery import read_stresses
 
     asked, stress = options.get("units", "m-kg"), options.get("stress")
     if asked not in UNITS:
@@ -105,7 +105,7 @@ def _link(files: Sequence[Path], points: Mapping[str, Path], options: MeshOption
     units, named = UNITS[asked], {name: str(path) for name, path in points.items()}
     normal, space = options.get("normal", (0.0, 0.0, 1.0)), options.get("space", False)
     mass, stiffness, nodes = map(str, files)
-    link = read_foreign(mass, stiffness, nodes, named, units, normal, space, options.get("sections"))
+    link = read_elements(mass, stiffness, nodes, named, units, normal, space, options.get("sections"))
     if stress is None:
         return link
     return replace(link, stresses=read_stresses(link, str(stress[0]), str(stress[1]), units))

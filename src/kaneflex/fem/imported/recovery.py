@@ -10,9 +10,9 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse import coo_array, csc_array, eye_array, kron
 
-from kaneflex.fem.foreign import TURNS, Foreign, Stresses
-from kaneflex.fem.foreign_files import check_name
-from kaneflex.fem.matrices import read_market
+from kaneflex.fem.imported.elements import TURNS, ImportedMesh, Stresses
+from kaneflex.fem.imported.files import check_name
+from kaneflex.fem.imported.matrices import read_market
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.scene.recovery import STRESSES, Recovery
 from kaneflex.support.errors import Fault
@@ -27,7 +27,7 @@ IN_PLANE = (0, 1, 5)
 _AT = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in STRESSES[6]}
 
 
-def with_recovery(link: Foreign, shapes: np.ndarray, data: ModalData) -> ModalData:
+def with_recovery(link: ImportedMesh, shapes: np.ndarray, data: ModalData) -> ModalData:
     """Data of a link with section forces and stresses, for the shapes (n_nodes d, n) of the data."""
     stresses = link.stresses
     if stresses is not None:
@@ -69,7 +69,7 @@ def section_forces(nodes: np.ndarray, forces: np.ndarray, x: float, over: float 
     return -np.vstack([pushed[:, :3].sum(axis=0), moment])
 
 
-def _reach(link: Foreign, x: float) -> float:
+def _reach(link: ImportedMesh, x: float) -> float:
     """Length along the link of the longest element that touches a section [m]."""
     of = coo_array(link.K)
     one, other = (link.nodes[at // link.motions, 0] for at in (of.row, of.col))
@@ -84,12 +84,12 @@ def padded(array: np.ndarray, columns: Sequence[int], count: int) -> np.ndarray:
     return found
 
 
-def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, float] = (1.0, 1.0)) -> Stresses:
+def read_stresses(link: ImportedMesh, path: str, names: str, units: tuple[float, float] = (1.0, 1.0)) -> Stresses:
     """Stresses for unit displacements from another program's matrix, in the axes of its files.
 
     Parameters
     ----------
-    link : Foreign
+    link : ImportedMesh
         Link whose displacements are the columns, in the order of the nodes.
     path : str
         Matrix Market file: xx, yy, zz, xy, yz, zx of one place after the other; of links whose nodes have two
@@ -97,7 +97,7 @@ def read_stresses(link: Foreign, path: str, names: str, units: tuple[float, floa
     names : str
         Text file with the name of one place per line.
     units : pair of float
-        As of :func:`kaneflex.fem.foreign_files.read_foreign`; a stress is in mass / (length s^2).
+        As of :func:`kaneflex.fem.imported.files.read_elements`; a stress is in mass / (length s^2).
 
     Raises
     ------

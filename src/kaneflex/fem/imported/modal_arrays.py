@@ -16,9 +16,9 @@ from scipy.interpolate import BSpline
 from scipy.linalg import block_diag
 from scipy.sparse import bmat, csc_array, diags_array
 
-from kaneflex.fem.craig_bampton import reduced
-from kaneflex.fem.foreign import TURNS, Foreign, Motion, rigid_motions
-from kaneflex.fem.recovery import IN_PLANE, padded, with_recovery
+from kaneflex.fem.imported.craig_bampton import reduced
+from kaneflex.fem.imported.elements import TURNS, ImportedMesh, Motion, rigid_motions
+from kaneflex.fem.imported.recovery import IN_PLANE, padded, with_recovery
 from kaneflex.scene.modal_data import CROSS, FORMAT, ModalData, checked_data, spatial_modal_data, symmetrised
 
 DEGREE, _PIECES = 5, 12
@@ -27,7 +27,7 @@ _BESIDE = 1e-3
 """Length, as a share of the link's, by which rotations of nodes are multiplied for comparison with displacements."""
 
 
-def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
+def imported_data(link: ImportedMesh, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
     """Modal data of a body, with its points, its sections and their forces.
 
     Parameters
@@ -96,7 +96,7 @@ def _in_the_plane(
     }  # fmt: skip
 
 
-def _turning(link: Foreign, shapes: np.ndarray, of_particles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _turning(link: ImportedMesh, shapes: np.ndarray, of_particles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Sums over the mass where nodes turn, as far as the whole mass matrix knows them.
 
     It knows momentum, moment of momentum and energy. What else the equations take are sums of the particles at the
@@ -117,7 +117,7 @@ def _turning(link: Foreign, shapes: np.ndarray, of_particles: Mapping[str, np.nd
 
 
 def _points(
-    link: Foreign, r: np.ndarray, shapes: np.ndarray, sections: MeanSections
+    link: ImportedMesh, r: np.ndarray, shapes: np.ndarray, sections: MeanSections
 ) -> tuple[list[str], dict[str, np.ndarray]]:
     """Points of the body, and of its sections on the mean line, with their places r, and N and psi of the shapes
     (n_nodes d, n); ``r`` (n_nodes, 3): of the nodes."""
@@ -134,7 +134,7 @@ def _points(
     return list(places), {"r": np.array(list(places.values())), "N": np.array(N), "psi": np.array(psi)}
 
 
-def _planar_rows(link: Foreign, point: str) -> np.ndarray:
+def _planar_rows(link: ImportedMesh, point: str) -> np.ndarray:
     """Rows (3 or 6, n_nodes d) of a point's displacement and rotation in the plane; a single node has no rotation."""
     rows = padded(np.array(link.means(point))[None], IN_PLANE, 6)[0]
     return rows[:3] if len(link.points[point]) == 1 else rows
@@ -169,7 +169,7 @@ class MeanSections:
     ends: tuple[float, float]
 
     @classmethod
-    def of(cls, link: Foreign, r: np.ndarray, m: csc_array, shapes: np.ndarray) -> MeanSections:
+    def of(cls, link: ImportedMesh, r: np.ndarray, m: csc_array, shapes: np.ndarray) -> MeanSections:
         """Mean motion of the shapes (n_nodes, 3 or 6, n) of nodes at r (n_nodes, 3); ``m`` (n_nodes, n_nodes) [kg] is
         the mass of the particles.
 

@@ -19,7 +19,7 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
-from kaneflex.fem.foreign import Foreign, Motion
+from kaneflex.fem.imported.elements import ImportedMesh, Motion
 from kaneflex.support.errors import Fault
 
 _FEW = 100
@@ -43,7 +43,7 @@ class Reduced:
     stiffness: np.ndarray
 
 
-def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
+def reduced(link: ImportedMesh, motion: Motion, modes: int, rigid: bool) -> Reduced:
     """Static shapes of a link's points and its inertia, and ``modes`` modes with the points held.
 
     Raises Fault if it has fewer.
@@ -100,7 +100,7 @@ def _residual(pushed: np.ndarray, modes: np.ndarray, M: csc_array) -> np.ndarray
     return pushed / abs(pushed).max(axis=0)
 
 
-def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
+def _orthogonal(link: ImportedMesh, motion: Motion, shapes: np.ndarray) -> Reduced:
     """Basis of the same space without rigid motions, orthogonal in mass and stiffness, scaled to largest entry 1."""
     if motion != "transverse":  # in the mean over the mass
         whole = np.column_stack([link.field(1.0, 0.0)] if motion == "axial" else list(link.whole.values()))

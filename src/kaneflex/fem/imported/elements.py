@@ -51,7 +51,7 @@ class Stresses:
 
 
 @dataclass(frozen=True, eq=False)
-class Foreign:
+class ImportedMesh:
     """Finite elements in the axes of their link: X from its start to its end, Y across, Z along the normal that is
     given, out of the plane of motion.
 
