@@ -115,7 +115,7 @@ def across(axis: np.ndarray) -> list[np.ndarray]:
 class SpatialMechanism:
     """Parts of a mechanism; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
 
-    A lumped mass is part of its rigid body; on an elastic one it is a separate body, welded to the link's axis.
+    A lumped mass is part of its rigid body; on a deforming one it is a separate body, welded to it: one of ``lumped``.
 
     ``asked``: joints whose coordinate a drive, a law or a spring uses; ``prescribed``: those with a prescribed
     coordinate; ``read``: those of sensors.
@@ -128,6 +128,8 @@ class SpatialMechanism:
     contacts: Mapping[str, Contact]
     frictions: Mapping[str, Friction]
     floating: tuple[str, ...]
+    deforming: frozenset[str]
+    lumped: frozenset[str]
     asked: frozenset[str]
     prescribed: frozenset[str]
     read: frozenset[str]
@@ -210,8 +212,10 @@ def _made(scene: Scene) -> SpatialMechanism:
     prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"}
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
+    deforming = frozenset(name for name, body in scene.bodies.items() if body.deforms)
     return SpatialMechanism(
-        bodies, joints, loads, springs, contacts, frictions_of(scene), tuple(scene.floating),
+        bodies, joints, loads, springs, contacts, frictions_of(scene), tuple(scene.floating), deforming,
+        frozenset(bodies.keys() - scene.bodies.keys()),
         frozenset(joints.keys() & asked), frozenset(joints.keys() & prescribed), frozenset(joints.keys() & read),
         gravity, float(size),
     )  # fmt: skip

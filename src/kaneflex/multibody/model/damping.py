@@ -17,7 +17,6 @@ from kaneflex.mechanism.affine import Matrix
 from kaneflex.mechanism.floating_frames import stations
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
-from kaneflex.scene import Scene
 
 _FREE = 0.5 + 1e-9
 """Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
@@ -107,7 +106,7 @@ def _joined(link: Link, hung: float | None) -> tuple[list[float], dict[str, floa
     if link.dofs == 3:
         clamped = {each.x: "z" * each.clamped for each in stations(link.scene, link.name) if each.joined}
     else:
-        clamped = clamps(spatial_mechanism_of(link.scene), link.scene, link.name)
+        clamped = clamps(spatial_mechanism_of(link.scene), link.name)
     places = {axis: [x for x, held in clamped.items() if axis in held] for axis in "xyz"}
     alone = {axis: of[0] for axis, of in places.items() if len(of) == 1 and hung in (None, of[0])}
     return sorted(clamped), alone
@@ -120,14 +119,13 @@ def node_of(link: Link, x: float) -> int:
     return int(found)
 
 
-def clamps(mechanism: SpatialMechanism, scene: Scene, body: str) -> dict[float, str]:
+def clamps(mechanism: SpatialMechanism, body: str) -> dict[float, str]:
     """Distance from a body's start [m] of each point held by joints -> axes x, y, z of the body about which the joint
     holds its rotation relative to prescribed motions."""
-    driven = {name for name, drive in scene.drives.items() if drive.kind != "free"}
-    placed, found = _placed(mechanism, scene, driven), dict[float, str]()
+    driven, placed, found = mechanism.prescribed, _placed(mechanism), dict[float, str]()
     for name, joint in mechanism.joints.items():
         for own, other in (joint.sides, joint.sides[::-1]):
-            if own.body == body and other.body not in scene.masses:
+            if own.body == body and other.body not in mechanism.lumped:
                 x = float(own.at[0])
                 held = _held(mechanism, joint, body, name in driven) if other.body in placed else ""
                 found[x] = "".join(sorted({*found.get(x, ""), *held}))
@@ -146,13 +144,13 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
     return "".join(name for name, share in zip("xyz", (free**2).sum(axis=1), strict=True) if not share > _FREE)
 
 
-def _placed(mechanism: SpatialMechanism, scene: Scene, driven: set[str]) -> set[str]:
+def _placed(mechanism: SpatialMechanism) -> set[str]:
     """The ground, rigid free bodies, and bodies connected to these by drives and welds alone."""
-    placed, count = {GROUND, *(name for name in mechanism.floating if not scene.bodies[name].deforms)}, 0
+    placed, count = {GROUND, *mechanism.floating} - mechanism.deforming, 0
     while count < len(placed):
         count = len(placed)
         for name, joint in mechanism.joints.items():
             bodies = {side.body for side in joint.sides}
-            if bodies & placed and (joint.freedoms == 0 or (joint.freedoms == 1 and name in driven)):
-                placed |= {each for each in bodies if each not in scene.bodies or not scene.bodies[each].deforms}
+            if bodies & placed and (joint.freedoms == 0 or (joint.freedoms == 1 and name in mechanism.prescribed)):
+                placed |= bodies - mechanism.deforming
     return placed

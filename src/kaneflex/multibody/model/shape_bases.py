@@ -20,7 +20,6 @@ from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.tree_layout import Place
-from kaneflex.scene import Scene
 
 _TURNS = 1e-6
 """Displacement of the nodes, as a share of the link's length times their rotation, below which a shape only rotates
@@ -188,10 +187,10 @@ def spatial_shapes(link: Link, modes: int, held: Place | None, freed: str = "") 
     """
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)
-    scene = link.scene
-    joints, pushed = points_of(spatial_mechanism_of(scene), link.name)
+    mechanism = spatial_mechanism_of(link.scene)
+    joints, pushed = points_of(mechanism, link.name)
     points = dict.fromkeys([node_of(link, at) for at in pushed], "")
-    points |= {node_of(link, at): _twisted(scene, link.name, at) if first is not None else "xyz" for at in joints}
+    points |= {node_of(link, at): _twisted(mechanism, link.name, at) if first is not None else "xyz" for at in joints}
     if held is None and not joints:
         points[0] = "xyz"  # the remaining motions don't deform it
     return _shapes(link, modes, points, first, freed, len({*joints}) == 1, x)
@@ -206,15 +205,15 @@ def points_of(mechanism: SpatialMechanism, body: str) -> tuple[list[float], list
             [float(side.at[0]) for side in loads if side.body == body])  # fmt: skip
 
 
-def _twisted(scene: Scene, body: str, x: float | None) -> str:
+def _twisted(mechanism: SpatialMechanism, body: str, x: float | None) -> str:
     """Axes of the body about which a torque can act on the section at x [m]: joints there act about all but their axes
     that are fixed in the body, balls and point masses about none; a drive, a torque or a spring at a joint there, a
     weld or a guide about any."""
-    mechanism, found = spatial_mechanism_of(scene), set[str]()
-    here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items()
-            for side in joint.sides if side.body == body and side.at[0] == x
-            if name not in scene.masses or mechanism.bodies[name].inertia.any() or mechanism.bodies[name].centre.any()
-            }  # fmt: skip
+    found = set[str]()
+    points = {name for name in mechanism.lumped
+              if not (mechanism.bodies[name].inertia.any() or mechanism.bodies[name].centre.any())}  # fmt: skip
+    here = {name: (joint, joint.sides.index(side)) for name, joint in mechanism.joints.items() if name not in points
+            for side in joint.sides if side.body == body and side.at[0] == x}  # fmt: skip
     turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
     turned |= {contact.joint for contact in mechanism.contacts.values()}
     firm = any(joint.kind in ("weld", "prismatic") for joint, _ in here.values())
