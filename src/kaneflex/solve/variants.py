@@ -1,14 +1,14 @@
 """Variants of one scene: settings over it, loaded with reuse of the previous model, and solved.
 
-Studies use them: a sweep for its points, sensitivities for neighbours of a run, stability for speeds; runs whose time
-is measured are loaded separately, see :mod:`kaneflex.study.runs`.
+Studies use them: a sweep for its points, stability for speeds; runs whose time is measured are loaded separately, see
+:mod:`kaneflex.study.runs`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, cast
 
 from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.integrate.system import Outcome, Trajectory
@@ -16,7 +16,6 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import of_an_instant
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
@@ -25,9 +24,7 @@ if TYPE_CHECKING:
 
 Settings = Sequence[str]
 """Settings path=value over a scene."""
-Solver = Callable[[Model], RunResult]
-Name = TypeVar("Name", bound=Hashable)
-Found = TypeVar("Found")
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -82,21 +79,3 @@ class Variants:
 def has_compiled_readings(model: Model) -> bool:
     """True if models that differ in drives' speeds only share equations, so that reading can be compiled."""
     return model.coupled is None and not model.scene.is_spatial and not of_an_instant(model)
-
-
-def read(
-    models: Mapping[Name, Callable[[], Model]],
-    reader: Callable[[Name, RunResult], Found],
-    solver: Solver = solve,
-) -> Iterator[tuple[Name, Found | Exception]]:
-    """Yield the reading of each model's solution in order, or the exception raised instead.
-
-    Results do not depend on the other models.
-    """
-    for name, model in models.items():
-        found: Found | Exception
-        try:
-            found = reader(name, solver(model()))
-        except Exception as error:  # an error of one model must not stop the others
-            found = error
-        yield name, found

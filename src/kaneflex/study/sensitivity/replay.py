@@ -6,7 +6,7 @@ of the model's run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +21,6 @@ from kaneflex.solve.coupled import as_result, beginning, method_of
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
-from kaneflex.solve.variants import Solver
 from kaneflex.support.errors import SceneError
 
 SHARES = (-2, -1, 1, 2)
@@ -34,7 +33,7 @@ _SINGULAR = 1e14
 """Condition number beyond which the periodic solution is not isolated."""
 
 
-def solver_of(solution: Solution) -> Solver:
+def solver_of(solution: Solution) -> Callable[[Model], RunResult]:
     """Solver of the neighbours of a run: in its steps if the run chose these."""
     model = solution.model
     return Replay(solution) if model.options.dynamics == "coupled" else solve

@@ -172,7 +172,7 @@ def sensitivities(
         slopes[parameter.name] = found
         if progress is not None:
             progress(len(slopes) / len(parameters))
-    return Sensitivities(solution, parameters, frozen, {each.name: slopes[each.name] for each in parameters})
+    return Sensitivities(solution, parameters, frozen, slopes)
 
 
 def check_differentiable(scene: Scene, continued: bool) -> None:

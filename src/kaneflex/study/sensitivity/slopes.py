@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
-from itertools import groupby
 
 import numpy as np
 
@@ -22,7 +20,6 @@ from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.solution import Solution
-from kaneflex.solve.variants import read
 from kaneflex.study.sensitivity.parameters import Parameter
 from kaneflex.study.sensitivity.replay import SHARES, slope, solver_of
 from kaneflex.support.errors import SceneError
@@ -57,26 +54,21 @@ def differentiated(
     _refuse_relief(model, solution.times[0])
     solver = solver_of(solution)
     largest = {sensor: _largest(series.values) for sensor, series in solution.series.items()}
-    steps = dict.fromkeys(parameters, _STEP)
-    while steps:
-        models = {
-            (parameter, share): partial(neighbour_at, model, parameter, share * step, frozen)
-            for parameter, step in steps.items()
-            for share in SHARES
-        }
-        for parameter, four in groupby(read(models, _values, solver), key=lambda found: found[0][0]):
-            at = [_demanded(values) for _, values in four]
-            step = steps.pop(parameter)
+    for parameter in parameters:
+        step = _STEP
+        while True:
+            models = (neighbour_at(model, parameter, share * step, frozen) for share in SHARES)
+            at = [_values(parameter, solver(each)) for each in models]
             slopes = {sensor: slope([values[sensor] for values in at], step) for sensor in largest}
             bent = max(
                 _largest(bend([values[sensor] for values in at], step))
                 / max(_largest(slopes[sensor]), _QUIET * size, 1e-300)
                 for sensor, size in largest.items()
             )
-            if bent > _BENT and step > _SMALLEST:
-                steps[parameter] = max(_SMALLEST, 0.9 * step * math.sqrt(_BENT / bent))
-            else:
-                yield parameter, slopes
+            if bent <= _BENT or step <= _SMALLEST:
+                break
+            step = max(_SMALLEST, 0.9 * step * math.sqrt(_BENT / bent))
+        yield parameter, slopes
 
 
 def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool) -> Model:
@@ -114,21 +106,14 @@ def bend(values: Sequence[np.ndarray], step: float) -> np.ndarray:
     return (highest - lowest) / (4.0 * step) - (high - low) / (2.0 * step)
 
 
-def _values(neighbour: tuple[Parameter, int], solution: RunResult) -> Slopes:
+def _values(parameter: Parameter, solution: RunResult) -> Slopes:
     """Sensors of a neighbour's run, which must be complete."""
-    parameter, _ = neighbour
     if solution.outcome is not Outcome.COMPLETED:
         raise SceneError(
             parameter.name, parameter.value, f"with a small change of it the run fails: {solution.message}",
             "Add damping, or start from zero or quasistatic",
         )  # fmt: skip
     return {sensor: series.values for sensor, series in solution.series.items()}
-
-
-def _demanded(values: Slopes | Exception) -> Slopes:
-    if isinstance(values, Exception):
-        raise values
-    return values
 
 
 def _refuse_relief(model: Model, t: float) -> None:
