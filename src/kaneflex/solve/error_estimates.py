@@ -16,7 +16,7 @@ import numpy as np
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.time_statistics import statistics
-from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown
+from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown, apart
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
 
@@ -114,7 +114,7 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
             values = {name: before[name] + _SECOND_ORDER * (values[name] - before[name]) for name in values}
         if kind == "coupling":
             values = {name: before[name] + values[name] for name in values}
-        found[kind] = {name: _apart(values[name], before[name]) for name in values}
+        found[kind] = {name: apart(values[name], before[name]) for name in values}
         before = values
     coupling, none = found.pop("coupling", {}), None if TOGETHER in found else 0.0
     impacts = bool(read.model.scene.contacts)
@@ -122,15 +122,9 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
     def of(name: str) -> ErrorEstimate:
         shares = {kind: found.get(kind, {}).get(name, none) for kind in KINDS}
         shares["statistics"] = _statistics_apart(read.times, base[name], before[name]) if impacts else None
-        return ErrorEstimate(_apart(before[name], base[name]), **shares, coupling=coupling.get(name))
+        return ErrorEstimate(apart(before[name], base[name]), **shares, coupling=coupling.get(name))
 
     return {name: of(name) for name in read.model.scene.sensors if np.isfinite(before[name] - base[name]).any()}
-
-
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest difference over instants at which both have a value."""
-    found = np.abs(one - other)
-    return float(found.max(initial=0.0, where=np.isfinite(found)))
 
 
 def _statistics_apart(times: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:

@@ -79,6 +79,12 @@ def values_of(motion: Motion) -> dict[str, np.ndarray]:
     return {name: series.values for name, series in measure(motion).items()}
 
 
+def apart(one: np.ndarray, other: np.ndarray) -> float:
+    """Largest difference over instants at which both have a value."""
+    found = np.abs(one - other)
+    return float(found.max(initial=0.0, where=np.isfinite(found)))
+
+
 def with_half_elements(scene: Scene) -> Scene:
     """The scene with twice the number of elements."""
     return scene.seen(bodies={name: _halved(body) if body.elastic else body for name, body in scene.bodies.items()})
