@@ -22,9 +22,8 @@ from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement, is_same, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.assembly import rigid_system
-from kaneflex.multibody.model.state import NONE, State
 from kaneflex.multibody.time.curves import Ahead
-from kaneflex.multibody.time.revolutions import unwrapped
+from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
 from kaneflex.support.errors import SceneError
@@ -201,21 +200,15 @@ def _curve(scene: Scene, start: Placement, drives: Coordinates) -> Ahead:
     mechanism, none = mechanism_of(scene), dict[str, Any]()
     free = dict.fromkeys(mechanism.drives, Drive("free", None))
     alone = replace(mechanism, drives=free, loads=none, springs=none, contacts=none, frictions=none, observed=())
-    system = rigid_system(scene, module, mechanism=alone)
-    frames = np.concatenate([start.poses[name] for name in mechanism.bodies])
-    frames = unwrapped(system, frames, start.drives)
-    q, u = (part[0] for part in system.coordinates_of(frames[None], 0.0 * frames[None]))
-    where = [system.free[name] for name in free]
-    q[where] = [start.drives[name] for name in free]
-    state = State(0.0, q, u, u, system.engine.sizes.copy(), NONE)
-    state = replace(state, choice=system.engine.chosen_at(state, where))
+    reference = rigid_reference(rigid_system(scene, module, mechanism=alone), start).module
+    first, where = reference.first, [reference.system.free[name] for name in free]
 
     def near(times: np.ndarray) -> tuple[np.ndarray, ...]:
-        found, still = np.tile(q, (len(times), 1)), np.zeros((len(times), len(u)))
-        found[:, where] = drives(times)
-        return found, still, still
+        q, still = (np.tile(part, (len(times), 1)) for part in (first.q, first.du))
+        q[:, where] = drives(times)
+        return q, still, still
 
-    return Ahead(system, state, near)
+    return Ahead(reference.system, reference.begin, near)
 
 
 def _strayed(constraints: Constraints, poses: np.ndarray, drives: np.ndarray) -> np.ndarray:

@@ -219,7 +219,7 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
     frames = unwrapped(undeformed, frames.ravel(), start.drives)
     poses = dict(zip(scene.bodies, frames.reshape(-1, BODY), strict=True))
-    places = {name: (drive.start, drive.initial_speed, 0.0) for name, drive in scene.drives.items()}
+    places = {name: (start.drives[name], drive.initial_speed, 0.0) for name, drive in scene.drives.items()}
     for body, free in scene.floating.items():
         moves = zip(poses[body], free.rates, np.zeros(BODY), strict=True)
         places |= dict(zip(floating_coordinates(body), moves, strict=True))
