@@ -24,9 +24,8 @@ from kaneflex.fem.coordinate_map import SHIFT, TURN, WHOLE, Interfaces, Placed, 
 from kaneflex.fem.element_terms import MATRIX_OF_GROUP
 from kaneflex.fem.links import Link, Part, craig_bampton
 from kaneflex.mechanism.affine import Affine, Monomial
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import Vector
-from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
@@ -165,32 +164,32 @@ def with_pushes(part: Part, rows: Mapping[str, int]) -> Part:
 
 def place_rigid(sites: Sites) -> Iterator[Placed]:
     """Add rigid bodies, lumped masses, and the loads on rigid bodies."""
-    scene, shared = sites.scene, sites.interfaces.shared
+    mechanism, shared = sites.mechanism, sites.interfaces.shared
     for tie in sites.interfaces.ties:
         if tie.site[1] is None:
             centre = sites.arm(tie, tie.site) if tie.joint else (0.0, 0.0)
-            turning = _turning_part(scene, tie.site[0], centre if tie.joint not in shared else None)
+            turning = _turning_part(mechanism, tie.site[0], centre if tie.joint not in shared else None)
             yield sites.place(turning, (tie.site[0], (0.0, 0.0), WHOLE))
-    for name, *inertia in _inertias(scene):
+    for name, *inertia in _inertias(mechanism):
         body, _, _, at = inertia
-        yield sites.place(inertia_part(name, *inertia, scene.gravity), (body, at, WHOLE))
-    for body in scene.bodies:
-        for name, force, point in _pushes(scene, body) if body not in sites.links else ():
+        yield sites.place(inertia_part(name, *inertia, mechanism.gravity), (body, at, WHOLE))
+    for body in mechanism.bodies:
+        for name, force, point in _pushes(mechanism, body) if body not in sites.links else ():
             yield sites.place(sparse_part(name, 2, F=force), (body, point, SHIFT))
 
 
-def _inertias(scene: Scene) -> Iterator[tuple[str, str, float, float, Vector]]:
+def _inertias(mechanism: Mechanism) -> Iterator[tuple[str, str, float, float, Vector]]:
     """Rigid bodies and lumped masses: name, body, mass [kg], moment of inertia [kg m^2] and centre."""
-    for name, body in scene.bodies.items():
+    for name, body in mechanism.bodies.items():
         if not body.elastic and body.mass:
             yield name, name, body.mass, body.inertia, body.centre
-    for name, mass in scene.masses.items():
-        yield name, mass.at.body, mass.mass, mass.inertia, scene.point(mass.at)
+    for name, mass in mechanism.masses.items():
+        yield name, mass.point.body, mass.mass, mass.inertia, mass.point.at
 
 
-def _pushes(scene: Scene, body: str) -> Iterator[tuple[str, Affine, Vector]]:
+def _pushes(mechanism: Mechanism, body: str) -> Iterator[tuple[str, Affine, Vector]]:
     """Loads on a rigid body as point forces: name, global force (2 x 1), and its point."""
-    for name, load in mechanism_of(scene).loads.items():
+    for name, load in mechanism.loads.items():
         for point, share in load.pushes:
             if point.body == body:
                 force = Affine.term((name,), share * np.array(load.direction)[:, None])
@@ -199,10 +198,11 @@ def _pushes(scene: Scene, body: str) -> Iterator[tuple[str, Affine, Vector]]:
 
 def place_torques(sites: Sites) -> Iterator[Placed]:
     """Add torques at joints, which act on the rotation of the second side relative to the first."""
-    scene = sites.scene
-    for name, load in scene.torques.items():
-        torque = sparse_part(name, 1, F=Affine.term((name,), [[1.0]]))
-        yield sites.between(torque, scene.joints[load.torque_at].addresses, TURN)
+    joints = sites.mechanism.joints
+    for name, load in sites.mechanism.loads.items():
+        if load.joint is not None:
+            torque = sparse_part(name, 1, F=Affine.term((name,), [[1.0]]))
+            yield sites.between(torque, joints[load.joint].sides, TURN)
 
 
 def sparse_part(name: str, size: int, **own: Affine) -> Part:
@@ -211,7 +211,7 @@ def sparse_part(name: str, size: int, **own: Affine) -> Part:
     return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices | own, {})
 
 
-def _turning_part(scene: Scene, name: str, centre: Vector | None) -> Part:
+def _turning_part(mechanism: Mechanism, name: str, centre: Vector | None) -> Part:
     """Geometric stiffness K_g of a carried body that rotates about its ``centre``: forces keep their direction while
     their arms rotate.
 
@@ -219,41 +219,40 @@ def _turning_part(scene: Scene, name: str, centre: Vector | None) -> Part:
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
     total = Affine.zero(1, 1)
-    for force, at in () if centre is None else _forces_on(scene, name):
+    for force, at in () if centre is None else _forces_on(mechanism, name):
         arm = np.array([[at[0] - centre[0], at[1] - centre[1]]])
         if arm.any():
             total += Affine.constant(arm) @ to_link_axes(name) @ force
     return sparse_part(f"{name}.arms", 3, K_g=TURN.T @ total @ TURN)
 
 
-def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
+def _forces_on(mechanism: Mechanism, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
     """Global force (2 x 1) and its point, of inertia, weight, and every load, spring and joint on a rigid body."""
-    for name, on, mass, _, at in _inertias(scene):
+    for name, on, mass, _, at in _inertias(mechanism):
         if on == body:
-            yield SHIFT @ inertia_part(name, body, mass, 0.0, at, scene.gravity).matrices["F"], at
-    for _, force, point in _pushes(scene, body):
+            yield SHIFT @ inertia_part(name, body, mass, 0.0, at, mechanism.gravity).matrices["F"], at
+    for _, force, point in _pushes(mechanism, body):
         yield force, point
-    pairs = {name: joint.addresses for name, joint in scene.joints.items() if joint.kind != "prismatic"}
-    pairs |= {name: spring.between for name, spring in scene.springs.items() if spring.ends}
-    for name, addresses in pairs.items():
-        for address, sign in zip(addresses, (-1.0, 1.0), strict=True):
-            if address.body == body:
+    pairs = {name: joint.sides for name, joint in mechanism.joints.items() if not joint.slides}
+    pairs |= {name: spring.sides for name, spring in mechanism.springs.items() if spring.ends}
+    for name, sides in pairs.items():
+        for side, sign in zip(sides, (-1.0, 1.0), strict=True):
+            if side.body == body:
                 force = Affine.term((f"{name}.force_x",), [[sign], [0.0]])
-                yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
+                yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), side.at
 
 
 def place_springs(sites: Sites) -> Iterator[Placed]:
     """Springs as parts, see :func:`spring_part` and :func:`torsion_part`, with the sites of their ends."""
-    scene = sites.scene
-    for name, spring in scene.springs.items():
-        if spring.torsional_at is not None:
-            part = torsion_part(name, spring.stiffness, spring.damping)
-            yield sites.between(part, scene.joints[spring.torsional_at].addresses, TURN)
+    for name, spring in sites.mechanism.springs.items():
+        if spring.joint is not None:
+            yield sites.between(torsion_part(name, spring.stiffness, spring.damping), spring.sides, TURN)
             continue
-        directed, rows = bool(spring.length or spring.damping), Affine.constant(np.eye(3)[:, 1:]) @ SHIFT
-        if directed:
+        rows = Affine.constant(np.eye(3)[:, 1:]) @ SHIFT
+        if spring.is_directed:
             rows += Affine.constant(np.eye(3, 2) * [1.0, 0.0]) @ to_link_axes(name) @ SHIFT
-        yield sites.between(spring_part(name, spring.stiffness, spring.damping, directed, "xy"), spring.between, rows)
+        part = spring_part(name, spring.stiffness, spring.damping, spring.is_directed, "xy")
+        yield sites.between(part, spring.sides, rows)
 
 
 def spring_part(name: str, stiffness: float, damping: float, directed: bool, axes: str) -> Part:

@@ -17,7 +17,8 @@ import numpy as np
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.planar import GROUND, Vector
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Vector
 from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie, carried_bodies, prescribed_bodies, spanning_tree
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -130,12 +131,10 @@ def from_start(body: str, at: Sequence[float]) -> Affine:
     return WHOLE + SHIFT.T @ to_link_axes(body).T @ Affine.constant([[-at[1]], [at[0]]]) @ TURN
 
 
-def guide_direction(scene: Scene, joint_name: str) -> Affine:
+def guide_direction(joint: Joint) -> Affine:
     """Global components (2 x 1) of a guide's direction, which turns with the body that carries the guide."""
-    joint = scene.joints[joint_name]
-    t = np.array(joint.direction)[:, None]
-    carrier = joint.addresses[0].body
-    return Affine.constant(t) if carrier == "ground" else to_link_axes(carrier).T @ Affine.constant(t)
+    t, carrier = np.array(joint.direction, float)[:, None], joint.first.body
+    return Affine.constant(t) if carrier == GROUND else to_link_axes(carrier).T @ Affine.constant(t)
 
 
 class Placed(NamedTuple):
@@ -164,9 +163,9 @@ class Sites:
     """
 
     def __init__(
-        self, scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], interfaces: Interfaces
+        self, mechanism: Mechanism, links: Mapping[str, Link], parts: Mapping[str, Part], interfaces: Interfaces
     ) -> None:
-        self.scene, self.links, self.parts, self.interfaces = scene, links, parts, interfaces
+        self.mechanism, self.links, self.parts, self.interfaces = mechanism, links, parts, interfaces
         self.names: list[str] = []
         self._columns: dict[object, list[int]] = {}
         self._ties = {tie.site: tie for tie in interfaces.ties}
@@ -212,14 +211,14 @@ class Sites:
             self._add((site, True), *([] if joint in self.interfaces.shared else [f"{body}.turn"]))
 
     def _is_guide(self, joint: str) -> bool:
-        return bool(joint) and self.scene.joints[joint].kind == "prismatic"
+        return bool(joint) and self.mechanism.joints[joint].slides
 
     def _motion(self, tie: Tie) -> Affine:
         """Motion of a site by its own coordinates, and by those of its parent."""
         size, (shifts, turns) = len(self.names), (self._columns.get((tie.site, turn), []) for turn in (False, True))
         own = [0, 1][: len(shifts)] + [2][: len(turns)]
         if self._is_guide(tie.joint):
-            return SHIFT.T @ guide_direction(self.scene, tie.joint) @ selector(1, [0], shifts, size)
+            return SHIFT.T @ guide_direction(self.mechanism.joints[tie.joint]) @ selector(1, [0], shifts, size)
         found = selector(3, own, shifts + turns, size) if own else Affine.zero(3, size)
         if not tie.joint:
             return found
@@ -231,7 +230,7 @@ class Sites:
 
     def arm(self, tie: Tie, site: Site) -> Sequence[float]:
         """Joint's point of one of its sites, from a rigid body's start; nodes are there."""
-        sides = mechanism_of(self.scene).joints[tie.joint].sides
+        sides = self.mechanism.joints[tie.joint].sides
         return (0.0, 0.0) if site[1] is not None else next(side.at for side in sides if side.body == site[0])
 
     @cached_property
@@ -272,11 +271,11 @@ class Sites:
         rows = selector(3, [0, 1, 2], part.place[node], part.size) @ self.frame.maps[name]
         return (SHIFT.T @ to_link_axes(name).T @ SHIFT + TURN.T @ TURN) @ rows
 
-    def between(self, part: Part, sides: Iterable[Address], rows: Affine) -> Placed:
+    def between(self, part: Part, sides: Iterable[BodyPoint], rows: Affine) -> Placed:
         """Part with coordinates that are a matrix times the displacement and rotation of a second point less those of
         a first."""
         signs = zip(sides, (-1.0, 1.0), strict=True)
-        return self.place(part, *((side.body, self.scene.point(side), sign * rows) for side, sign in signs))
+        return self.place(part, *((side.body, side.at, sign * rows) for side, sign in signs))
 
 
 def selector(rows: int, at: Sequence[int], columns: Sequence[int], size: int) -> Affine:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kaneflex.mechanism.joints import Constraints, normalised
-from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
@@ -160,7 +160,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
         if body.elastic
     }
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
-    sites = Sites(scene, links, {name: link.part for name, link in links.items()}, interfaces)
+    sites = Sites(mechanism_of(scene), links, {name: link.part for name, link in links.items()}, interfaces)
     return (*sites.names, *given)
 
 

@@ -21,7 +21,7 @@ from kaneflex.fem.coordinate_map import Frame, Placed, Sites, find_interfaces
 from kaneflex.fem.links import Link, link_of_scene, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
-from kaneflex.mechanism.mechanism import same_mechanism
+from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, keep_terms
 from kaneflex.scene import Scene
@@ -115,7 +115,7 @@ def _planar_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     scene, options, links = model.scene, model.options, _links(model)
     interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
     parts, bases = parts_of_links(options, links, interfaces, frozen)
-    sites = Sites(scene, links, parts, interfaces)
+    sites = Sites(mechanism_of(scene), links, parts, interfaces)
     frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
