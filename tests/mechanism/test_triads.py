@@ -301,6 +301,8 @@ def test_steps_off_the_tangent_or_on_another_branch_are_found():
     assert strayed(turned).tolist() == [3, 4]
     lost = np.where(np.arange(9)[:, None] > 6, np.nan, turned)
     assert strayed(lost).tolist() == [3, 4, 6]
+    far = partial(closure_continuation._strayed, constraints, drives=100.0 * xs[:, None])
+    assert far(lost).tolist() == [6]  # long steps show other branches only, or fast drives would need endless positions
 
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():

@@ -22,6 +22,7 @@ from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement, is_same, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.assembly import rigid_system
+from kaneflex.multibody.model.codes import FAR
 from kaneflex.multibody.time.curves import Ahead
 from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.scene import Scene
@@ -212,18 +213,20 @@ def _curve(scene: Scene, start: Placement, drives: Coordinates) -> Ahead:
 
 
 def _strayed(constraints: Constraints, poses: np.ndarray, drives: np.ndarray) -> np.ndarray:
-    """Numbers of the steps between poses (n, 3 bodies) that leave the tangent, up to the first one that leaves the
-    branch."""
+    """Numbers of the short steps between poses (n, 3 bodies) that leave the tangent, up to the first step that leaves
+    the branch."""
     known, drive = np.isfinite(poses).all(axis=1), poses.shape[1] - drives.shape[1]
     jacobian = constraints.jacobian(constraints.split(np.nan_to_num(poses).T))
     sides = known * np.linalg.slogdet(jacobian)[0]
     other = np.flatnonzero(sides * sides[0] != 1.0)[:1]
     count = max(1, int(other[0])) if len(other) else len(poses)
-    moved, right = np.diff(poses[:count], axis=0), np.zeros((count - 1, poses.shape[1], 1))
-    right[:, drive:, 0] = np.diff(drives[:count], axis=0)
+    moved, driven = np.diff(poses[:count], axis=0), np.diff(drives[:count], axis=0)
+    short = (abs(driven) <= FAR * constraints.units[drive:]).all(axis=1)
+    right = np.pad(driven, ((0, 0), (drive, 0)))[..., None]
     along = np.linalg.solve(jacobian[: count - 1], right)[..., 0]
     step, bend = (abs(part / constraints.scales).max(axis=1) for part in (along, moved - along))
-    return np.append(np.flatnonzero(bend > np.maximum(_BENT * step, _ROUNDING)), np.maximum(other - 1, 0))
+    bent = np.flatnonzero(short & (bend > np.maximum(_BENT * step, _ROUNDING)))
+    return np.append(bent, np.maximum(other - 1, 0))
 
 
 def _locking(constraints: Constraints, poses: np.ndarray) -> str:
