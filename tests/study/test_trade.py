@@ -229,7 +229,7 @@ def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
 
 def test_rigid_bodies_differ_by_their_steps_alone():
     scene = with_settings(read_scene("double-pendulum"), ["solve.duration=1 s", "solve.steps=400"])
-    found = trade(scene, budget=5.0)
+    found = trade(scene)
     names = {entry.name for entry in found.ranked}
     assert {"rigid", "coupled"} < names and {name.partition(",")[0] for name in names} == {"rigid", "coupled"}
     assert 0.0 < max(found.reference.doubts.values()) < 1e-4 and found.chosen.within

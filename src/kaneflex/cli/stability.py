@@ -102,7 +102,8 @@ def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:
     from kaneflex.study.exploration import ends_of
     from kaneflex.support.units import ANGULAR_SPEED, SPEED
 
-    path, low, high, unit, _ = ends_of(text, f"{drive}.speed=0:12000rpm")
+    given = ends_of(text, f"{drive}.speed=0:12000rpm")
+    path, low, high, unit = given.path, given.low, given.high, given.unit
     if path not in (f"{drive}.speed", f"drives.{drive}.speed"):
         cure = f"Write {drive}.speed=LOW:HIGH, like {drive}.speed=0:12000rpm"
         raise SceneError("--vary", text, "stability is computed over the speeds of the first drive", cure)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
 
 from kaneflex.integrate.system import Outcome
 from kaneflex.scene import Scene, with_settings
@@ -52,18 +51,8 @@ class Varied:
         return setting(self.path, f"{number!r} {self.unit}" if self.unit else number)
 
 
-class Ends(NamedTuple):
-    """Ends of the range of an entry, in one unit (empty: SI); ``whole``: both are whole numbers without a unit."""
-
-    path: str
-    low: float
-    high: float
-    unit: str
-    whole: bool
-
-
-def ends_of(text: str, example: str = "main.speed=2000:6000rpm") -> Ends:
-    """Parse "path=low:high"; the unit of `high` applies to a `low` without unit.
+def ends_of(text: str, example: str = "main.speed=2000:6000rpm") -> Varied:
+    """Parse "path=low:high"; the unit of `high` applies to a `low` without unit, and the start is the middle.
 
     Raises
     ------
@@ -82,7 +71,7 @@ def ends_of(text: str, example: str = "main.speed=2000:6000rpm") -> Ends:
     if not (math.isfinite(low[0]) and math.isfinite(high[0]) and low[0] < high[0]):
         raise SceneError("--vary", text, "the second number is not greater than the first", cure)
     whole = not unit and all(end.lstrip("+-").isdecimal() for end in (first, last))
-    return Ends(path, low[0], high[0], unit, whole)
+    return Varied(path, unit, low[0], high[0], 0.5 * (low[0] + high[0]), whole)
 
 
 def varied(scene: Scene, text: str) -> Varied:
@@ -95,19 +84,16 @@ def varied(scene: Scene, text: str) -> Varied:
     SceneError
         As :func:`ends_of`, if the path does not exist, or if the scene does not allow the start value.
     """
-    path, low, high, unit, whole = ends_of(text, "main.speed=2000:6000rpm or rod.elements=1:8")
-    found = Varied(path, unit, low, high, _start(scene.raw, path, unit, low, high), whole)
+    found = ends_of(text, "main.speed=2000:6000rpm or rod.elements=1:8")
+    known = number_and_unit(given_value(scene.raw, resolved(scene.raw, found.path)))
+    if known is not None and known[1] == found.unit:
+        found = replace(found, start=min(max(known[0], found.low), found.high))
     try:
         with_settings(scene, [found.setting(found.start)])
     except SceneError as error:
-        reason = f"the start value {found.start:.6g} {unit}".rstrip() + f" is not allowed: {error.reason}"
+        reason = f"the start value {found.start:.6g} {found.unit}".rstrip() + f" is not allowed: {error.reason}"
         raise SceneError("--vary", text, reason, error.cure) from None
     return found
-
-
-def _start(raw: Mapping[str, Any], path: str, unit: str, low: float, high: float) -> float:
-    known = number_and_unit(given_value(raw, resolved(raw, path)))
-    return min(max(known[0], low), high) if known is not None and known[1] == unit else 0.5 * (low + high)
 
 
 @dataclass(frozen=True, eq=False)

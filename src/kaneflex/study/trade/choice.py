@@ -11,7 +11,6 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from kaneflex.scene import Scene
-from kaneflex.scene.options import resolve_options
 from kaneflex.scene.settings import resolved
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.curves import Curves
@@ -116,30 +115,22 @@ def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice
     return Choice(
         tolerance=tolerance,
         sensors=[sensor for sensor in reference.sensors if sensor not in beyond],
-        **_of_model(scene, trials, model),
+        model=model.name,
+        settings=[*neutral_settings(scene.raw), *model.settings],
         dropped=[],
+        errors={each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
         open=dict(reference.open) | beyond,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene.raw), *reference.model.settings],
         reference_note=reference.note,
         doubt=dict(reference.doubts),
         attempts=list(map(_attempt, trials.tried.values())),
-        richest_s=trials.runs.run(trials.richest()).timing.total,
+        run_s=trials.runs.run(model).timing.total,
+        richest_s=trials.known or trials.runs.run(trials.richest()).timing.total,
         compared=True,
         seconds=0.0,
         remembered=False,
     )
-
-
-def _of_model(scene: Scene, trials: Trials, model: Variant) -> dict[str, Any]:
-    """Fields of a choice about its model."""
-    beyond = trials.beyond(model)
-    return {
-        "model": model.name,
-        "settings": [*neutral_settings(scene.raw), *model.settings],
-        "errors": {each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
-        "run_s": trials.runs.run(model).timing.total,
-    }
 
 
 def cheaper(
@@ -151,26 +142,20 @@ def cheaper(
     Trying takes at most about half the time of a command that runs the richest model. ``curves`` are those of its
     reference.
     """
-    started = time.perf_counter()
-    runs = Runs(neutral(scene), progress)
-    reference = recalled(runs.scene, known, curves)
-    begun = time.process_time()
+    started, begun, runs = time.perf_counter(), time.process_time(), Runs(neutral(scene), progress)
     until = begun + min(_LONGEST, _SHARE * (begun + known.richest_s))
-    denser = max(1.0, reference.stored / resolve_options(runs.scene).steps)
-    trials = Trials(runs, known.tolerance, reference, until, denser * known.richest_s)
-    plain = reference.levels[0]
-    coarse = any(name in known.doubt for name in known.open)
+    trials = Trials(runs, known.tolerance, recalled(runs.scene, known, curves), until, known.richest_s)
+    plain, coarse = trials.reference.levels[0], any(name in known.doubt for name in known.open)
     trials.tried[plain] = Trial(plain, within=known.model == plain.name and not coarse, coarse=coarse)
     found = [model for model in trials.cheapest_models() if model is not plain]
     seconds = trials.seconds(found)
     model = min(found, key=seconds.__getitem__, default=plain)
-    attempts = [*known.attempts, *(_attempt(trial) for each, trial in trials.tried.items() if each is not plain)]
-    update = {"compared": True, "attempts": attempts}
+    del trials.tried[plain]
+    attempts = [*known.attempts, *map(_attempt, trials.tried.values())]
     if not found or seconds[model] >= known.richest_s:
-        return known.model_copy(update=update), None
-    update |= _of_model(scene, trials, model) | {"open": dict(reference.open), "sensors": list(reference.sensors)}
-    update["seconds"] = time.perf_counter() - started
-    return known.model_copy(update=update), runs.run(model).solution
+        return known.model_copy(update={"compared": True, "attempts": attempts}), None
+    update = {"attempts": attempts, "seconds": time.perf_counter() - started}
+    return _choice(scene, trials, model, False).model_copy(update=update), runs.run(model).solution
 
 
 def _attempt(trial: Trial) -> Attempt:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, worst
@@ -76,16 +77,15 @@ class Ranked(Trial):
 class Trials:
     """Comparisons of models with a reference, each made once.
 
-    ``until``: moment of ``time.process_time`` after which no model is tried; ``coupled``: time of the run
-    of the plain coupled model [s] with as many instants as the others, if known before; ``tried``: results in the
-    order of trials.
+    ``until``: moment of ``time.process_time`` after which no model is tried; ``known``: time of the richest model's run
+    [s], if known before; ``tried``: results in the order of trials.
     """
 
     runs: Runs
     tolerance: float
     reference: Reference
     until: float = math.inf
-    coupled: float = 0.0
+    known: float = 0.0
     tried: dict[Variant, Trial] = field(default_factory=dict)
 
     @classmethod
@@ -105,8 +105,9 @@ class Trials:
         """True if a candidate is within the tolerance; False also if it can't be run, or not in time."""
         left = self.until - time.process_time()
         if candidate not in self.tried and left > 0:
-            if candidate.settings[0] == COUPLED.settings[0] and self.coupled > left:
-                return False  # it may take as long as the plain one
+            denser = max(1.0, self.reference.stored / resolve_options(self.runs.scene).steps)
+            if candidate.settings[0] == COUPLED.settings[0] and denser * self.known > left:
+                return False  # it may take as long as the plain one with as many instants
             try:
                 self.tried[candidate] = self._compared(candidate, left)
             except SceneError as error:
