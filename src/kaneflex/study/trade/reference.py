@@ -273,7 +273,7 @@ def _bent(curves: Curves, instants: np.ndarray, limits: Mapping[str, float]) -> 
     for name, limit in limits.items():
         own = curves.values[name]
         gap = abs(np.interp(curves.times, instants, np.interp(instants, curves.times, own)) - own)
-        found = np.maximum(found, gap / max(limit, 1e-300))
+        found = np.fmax(found, gap / max(limit, 1e-300))  # a sensor may have no value at some instants
     return found
 
 
