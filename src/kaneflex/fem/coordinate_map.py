@@ -10,18 +10,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, from_entries
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Vector
 from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie, carried_bodies, prescribed_bodies, spanning_tree
-from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.parts import Joint, Mechanism
+    from kaneflex.scene import Scene
+    from kaneflex.scene.quantities import Address
 
 WHOLE, SHIFT, TURN = (Affine.constant(np.eye(3)[rows]) for rows in ([0, 1, 2], [0, 1], [2]))
 """Matrices that take all, the displacement, or the rotation from global displacements and a rotation."""

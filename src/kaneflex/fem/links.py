@@ -8,18 +8,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from types import MappingProxyType, ModuleType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
 from kaneflex.mechanism.meshes import forced_points, mesh
-from kaneflex.scene import Scene
-from kaneflex.scene.bodies import Body
-from kaneflex.scene.parts import Load
 from kaneflex.support.contract import SPATIAL_NODE, beam_module
 from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
+    from kaneflex.scene.bodies import Body
+    from kaneflex.scene.parts import Load
 
 SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
@@ -74,6 +76,14 @@ class Link:
         Each term's matrix of every element, for the forces at the elements' ends.
     part : Part
         The assembled link, coordinates u, v, theta of each node in turn; one u for all nodes if it does not stretch.
+    dofs, names : int, tuple of str
+        Coordinates of a node and their names: axial and transverse displacement [m], rotation [rad].
+    slopes, shortening : slice
+        Rows of :meth:`shape` that are the axis' slopes, and those whose squares shorten the axis.
+    motions : tuple of int
+        Places of the node's coordinates among those of a node in space.
+    densities : tuple of str
+        Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z.
     """
 
     scene: Scene
@@ -83,17 +93,11 @@ class Link:
     element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
     part: Part
     dofs: ClassVar[int] = 3
-    """Coordinates of a node."""
     slopes: ClassVar[slice] = slice(3, 4)
-    """Rows of :meth:`shape` that are the axis' slopes."""
     shortening: ClassVar[slice] = slopes
-    """Rows of :meth:`shape` whose squares shorten the axis."""
     names: ClassVar[tuple[str, ...]] = ("u", "v", "theta")
-    """Their names: axial and transverse displacement [m], rotation [rad]."""
     motions: ClassVar[tuple[int, ...]] = (0, 1, 5)
-    """Places of the node's coordinates among those of a node in space."""
     densities: ClassVar[tuple[str, ...]] = ("rho_A", "rho_I")
-    """Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z."""
 
     @property
     def body(self) -> Body:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from random import Random
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from kaneflex.mechanism.joints import Constraints, normalised
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.support.errors import SceneError
-
-if TYPE_CHECKING:
-    pass
 
 
 def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[str, ...]:
