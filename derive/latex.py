@@ -14,10 +14,16 @@ import sympy as sm
 from kaneflex.derive.elements.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
 from kaneflex.derive.ir.program import Program
-from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length, subscripted
+from kaneflex.derive.printers.latex_printer import (
+    EquationPrinter,
+    SymbolNames,
+    broken,
+    escaped,
+    seen_length,
+    subscripted,
+)
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support.contract import FORMAT
-from kaneflex.support.escaping import latex as escaped
 
 _WIDE, _WIDEST = 60, 110
 """Characters in a matrix's row from which on it is printed small, and entry by entry."""

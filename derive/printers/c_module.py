@@ -16,9 +16,9 @@ from numba.types import CPointer, float64
 from kaneflex.derive.elements.parameters import LINK_SCALARS
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.derive.printers.c_types import ReadOnly, Square
-from kaneflex.support.c_language import RESERVED, header_text
+from kaneflex.support.c_language import RESERVED, c_comment, c_inline, header_text
 from kaneflex.support.contract import ELEMENT_KERNELS
-from kaneflex.support.escaping import ascii_identifier, c_comment, c_inline
+from kaneflex.support.escaping import ascii_identifier
 from kaneflex.support.files import LONGEST_STEM
 
 

@@ -34,7 +34,7 @@ from numba import types
 
 from kaneflex.derive.printers.c_expressions import OPERATORS, Expressions
 from kaneflex.derive.printers.c_types import WIDTH, Structures, bare, parts_of
-from kaneflex.support.escaping import c_comment
+from kaneflex.support.c_language import c_comment
 
 _QUOTIENT = """/* Quotient, rounded down. */
 static inline int64_t quotient_of(int64_t x, int64_t y)

@@ -11,7 +11,7 @@ from sympy.printing.latex import LatexPrinter
 
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.ir.program import Program
-from kaneflex.support.escaping import latex as escaped
+from kaneflex.support.escaping import visible
 
 _WIDTH = 78
 """Characters of a line of an equation, roughly as wide as the text."""
@@ -122,3 +122,17 @@ def subscripted(words: list[str], owner: str | None, primes: str) -> str:
         below.append(rf"\mathrm{{{escaped(owner)}}}")
     base = f"{{{letter}{raised}}}" if raised else letter  # in braces, for powers of it
     return base + (f"_{{{', '.join(below)}}}" if below else "")
+
+
+def escaped(text: str) -> str:
+    """Literal text of one paragraph of LaTeX."""
+    shown = "".join(c if c <= _LAST_OF_LATEX else f"<U+{ord(c):04X}>" for c in visible(text))
+    return re.sub(r"[\\~^#$%&_{}<>|]", lambda match: _LATEX.get(match[0], f"\\{match[0]}"), shown)
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "<": r"\ensuremath{<}", ">": r"\ensuremath{>}", "|": r"\ensuremath{|}",  # plain fonts have others in their places
+}  # fmt: skip
+_LAST_OF_LATEX = "\u017f"
+"""Last letter of Latin Extended-A; LaTeX needs packages for letters beyond it."""

@@ -19,9 +19,12 @@ from scene_fuzz import written_toml
 from kaneflex import SceneError, read_scene, scene_of
 from kaneflex.cli import main
 from kaneflex.derive.printers.c_module import places, prefix_of
+from kaneflex.derive.printers.latex_printer import escaped
 from kaneflex.multibody.model.module_loading import generate_text
+from kaneflex.plots.vtk import xml_comment
+from kaneflex.solve import statespace
 from kaneflex.solve.statespace import modelica
-from kaneflex.support import escaping
+from kaneflex.support import c_language, escaping
 from kaneflex.support.html import shown
 
 TEXTS = pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
@@ -38,18 +41,19 @@ def phases(text: str) -> str:
 
 @TEXTS
 def test_a_comment_of_c_is_one(text):
-    for found in (escaping.c_comment(text), f"/* {escaping.c_inline(text)} */", places("X", [("a", text)], "X_N")):
+    for found in (c_language.c_comment(text), f"/* {c_language.c_inline(text)} */", places("X", [("a", text)], "X_N")):
         read = phases(found)
         begin = read.index("/*")
         assert read.index("*/", begin + 2) == read.rindex("*/") and "/*" not in read[begin + 2 :]
         assert WRITABLE.fullmatch(read)
-    assert "\n" not in escaping.c_inline(text)
+    assert "\n" not in c_language.c_inline(text)
 
 
 def test_literals_of_c_are_the_bytes_of_their_texts(compiler, tmp_path):
     texts = list(HOSTILE.values())
-    entries = "".join(f"    {{{escaping.c_literal(text)}, sizeof({escaping.c_literal(text)})}},\n" for text in texts)
-    comments = "\n".join(map(escaping.c_comment, texts))
+    literals = map(c_language.c_literal, texts)
+    entries = "".join(f"    {{{literal}, sizeof({literal})}},\n" for literal in literals)
+    comments = "\n".join(map(c_language.c_comment, texts))
     (tmp_path / "a.c").write_text(
         f"#include <stdio.h>\n{comments}\n"
         f"static const struct {{ const char *text; size_t size; }} t[] = {{\n{entries}}};\n"
@@ -69,11 +73,11 @@ def test_names_in_c_are_short_identifiers():
 
 @TEXTS
 def test_xml_is_well_formed(text):
-    element = ElementTree.Element("a", {"b": escaping.xml(text)})
-    element.text = escaping.xml(text)
+    element = ElementTree.Element("a", {"b": escaping.visible(text)})
+    element.text = escaping.visible(text)
     found = ElementTree.fromstring(ElementTree.tostring(element, encoding="UTF-8"))
     assert found.attrib["b"] == found.text or (found.text or "") == found.attrib["b"]
-    assert ElementTree.fromstring(f"<a>{escaping.xml_comment(text)}<b/></a>")[0].tag == "b"
+    assert ElementTree.fromstring(f"<a>{xml_comment(text)}<b/></a>")[0].tag == "b"
 
 
 class Tags(HTMLParser):
@@ -101,14 +105,14 @@ def test_html_has_no_other_tags(text):
 
 @TEXTS
 def test_latex_is_one_paragraph_without_commands(text):
-    found = escaping.latex(text)
+    found = escaped(text)
     known = r"\\textbackslash\{\}|\\textasciitilde\{\}|\\textasciicircum\{\}|\\ensuremath\{[<>|]\}|\\[#$%&_{}]"
     assert not re.search(r"[\\#$%&_{}^~<>|\n]|[^\x20-\x7e\u00a0-\u017f]", re.sub(known, "", found))
 
 
 @TEXTS
 def test_modelica_strings_and_names_are_one(text):
-    for quote, found in (('"', escaping.modelica_string(text)), ("'", escaping.modelica_name(text))):
+    for quote, found in (('"', statespace.modelica_string(text)), ("'", statespace.modelica_name(text))):
         assert re.fullmatch(rf"{quote}(?:[^{quote}\\\n]|\\[\\{quote}])*{quote}", found)
         assert WRITABLE.fullmatch(found)
 

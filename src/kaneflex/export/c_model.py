@@ -18,9 +18,8 @@ from kaneflex.solve.free_motion import integrated
 from kaneflex.solve.loading import load
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of, one_way_cure
 from kaneflex.solve.simulation import solve
-from kaneflex.support.c_language import header_text
+from kaneflex.support.c_language import c_comment, c_inline, c_literal, header_text
 from kaneflex.support.errors import SceneError
-from kaneflex.support.escaping import c_comment, c_inline, c_literal
 
 _SHARED = "kaneflex_linear.h", "kaneflex_linear.c"
 _IN_SPACE = "kaneflex_series.h", "kaneflex_series.c"

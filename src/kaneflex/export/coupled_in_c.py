@@ -19,9 +19,8 @@ from kaneflex.multibody.time.run import PATIENT
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_start import Begun, begun
 from kaneflex.solve.loading import load
-from kaneflex.support.c_language import header_text
+from kaneflex.support.c_language import c_comment, c_literal, header_text
 from kaneflex.support.errors import SceneError
-from kaneflex.support.escaping import c_comment, c_literal
 
 _OUTCOMES = "DONE", "PAUSED", "TURNED", "RESTED", "SINGULAR", "DAMPED"
 """Codes of the engine in the texts."""

@@ -26,7 +26,7 @@ from kaneflex.solve.repeated_motion import one_way_cure
 from kaneflex.support.arguments import takes
 from kaneflex.support.c_compiler import CompilerError, c_compiler, shared_library
 from kaneflex.support.errors import SceneError
-from kaneflex.support.escaping import xml
+from kaneflex.support.escaping import visible
 from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import silent
 
@@ -181,7 +181,7 @@ def _described(made: CModel, token: str) -> str:
 
 def _node(tag: str, /, *children: ElementTree.Element, **given: object) -> ElementTree.Element:
     """XML element; attributes that are None are left out."""
-    node = ElementTree.Element(tag, {key: xml(str(value)) for key, value in given.items() if value is not None})
+    node = ElementTree.Element(tag, {key: visible(str(value)) for key, value in given.items() if value is not None})
     node.extend(children)
     return node
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from kaneflex.plots.mechanism import used_points
 from kaneflex.plots.outlines import ALONG_LINK
 from kaneflex.plots.view import FRAMES, View, frames_of, view
 from kaneflex.support.errors import installed, told
-from kaneflex.support.escaping import xml_comment
+from kaneflex.support.escaping import visible
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
@@ -121,3 +122,8 @@ def _index(scene: Scene, shown: View, files: list[str]) -> Iterator[str]:
         yield f'    <DataSet timestep="{t!r}" part="0" file="{file}"/>'
     yield "  </Collection>"
     yield "</VTKFile>"
+
+
+def xml_comment(text: str) -> str:
+    """XML comment, without adjacent hyphens (XML 1.0, production 15)."""
+    return f"<!-- {re.sub('-(?=-)', '- ', visible(text))} -->"

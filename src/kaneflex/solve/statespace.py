@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.support.errors import OutputError
-from kaneflex.support.escaping import modelica_name, modelica_string
+from kaneflex.support.escaping import visible
 from kaneflex.support.files import write_bytes, write_text
 
 
@@ -170,3 +170,17 @@ def modelica(system: StateSpace, name: str) -> str:
 def _unit(unit: str) -> str:
     """Unit in Modelica's spelling: N.m, m/s2."""
     return unit.replace(" ", ".").replace("^", "")
+
+
+def modelica_string(text: str) -> str:
+    """Modelica string literal (Modelica Language Specification 3.6, section 2.4.6)."""
+    return f'"{_modelica(text, chr(34))}"'
+
+
+def modelica_name(text: str) -> str:
+    """Quoted Modelica identifier, for names that are not identifiers (ibid., section 2.3.1)."""
+    return f"'{_modelica(text, chr(39))}'"
+
+
+def _modelica(text: str, quote: str) -> str:
+    return visible(text).replace("\\", "\\\\").replace(quote, f"\\{quote}")
