@@ -17,12 +17,11 @@ from kaneflex.derive.elements.parameters import LINK_SCALARS
 from kaneflex.derive.elements.plane import monomial
 from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
-from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, seen_length
+from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import ELEMENT_KERNELS
-from kaneflex.support.escaping import latex as escaped
 
 SCENES = ("engine", "four-bar", "double-pendulum")
 

@@ -24,7 +24,7 @@ from numba.core.types.functions import BaseFunction
 
 from kaneflex import load, read_scene
 from kaneflex.generated.tables import table
-from kaneflex.integrate import fourier
+from kaneflex.integrate import steppers
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.model.assembly import build_system
@@ -140,15 +140,15 @@ def test_a_kernel_that_compiled_code_calls_is_compiled_with_it_and_not_by_itself
     assert len(kernel.overloads) == 1
 
 
-def test_parts_of_the_spectral_solver_are_optimised_with_their_callers():
+def test_parts_of_the_step_loops_are_optimised_with_their_callers():
     """No machine code is made of them by themselves."""
 
     @numba.njit
-    def counted(blocks):
-        return fourier._stages(blocks)
+    def bounded(z):
+        return steppers._within(z, 2.0)
 
-    assert counted(48) == 5
-    for part in fourier._stages.overloads.values():
+    assert bounded(np.ones((1, 1))) and not bounded(np.full((1, 1), 2.0))
+    for part in steppers._within.overloads.values():
         assert part.library._compiled_object is None
 
 
@@ -191,7 +191,7 @@ import numba, numpy as np
 import kaneflex
 from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
-from kaneflex.integrate import fourier
+from kaneflex.integrate import steppers
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.time.rigid_reference import rigid_reference

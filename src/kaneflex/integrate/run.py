@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 
 import numpy as np
 
-from kaneflex.integrate.conventions import LANES, aligned
-from kaneflex.integrate.spectral import Grid, Orbit, periodic_orbit
+from kaneflex.integrate.grid import Grid, dense
+from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.integrate.system import (
     LEFT,
     Floquet,
@@ -22,10 +23,9 @@ from kaneflex.integrate.system import (
     leading,
     steps_of_cycle,
 )
-from kaneflex.support.machine_code import Kernel
 
-_LONGEST_STEP = 1e4
-"""Times the fastest vibration's 1 / omega, of steps that tell something about stability."""
+_LONGEST = 2.5e6
+"""Times the fastest vibration's 1 / omega, of a cycle whose steps give information about stability."""
 _CLEAR, _SQUARED = 0.5, 8
 """Smallest growth per cycle for which piecewise constant equations do not decide on stability; number of squarings of
 the monodromy matrix."""
@@ -82,7 +82,7 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
     faster than the steps, as in a machine that hardly moves.
     """
     steps, grid = steps_of_cycle(run), orbit.grid
-    if run.step * steps / FEWEST * grid.fastest > _LONGEST_STEP:
+    if run.step * steps * grid.fastest > _LONGEST:
         return Outcome.COMPLETED, "the stability is unknown: the steps are too long", None
     moved = monodromy(grid)
     if dies_away(moved):
@@ -109,28 +109,48 @@ def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
     return leading(np.linalg.eigvals(matrix), len(matrix) // 2)
 
 
-FEWEST, MOST, PER_PERIOD = 256, 1024, 4
-"""Smallest and largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
+PIECES = 64
+"""Pieces of a cycle, with the means of the matrices over each."""
+MOST, PER_PERIOD = 1024, 4
+"""Largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
 _POLES = np.roots([-1.0 / 60.0, 3.0 / 20.0, -3.0 / 5.0, 1.0])
 _POLES = np.array([_POLES[abs(_POLES.imag) < 1e-9][0].real, _POLES[_POLES.imag > 1e-9][0]])
 _SHARES = (1.0 + 0.4 * _POLES + 0.05 * _POLES**2) / (-0.6 + 0.3 * _POLES - 0.05 * _POLES**2) * (1.0, 2.0)
 """Residues of R at the real pole and, doubled, at one of the others: R(x) is the real part of their sum."""
-
-
-_eighths = Kernel("integrate.instants", "eighths")
+_MEMORY = 1e8
+"""Bytes of the matrices of steps that are computed at once."""
 
 
 def monodromy(grid: Grid) -> np.ndarray:
-    """Matrix (2 n, 2 n) that moves (z, h z') over a cycle, from half a step h before its start on."""
-    every = max(1, grid.instants // FEWEST)
-    instants = grid.instants // every
-    wanted = PER_PERIOD * grid.slowest / grid.omega
-    repeats = math.ceil(min(max(FEWEST, wanted), MOST) / instants)
-    step = 2.0 * math.pi / (grid.omega * instants * repeats)
-    poles = np.array([_POLES[0].real, _POLES[1].real, _POLES[1].imag])
-    shares = np.array([_SHARES[0].real, _SHARES[1].real, _SHARES[1].imag])
-    n, w = grid.n, grid.half_bandwidth
-    state, entries, vectors = aligned(2 * n, 2 * n, LANES), aligned(5, n * (2 * w + 1), LANES), aligned(3, n, LANES)
-    state[...] = np.eye(2 * n)[..., None]
-    _eighths(n, w, grid.sums, every, repeats, step, poles, shares, entries, vectors, state)
-    return reduce(lambda before, then: then @ before, state.transpose(2, 1, 0))
+    """Matrix (2 n, 2 n) that moves (z, h z') over a cycle, from half a step h before its start on.
+
+    With x' = A x and u = (p - h A)^-1 x it is (p^2 M + p h C + h^2 K) h u' = p M h x' - h^2 K x, p u = x + h u'.
+    """
+    every = grid.instants // PIECES
+    pieces = grid.instants // every
+    means = grid.matrices.reshape(*grid.matrices.shape[:3], pieces, every).mean(axis=-1)
+    wanted = min(PER_PERIOD * grid.slowest / grid.omega, MOST)
+    doubled = math.ceil(math.log2(max(wanted / pieces, 1.0)))
+    step = 2.0 * math.pi / (grid.omega * pieces * 2**doubled)
+    moved = np.eye(2 * grid.n)
+    for part in np.array_split(np.arange(pieces), math.ceil(64 * pieces * grid.n**2 / _MEMORY)):
+        found = _propagators([dense(each) for each in means[..., part]], step)
+        for _ in range(doubled):
+            found = found @ found
+        while len(found) > 1:
+            paired = found[1::2] @ found[: len(found) // 2 * 2 : 2]
+            found = np.concatenate((paired, found[len(found) // 2 * 2 :]))
+        moved = found[0] @ moved
+    return moved
+
+
+def _propagators(matrices: Sequence[np.ndarray], h: float) -> np.ndarray:
+    """Matrices (k, 2 n, 2 n) that move (z, h z') over a step h with constant M, C and K, each (k, n, n)."""
+    mass, damping, stiffness = matrices
+    start, found = np.eye(mass.shape[1], 2 * mass.shape[1]), np.zeros(())
+    for pole, share in zip(_POLES, _SHARES, strict=True):
+        p, r = (pole.real, share.real) if pole.imag == 0.0 else (pole, share)
+        known = np.concatenate((-(h * h) * stiffness, p * mass), axis=2)
+        rate = np.linalg.solve(p * p * mass + p * h * damping + h * h * stiffness, known)
+        found = found - (r * np.concatenate(((start + rate) / p, rate), axis=1)).real
+    return found

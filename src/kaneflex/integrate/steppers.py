@@ -19,79 +19,94 @@ They return the number of completed steps and a status.
 """
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 
-from kaneflex.integrate import conventions, lanes
+from kaneflex.integrate import conventions
 from kaneflex.integrate.conventions import COMPLETED, FASTMATH, SINGULAR, UNBOUNDED
-from kaneflex.integrate.lanes import ONE, ZERO, compiled, stay_apart
 from kaneflex.support.fingerprint import made_of
+from kaneflex.support.inner import PART
 
-_TWO, _THREE = np.uint64(2), np.uint64(3)
+_ZERO, _ONE, _TWO, _THREE = map(np.uint64, range(4))
+"""Unsigned numbers, which numba need not test for a negative index; with a signed number they become a float."""
 _SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
-_made_of_parts = made_of(conventions.__file__, lanes.__file__)
+_made_of_parts = made_of(conventions.__file__)
+_compiled = njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
+"""Decorator of parts that are compiled into the functions that call them."""
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
-@compiled
+@intrinsic
+def _stay_apart(typing):
+    """The function in which this stands is not compiled into each that calls it, which would take LLVM long."""
+
+    def mark(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), mark
+
+
+@_compiled
 def _affine_sums(terms, scalars, sums, begin):
     """M, C, K and F at one row of the table, in `sums` from `begin` on: sums of scalar x constant."""
-    stay_apart()
+    _stay_apart()
     ends, what, values = terms
-    for k in range(np.uint64(len(ends)) - ONE):
+    for k in range(np.uint64(len(ends)) - _ONE):
         total = 0.0
-        for term in range(ends[k], ends[k + ONE]):
+        for term in range(ends[k], ends[k + _ONE]):
             total += values[term] * scalars[what[term]]
         sums[begin + k] = total
 
 
-@compiled
+@_compiled
 def _factor(layout, lu, scale):
     """A = L U in place, without pivoting, reciprocal pivots on the diagonal; false where a pivot vanishes.
 
     scale: of each row, sum of the absolute values of what was added up in the diagonal
     """
-    stay_apart()
+    _stay_apart()
     base, last, regular = layout.base, layout.last, True
     for k in range(layout.n):
         row_k = base[k]
         regular = regular and _SMALLEST_PIVOT * scale[k] < abs(lu[row_k + k])
         lu[row_k + k] = 1.0 / lu[row_k + k]
-        for i in range(k + ONE, last[k]):
+        for i in range(k + _ONE, last[k]):
             row_i = base[i]
             share = lu[row_i + k] * lu[row_k + k]
             lu[row_i + k] = share
-            for j in range(k + ONE, last[k]):
+            for j in range(k + _ONE, last[k]):
                 lu[row_i + j] -= share * lu[row_k + j]
     return regular
 
 
-@compiled
+@_compiled
 def _solve(layout, lu, x):
     """Solve L U x = x for all columns."""
-    stay_apart()
+    _stay_apart()
     for i in range(layout.n):
         for j in range(layout.first[i], i):
             _subtract(lu[layout.base[i] + j], x[j], x[i])
     for back in range(layout.n):
-        i = layout.n - ONE - back
-        for j in range(i + ONE, layout.last[i]):
+        i = layout.n - _ONE - back
+        for j in range(i + _ONE, layout.last[i]):
             _subtract(lu[layout.base[i] + j], x[j], x[i])
         reciprocal, found = lu[layout.base[i] + i], x[i]
         for c in range(len(found)):
             found[c] *= reciprocal
 
 
-@compiled
+@_compiled
 def _subtract(share, x, found):
     for c in range(len(x)):
         found[c] -= share * x[c]
 
 
-@compiled
+@_compiled
 def _residual(layout, sums, begin, load_factor, z, v, rest, place, apart):
     """F - C v - K z of all columns, with the sums from `begin` on, in rows of `rest` from `place` on, `apart`."""
-    stay_apart()
+    _stay_apart()
     damping = begin + layout.n_slots
     stiffness = damping + layout.n_slots
     force = stiffness + layout.n_slots
@@ -106,10 +121,10 @@ def _residual(layout, sums, begin, load_factor, z, v, rest, place, apart):
                 found[c] -= of_v * fast[c] + of_z * there[c]
 
 
-@compiled
+@_compiled
 def _within(z, bound):
     """True if the sum of squares of every column is below a bound."""
-    stay_apart()
+    _stay_apart()
     for c in range(z.shape[1]):
         squares = 0.0
         for i in range(len(z)):
@@ -119,7 +134,7 @@ def _within(z, bound):
     return True
 
 
-@compiled
+@_compiled
 def _store_row(stored, out, z, v, q):
     """Store the first column in row `out`."""
     out_z, out_v, out_a = stored
@@ -127,10 +142,10 @@ def _store_row(stored, out, z, v, q):
         out_z[out, i], out_v[out, i], out_a[out, i] = z[i, 0], v[i, 0], q[i, 0]
 
 
-@compiled
+@_compiled
 def _newmark_matrix(layout, sums, begin, c_weight, k_weight, lu, scale):
     """Factorise M + c_weight C + k_weight K, of the sums from `begin` on; false where a pivot vanishes."""
-    stay_apart()
+    _stay_apart()
     damping = begin + layout.n_slots
     stiffness = damping + layout.n_slots
     for i in range(layout.n_slots):
@@ -164,8 +179,8 @@ def newmark(
     z_start, z_known = coefficients[8], coefficients[9]
     sums, lu, scale = np.empty(_THREE * layout.n_slots + layout.n), np.empty(layout.n_slots), np.empty(layout.n)
     for taken in range(n_steps):
-        _affine_sums(terms, scalars[(position + taken) % period + 1], sums, ZERO)
-        if not _newmark_matrix(layout, sums, ZERO, c_weight, k_weight, lu, scale):
+        _affine_sums(terms, scalars[(position + taken) % period + 1], sums, _ZERO)
+        if not _newmark_matrix(layout, sums, _ZERO, c_weight, k_weight, lu, scale):
             return taken, SINGULAR
         for i in range(layout.n):
             for c in range(z.shape[1]):
@@ -174,7 +189,7 @@ def newmark(
                 z[i, c] += step * speed + z_start * before + z_known * known
                 v[i, c] += v_start * before + v_known * known
                 a[i, c] = known
-        _residual(layout, sums, ZERO, load_factor, z, v, q, ZERO, ONE)
+        _residual(layout, sums, _ZERO, load_factor, z, v, q, _ZERO, _ONE)
         _solve(layout, lu, q)
         for i in range(layout.n):
             for c in range(z.shape[1]):
@@ -189,16 +204,16 @@ def newmark(
     return n_steps, COMPLETED
 
 
-@compiled
+@_compiled
 def _stage_matrix(layout, stages, count, coefficients, sums, matrix, scale):
     """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r), factorised; false where a pivot vanishes.
 
     sums: at one stage after the other
     """
-    stay_apart()
+    _stay_apart()
     n_slots = layout.n_slots
     apart = _THREE * n_slots + layout.n
-    a_weights = ONE + count
+    a_weights = _ONE + count
     e_weights = a_weights + count * count
     for i in range(layout.n):
         for s in range(count):
@@ -210,7 +225,7 @@ def _stage_matrix(layout, stages, count, coefficients, sums, matrix, scale):
                     place = s * count + r
                     matrix[slot + r] = coefficients[a_weights + place] * c + coefficients[e_weights + place] * k
                 matrix[slot + s] += sums[row + j]
-            m, place = row + i, s * (count + ONE)
+            m, place = row + i, s * (count + _ONE)
             damping = abs(coefficients[a_weights + place] * sums[m + n_slots])
             stiffness = abs(coefficients[e_weights + place] * sums[m + _TWO * n_slots])
             scale[count * i + s] = damping + stiffness + abs(sums[m])
@@ -241,7 +256,7 @@ def collocation(
     z, v, _, q = state
     n, count, columns = layout.n, stages.n // layout.n, z.shape[1]
     apart, step = _THREE * layout.n_slots + n, coefficients[0]
-    v_weights = ONE + count + _TWO * count * count
+    v_weights = _ONE + count + _TWO * count * count
     z_weights = v_weights + count
     sums, scale = np.empty(_THREE * apart), np.empty(stages.n)
     matrix, mass = np.empty(stages.n_slots), np.empty(layout.n_slots)
@@ -255,7 +270,7 @@ def collocation(
         for s in range(count):
             for i in range(n):
                 for c in range(columns):
-                    at_stage[i, c] = z[i, c] + coefficients[ONE + s] * v[i, c]
+                    at_stage[i, c] = z[i, c] + coefficients[_ONE + s] * v[i, c]
             _residual(layout, sums, s * apart, load_factor, at_stage, v, x, s, count)
         _solve(stages, matrix, x)
         for i in range(n):
@@ -264,14 +279,14 @@ def collocation(
                 for s in range(count):
                     faster += coefficients[v_weights + s] * x[count * i + s, c]
                     moved += coefficients[z_weights + s] * x[count * i + s, c]
-                z[i, c], v[i, c], q[i, c] = moved, v[i, c] + faster, x[count * i + count - ONE, c]
+                z[i, c], v[i, c], q[i, c] = moved, v[i, c] + faster, x[count * i + count - _ONE, c]
         if not _within(z, bound):
             return taken + 1, UNBOUNDED
         if (done + taken + 1) % every == 0:
             if count == _TWO:
                 if not _newmark_matrix(layout, sums, _TWO * apart, 0.0, 0.0, mass, scale):
                     return taken, SINGULAR
-                _residual(layout, sums, _TWO * apart, load_factor, z, v, q, ZERO, ONE)
+                _residual(layout, sums, _TWO * apart, load_factor, z, v, q, _ZERO, _ONE)
                 _solve(layout, mass, q)
             _store_row(stored, (done + taken + 1) // every, z, v, q)
     return n_steps, COMPLETED

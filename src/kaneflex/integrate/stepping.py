@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.integrate.conventions import COMPLETED, SINGULAR, UNBOUNDED
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.streams import CoefficientStream
-from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress, layout_of
+from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress
 from kaneflex.support.machine_code import Kernel
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
@@ -26,6 +26,16 @@ _OUTCOMES = {
     UNBOUNDED: Outcome.UNSTABLE,
 }
 _STEPPERS = {name: Kernel("integrate.steppers", name) for name in ("newmark", "collocation", "exact_modal")}
+
+
+def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
+    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the matrix are stored, too."""
+    rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
+    width = (2 * half_bandwidth + 1) * copies
+    first = np.maximum(blocks - half_bandwidth, 0) * copies
+    last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
+    places = (each.astype(np.uint64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
+    return Layout(np.uint64(n * copies), np.uint64(n * copies * width), *places)
 
 
 class State(NamedTuple):
@@ -84,16 +94,15 @@ class Setup:
     scales: tuple[float, ...]
     progress: Progress | None = None
 
-    @property
-    def stages(self) -> Layout:
-        """Size of the matrix that a step factorises: every coordinate once per stage of the method."""
-        return layout_of(self.system.n, self.system.half_bandwidth, max(self.method.stages, 1))
+    def layout(self, copies: int) -> Layout:
+        """Layout of the matrices of as many copies of all coordinates."""
+        return layout_of(self.system.n, self.system.half_bandwidth, copies)
 
     @cached_property
     def loop(self) -> Callable[..., tuple[int, int]]:
         """The method's compiled loop, with what it reads of the system."""
-        loop = partial(_STEPPERS[self.method.stepper], self.system.layout, self.system.sums)
-        return partial(loop, self.stages) if self.method.stages else loop
+        loop = partial(_STEPPERS[self.method.stepper], self.layout(1), self.system.sums)
+        return partial(loop, self.layout(self.method.stages)) if self.method.stages else loop
 
     def consistent(self, state: State, load_factor: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -172,7 +181,8 @@ class _Bound:
 
 
 def _steps_of_a_call(setup: Setup, columns: int) -> int:
-    n_slots, stages = int(setup.stages.n_slots), max(setup.method.stages, 1)
+    stages = max(setup.method.stages, 1)
+    n_slots = int(setup.layout(stages).n_slots)
     factor = n_slots * stages * (setup.system.half_bandwidth + 1)
     # sums at every node of the table, the factorisation, and C v, K z and a solve in every column
     work = len(setup.method.nodes) * setup.system.sums[2].size + factor + columns * 4 * n_slots

@@ -89,34 +89,23 @@ class AffineSystem:
         return matrix
 
     @cached_property
+    def stacked(self) -> SparseRows:
+        """Rows of M, then C, then K, then F."""
+        matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
+        data, indices = (np.concatenate([getattr(each, of) for each in matrices]) for of in ("data", "indices"))
+        counts = np.concatenate([np.diff(each.indptr) for each in matrices])
+        return SparseRows(data, indices, np.append(0, np.cumsum(counts)), (len(counts), self.n_scalars))
+
+    @cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ends of the terms of each slot of M, then C, then K, then F, with their scalars and numbers."""
-        matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
-        before = np.cumsum([0, *(matrix.data.size for matrix in matrices)])
-        each = [matrix.indptr[1:] + first for matrix, first in zip(matrices, before[:-1], strict=True)]
-        ends = np.concatenate([before[:1], *each]).astype(np.uint64)
-        what = np.concatenate([matrix.indices for matrix in matrices]).astype(np.uint64)
-        return ends, what, np.concatenate([matrix.data for matrix in matrices])
-
-    @property
-    def layout(self) -> Layout:
-        """Layout of M, C and K."""
-        return layout_of(self.n, self.half_bandwidth, 1)
+        rows = self.stacked
+        return rows.indptr.astype(np.uint64), rows.indices.astype(np.uint64), rows.data
 
     def _places(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
         rows = slots // width
         return rows, slots % width + rows - self.half_bandwidth
-
-
-def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
-    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the matrix are stored, too."""
-    rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
-    width = (2 * half_bandwidth + 1) * copies
-    first = np.maximum(blocks - half_bandwidth, 0) * copies
-    last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
-    places = (each.astype(np.uint64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
-    return Layout(np.uint64(n * copies), np.uint64(n * copies * width), *places)
 
 
 Floquet = np.ndarray | Callable[[], np.ndarray] | None

@@ -13,15 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import conventions, lanes
-from kaneflex.integrate.conventions import FASTMATH, LANES, aligned
-from kaneflex.integrate.lanes import ONE, ZERO, compiled, less, load, root, store
+from kaneflex.integrate import conventions
+from kaneflex.integrate.conventions import FASTMATH
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.response.motion import Motion
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.response.sensors import Series, measure, reads
 from kaneflex.scene.sensors import Sensor
 from kaneflex.support.fingerprint import made_of
+from kaneflex.support.inner import PART
+
+_BLOCK = 32
+"""Instants that are read at once, side by side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,82 +80,89 @@ class CompiledReadings:
     def _values(self, motion: Motion, moved: Rates) -> np.ndarray:
         """Series (n_sensors, n_times)."""
         own, steps = self.readings, len(motion.times)
-        rows, column = np.zeros((-(-steps // LANES) * LANES, own.given + 1)), 0
-        for part in (motion.rigid.values, *moved):
-            rows[:steps, column : column + part.shape[1]] = part
-            column += part.shape[1]
+        given = np.zeros((own.given + 1, -(-steps // _BLOCK) * _BLOCK))
+        moving = np.vstack([motion.rigid.values.T, *(each.T for each in moved)])
+        given[: len(moving), :steps] = moving
         for place, body in self.angles.items():
-            rows[:steps, place] = motion.turned(body)
-        rows[:, -1] = 1.0
-        rows[steps:] = rows[steps - 1]
-        found = np.empty((len(own.sensors), len(rows) // LANES, LANES))
+            given[place, :steps] = motion.turned(body)
+        given[:, steps:] = given[:, steps - 1 : steps]
+        given[-1] = 1.0
+        found = np.empty((len(own.sensors), given.shape[1]))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
-        work = aligned(own.count, LANES), aligned(max(entries, 1), LANES)
-        _read(rows, own.stages, own.ends, own.pairs, own.constants, *work, found)
-        return found.reshape(len(found), -1)[:, :steps]
+        work = np.empty((own.count, _BLOCK)), np.empty((entries + 1, _BLOCK))
+        _read(given, own.stages, own.ends, own.pairs, own.constants, *work, found)
+        return found[:, :steps]
 
 
-@compiled
+@njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
 def _solve(rows, n, entries, numbers, place):
     """Least-squares solution x of A x = b, stored in `numbers` from ``place`` on, by Householder reflections (Golub
     and Van Loan 2013, 5.3).
 
-    ``entries``: A, row by row, then b; both are overwritten.
+    ``entries``: A, row by row, then b, and a row of work; all are overwritten.
     """
+    along = entries[rows * (n + 1)]
     for k in range(n):
-        pivot = load(entries, k * n + k)
-        square = pivot * pivot
-        for i in range(k + 1, rows):
-            square += load(entries, i * n + k) * load(entries, i * n + k)
-        length = root(square) * (2.0 * less(pivot, 0.0 * pivot) - 1.0)  # opposite sign of the pivot
-        store(entries, k * n + k, pivot - length)
-        scale = 1.0 / (square - pivot * length)
+        own, begin = entries[k * n + k], numbers[place + k]  # of the solution until it is known: the diagonal of R
+        for t in range(_BLOCK):
+            along[t] = 0.0
+        for i in range(k, rows):
+            for t in range(_BLOCK):
+                along[t] += entries[i * n + k, t] * entries[i * n + k, t]
+        for t in range(_BLOCK):
+            begin[t] = -np.copysign(np.sqrt(along[t]), own[t])
+            own[t] -= begin[t]
         for j in range(k + 1, n + 1):
             column, apart = (j, n) if j < n else (rows * n, 1)
-            along = 0.0 * pivot
+            for t in range(_BLOCK):
+                along[t] = 0.0
             for i in range(k, rows):
-                along += load(entries, i * n + k) * load(entries, column + i * apart)
-            along = along * scale
+                for t in range(_BLOCK):
+                    along[t] += entries[column + i * apart, t] * entries[i * n + k, t]
+            for t in range(_BLOCK):
+                along[t] /= begin[t] * own[t]
             for i in range(k, rows):
-                changed = load(entries, column + i * apart) - along * load(entries, i * n + k)
-                store(entries, column + i * apart, changed)
-        store(entries, k * n + k, length)
+                for t in range(_BLOCK):
+                    entries[column + i * apart, t] += along[t] * entries[i * n + k, t]
     for back in range(n):
         k = n - 1 - back
-        known = load(entries, rows * n + k)
+        found, known = numbers[place + k], entries[rows * n + k]
         for j in range(k + 1, n):
-            known -= load(entries, k * n + j) * load(numbers, place + j)
-        store(numbers, place + k, known / load(entries, k * n + k))
+            for t in range(_BLOCK):
+                known[t] -= entries[k * n + j, t] * numbers[place + j, t]
+        for t in range(_BLOCK):
+            found[t] = known[t] / found[t]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
-@made_of(conventions.__file__, lanes.__file__)
+@made_of(conventions.__file__)
 def _read(given, stages, ends, pairs, constants, numbers, entries, found):
-    """Evaluate the sensors (n_sensors, n_times / LANES, LANES) from given numbers and a one, (n_times, n_given + 1).
+    """Evaluate the sensors (n_sensors, n_times) from given numbers and a one, (n_given + 1, n_times).
 
-    ``n_times``: a multiple of LANES; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`; ``numbers``,
-    ``entries``: work, (count, LANES) and (most sums of a system, LANES).
+    ``n_times``: a multiple of _BLOCK; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`; ``numbers``,
+    ``entries``: work for one block of instants, (count, _BLOCK) and (most sums of a system + 1, _BLOCK).
     """
-    width = given.shape[1]
-    for begin in range(0, given.shape[0], LANES):
+    width = given.shape[0]
+    for begin in range(0, given.shape[1], _BLOCK):
         for k in range(width):
-            for lane in range(LANES):
-                numbers[k, lane] = given[begin + lane, k]
-        place, row, term = width, ZERO, ZERO
+            for t in range(_BLOCK):
+                numbers[k, t] = given[k, begin + t]
+        place, row, term = width, 0, 0
         for stage in range(stages.shape[0]):
             own, rows, n = stages[stage, 0], stages[stage, 1], stages[stage, 2]
             for k in range(own + rows * (n + 1)):
-                total = 0.0 * load(numbers, width - 1)
-                while term < ends[row]:
-                    total += constants[term] * load(numbers, pairs[term, 0]) * load(numbers, pairs[term, 1])
-                    term += ONE
-                row += ONE
-                if k < own:
-                    store(numbers, place + k, total)
-                elif n > 0:
-                    store(entries, k - own, total)
-                else:
-                    store(found, (k - own, begin // LANES), total)
+                total = numbers[place + k] if k < own else entries[k - own]
+                for t in range(_BLOCK):
+                    total[t] = 0.0
+                for each in range(term, ends[row]):
+                    one, other = numbers[pairs[each, 0]], numbers[pairs[each, 1]]
+                    for t in range(_BLOCK):
+                        total[t] += constants[each] * one[t] * other[t]
+                term = ends[row]
+                row += 1
+                if k >= own and n == 0:
+                    for t in range(_BLOCK):
+                        found[k - own, begin + t] = total[t]
             place += own
             if n > 0:
                 _solve(rows, n, entries, numbers, place)

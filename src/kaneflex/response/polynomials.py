@@ -137,10 +137,10 @@ class _Tape:
             stages.append((len(own), rows, n))
             ordered += [terms for place in own for terms in self._own(place)] + sums
         now = {place: k for k, place in enumerate(places)}
-        pairs = np.array([(now[a], now[b]) for terms in ordered for a, b in terms], dtype=np.uint64).reshape(-1, 2)
+        pairs = np.array([(now[a], now[b]) for terms in ordered for a, b in terms], dtype=np.int64).reshape(-1, 2)
         return Readings(
             (*sensors,), turned, self.one, len(places), np.array(stages),
-            np.cumsum([len(terms) for terms in ordered], dtype=np.uint64), pairs,
+            np.cumsum([len(terms) for terms in ordered], dtype=np.int64), pairs,
             np.array([constant for terms in ordered for constant in terms.values()], dtype=float),
         )  # fmt: skip
 

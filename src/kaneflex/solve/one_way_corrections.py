@@ -14,8 +14,9 @@ from typing import cast
 
 import numpy as np
 
+from kaneflex.integrate.grid import Grid, rates
 from kaneflex.integrate.run import Run, integrate
-from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
+from kaneflex.integrate.spectral import FEWEST, at_instants, improved
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
@@ -85,7 +86,7 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
         found = improved(grid, z, _LEFT * model.options.tolerance)
         if found is None:
             return
-        z, v, a = (part if basis is None else basis @ part for part in (found.z, *grid.rates(found.z)))
+        z, v, a = (part if basis is None else basis @ part for part in (found.z, *rates(found.z, grid.omega)))
         motion = ElasticMotion(own, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps)[:, read.stored] for part in motion.coordinates)
         yield kind, values_of(_motion_of(read, own, (z, v, a)))

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
+_FEW = 200_000
+"""Entries below which the product by a dense matrix takes less time than importing scipy."""
+
+
 @dataclass(frozen=True, eq=False)
 class SparseRows:
     """Arrays of scipy's ``csr_array``: row i has data[k] in column indices[k] for indptr[i] <= k < indptr[i + 1]."""
@@ -28,8 +32,15 @@ class SparseRows:
 
         return csr_array((self.data, self.indices, self.indptr), shape=self.shape)
 
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """All entries, zeros too."""
+        found = np.zeros(self.shape)
+        found[rows_of(self), self.indices] = self.data
+        return found
+
     def __matmul__(self, other: np.ndarray) -> np.ndarray:
-        return self.matrix @ other
+        return (self.dense if self.shape[0] * self.shape[1] < _FEW else self.matrix) @ other
 
 
 def rows_of(matrix: SparseRows | csr_array) -> np.ndarray:

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.integrate.gmres import gmres
-from kaneflex.integrate.spectral import at_instants, rates
+from kaneflex.integrate.grid import rates
+from kaneflex.integrate.spectral import at_instants
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.linearisation import Equations
 
