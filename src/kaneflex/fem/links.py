@@ -161,17 +161,6 @@ class Link:
                     found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
         return found
 
-    @property
-    def jumps(self) -> dict[str, float]:
-        """Nodes between its ends at which joints or loads act, by their numbers, and their places [m]."""
-        return _jumps(self.scene, self.name, self.nodes)
-
-    @property
-    def is_axially_rigid(self) -> bool:
-        """True if all nodes have one axial displacement."""
-        first, second, *_ = self.part.place.values()
-        return bool(first[0] == second[0])
-
     def rigid_motion(self, x: float) -> np.ndarray:
         """Displacements and rotations at x in rigid motions of the link, by those of its start, (dofs, dofs)."""
         return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
@@ -218,17 +207,17 @@ def link_of_scene(
     if module is None:
         kind, parameters = SpatialLink, profile.elements(nodes)
         beam = beam_module(profile.rotary, profile.shear, profile.varying)
-        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), _jumps(scene, name, nodes)
+        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), jumps(scene, name, nodes)
     else:
         parameters, known = profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
         # no jump where there is no axial load
         beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
     terms = terms_of_link(scene, name, parameters, module, kind)
-    rigid = body.beam.axially_rigid and not stretches
-    return build_link(scene, kind, name, nodes, parameters, terms, beyond, rigid)
+    return build_link(scene, kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid and not stretches)
 
 
-def _jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
+def jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
+    """Nodes between a link's ends at which joints or loads act, by their numbers, and their places [m]."""
     places = set(forced_points(scene, name).values())
     return {str(k): x for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= SAME * nodes[-1] for at in places)}
 

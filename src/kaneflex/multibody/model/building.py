@@ -73,12 +73,10 @@ def build_model(
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
     moving = (each for each in placed if each.L.terms)
     equations = assemble(moving, frame.coordinates, options.convective, options.dynamics == "quasistatic")
-    model = replace(
-        model, motion=stage.motion, links=stage.links, parts=stage.parts, bases=stage.bases,
-        interfaces=stage.interfaces, frame=frame, equations=equations, reduced=equations,
-        placed=tuple(each for each in placed if each.at),
-        sprung={each.part.name: each for each in placed[len(stage.placed) :]},
-    )  # fmt: skip
+    shared = {name: getattr(stage, name) for name in ("motion", "links", "parts", "bases", "interfaces")}
+    sprung = {each.part.name: each for each in placed[len(stage.placed) :]}
+    model = replace(model, frame=frame, equations=equations, reduced=equations, sprung=sprung, **shared,
+                    placed=tuple(each for each in placed if each.at))  # fmt: skip
     warnings = (*warnings, *_without_modes(model))
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)

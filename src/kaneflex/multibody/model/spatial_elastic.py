@@ -17,7 +17,7 @@ from kaneflex.fem.assembly import (
     with_pushes,
 )
 from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
-from kaneflex.fem.links import Link, Part, link_of_scene, spread_scalar
+from kaneflex.fem.links import Link, Part, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
@@ -69,7 +69,7 @@ class Deforming:
             found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
             if name in self.links:
                 found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
-                          for node in self.links[name].jumps]  # fmt: skip
+                          for node in jumps(self.links[name].scene, name, self.links[name].nodes)]  # fmt: skip
                 for node in pushed_nodes(self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
                 for load in spread_on(self.mechanism, name):
@@ -101,7 +101,7 @@ class Deforming:
                 link, spread = self.links[name], spread_on(self.mechanism, name)
                 acting = [each for each in acting if each.by not in spread]
                 at = [link.node_at(each.on[0]) for each in acting]
-                for node in (0, *map(int, link.jumps)):
+                for node in (0, *map(int, jumps(link.scene, name, link.nodes))):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
                     found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
                 for node in pushed_nodes(link):
