@@ -162,18 +162,19 @@ def test_a_pin_slides_to_rest_in_its_bearing_and_stays(turn):
     assert found["speed"].values[-40:] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.exhaustive(share=7)
-@pytest.mark.parametrize("turn", "abcdefghijklmnopqrst")
+@pytest.mark.exhaustive(share=4)
+@pytest.mark.parametrize("turn", "abcdefghij")
 @pytest.mark.parametrize(("spins", "push"), [((3, 2, 1), 1.0), ((-2, 3, 1), -3.0)])
 def test_a_block_that_rubs_on_two_faces_of_its_guide_comes_to_rest(spins, push, turn):
-    """Where it sticks on the lower face, it can hardly move along the edge between both, wherever it rocks."""
+    """Where it sticks on the lower face, it can hardly move along the edge between both, wherever it rocks; a corner at
+    its limit slips only if the other ones can't bear more."""
     clearance = f"{BLOCK}, friction = {{mu = 0.1}}".replace("0.1 mm", "0.2 mm")
     law = '{law = "hunt-crossley", stiffness = 1e7, exponent = 1.5, restitution = 0.3}'
     given = (0, push, -9.81), (0.1, 0, 0), spins, (0.01, 0.002, 0)
     found = seated(random_turn(turn), "prismatic", clearance, law, *given, time="0.15 s")
     assert found.outcome.name == "COMPLETED" and found.trajectory.energy.drift < 1e-7
     faces = found.trajectory.contacts.force[-1]
-    assert (faces[12:] > 0.0).all() and (faces[:12] > 0.0).any()
+    assert (faces[12:] > 0.0).all() and found.trajectory.steps < 5000
     assert abs(found["speed"].values[-20:]).max() < 1e-6
 
 

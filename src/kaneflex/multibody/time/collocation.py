@@ -28,7 +28,7 @@ from kaneflex.multibody.model.codes import (
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import change_points, load_derivatives
 from kaneflex.multibody.time import event_location, stage_residuals
-from kaneflex.multibody.unilateral import active_set, factors, step_rows, stick_slip
+from kaneflex.multibody.unilateral import active_set, factors, step_rows
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, basis, larger, shifted, smaller
 from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
@@ -287,7 +287,7 @@ def _finish(m, table, h, end, here, A):
     if change_points.strays(m, table, h, here):
         return STRAYED
     change_points.end(m, end, h)
-    if not stick_slip.restore_stuck(m, end, h, A):
+    if not step_rows.restore_stuck(m, end, h, A):
         return SINGULAR
     if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 1):
         return SINGULAR

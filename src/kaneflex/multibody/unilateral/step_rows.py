@@ -16,15 +16,20 @@ from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
-from kaneflex.multibody.dynamics.loop_factors import solve_closed
+from kaneflex.multibody.dynamics.loop_closure import follow, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
+from kaneflex.multibody.dynamics.tree import assemble
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE,
-    HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP_RATE,
-    STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP,
+    GAP_RATE, HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS, SCHUR,
+    SHARED, SLIP, SLIP_RATE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT,
+    YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import memory_place, presses, prescribe_nothing, row_in, rows_of_step
+from kaneflex.multibody.unilateral.factors import (
+    memory_place, presses, prescribe_nothing, row_in, rows_of_step, use_rows_now,
+)  # fmt: skip
 from kaneflex.multibody.unilateral.frictions import size_of
 from kaneflex.multibody.unilateral.relative_rows import extent, meet
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
@@ -255,3 +260,46 @@ def bent_at_end(m, table, h, state):
             for i in range(3 if m.acts[act_of(m, n), WHAT] == ALONG else 0):
                 w[k + FIRMEST] = larger(w[k + FIRMEST], w[k + NODES + 5 + 4 * i])
             w[k + MEMORY] = lugre.bent_at_end(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
+
+
+@of_holds(True)
+@njit(**OPTIONS)
+def restore_stuck(m, t, h, A):
+    """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
+    apart()
+    w, off, faster = m.w, False, False
+    rows_of_frictions(m)
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        if w[k + MODE] == STICKING:
+            near = 4.0 * EPS * (abs(w[k + PLACE]) + extent(m, n))
+            off = off or abs(w[k + PLACE] - w[k + MEMORY]) > near
+            faster = faster or abs(w[k + SLIP]) * h > near
+    return (not off or correct_drift(m, t, A, 0)) and (not (off or faster) or correct_drift(m, t, A, 1))
+
+
+@njit(**OPTIONS)
+def correct_drift(m, t, A, level):
+    """Change positions, or with level 1 speeds, by the least correction that removes the drift of sticking frictions.
+
+    The correction is the least in the norm of the mass matrix, as by an impulse.
+    """
+    apart()
+    plan, w, moved = m.plan, m.w, m.u if level else m.y
+    rows_of_frictions(m)
+    assemble(m)
+    use_rows_now(m)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+        return False
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
+    for i in range(plan[COORDINATES]):
+        A[answer + i] = 0.0
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        A[plan[WANTED] - 1 - n] = 0.0
+        if w[k + MODE] == STICKING:
+            A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
+    solve_closed(m, A, plan[PIVOTS])
+    for i in range(plan[COORDINATES]):
+        moved[i] += A[answer + i]
+    return follow(m, t)

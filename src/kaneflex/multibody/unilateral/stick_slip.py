@@ -16,21 +16,17 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.algebra import absolute, linear_size
-from kaneflex.multibody.dynamics.loop_closure import follow, mend, rows_of_frictions
-from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.dynamics.tree import assemble
+from kaneflex.multibody.dynamics.loop_closure import mend, rows_of_frictions
 from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ACROSS, BEFORE, BENDING, BODIES, BORE, COLUMNS, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, KEPT,
-    LIMIT, MEMORY, MODE, NODES, NORMAL, OPEN, PIVOTS, PLACE, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
-    TURN, WANTED, WHAT,
+    ACROSS, BEFORE, BENDING, BODIES, BORE, COORDINATES, DUE, EXTENT, FIRMEST, FLOWING, FORCE, IN_A_ROW, LIMIT,
+    MEMORY, MODE, NODES, NORMAL, OPEN, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import use_rows_now
 from kaneflex.multibody.unilateral.frictions import exert, set_mode, size_of, slip, stick
 from kaneflex.multibody.unilateral.relative_rows import extent
-from kaneflex.multibody.unilateral.step_rows import along, respond
+from kaneflex.multibody.unilateral.step_rows import along, correct_drift, respond
 from kaneflex.multibody.unilateral.rows import (
     EPS, LAW_AT, LUGRE, SLOWEST, VISCOUS_LAW, across, act_of, at, frictions, law_at, magnitude, on_contact, product,
     row_at, second, way,
@@ -48,6 +44,8 @@ _TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
 _IMMOBILE = 1e-13
 """Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
+_EASED = 0.9
+"""Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
 _DIRECTIONS = 50
 """Changes of a mode, or of its direction of slip, for each friction without speed in space."""
 _CANDIDATES = 6
@@ -130,49 +128,6 @@ def no_rate(m, n):
     return _WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
 
 
-@of_holds(True)
-@njit(**OPTIONS)
-def restore_stuck(m, t, h, A):
-    """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
-    apart()
-    w, off, faster = m.w, False, False
-    rows_of_frictions(m)
-    for n in range(-frictions(m), 0):
-        k = at(m, n)
-        if w[k + MODE] == STICKING:
-            near = 4.0 * EPS * (abs(w[k + PLACE]) + extent(m, n))
-            off = off or abs(w[k + PLACE] - w[k + MEMORY]) > near
-            faster = faster or abs(w[k + SLIP]) * h > near
-    return (not off or correct_drift(m, t, A, 0)) and (not (off or faster) or correct_drift(m, t, A, 1))
-
-
-@njit(**OPTIONS)
-def correct_drift(m, t, A, level):
-    """Change positions, or with level 1 speeds, by the least correction that removes the drift of sticking frictions.
-
-    The correction is the least in the norm of the mass matrix, as by an impulse.
-    """
-    apart()
-    plan, w, moved = m.plan, m.w, m.u if level else m.y
-    rows_of_frictions(m)
-    assemble(m)
-    use_rows_now(m)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
-        return False
-    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
-    for i in range(plan[COORDINATES]):
-        A[answer + i] = 0.0
-    for n in range(-frictions(m), 0):
-        k = at(m, n)
-        A[plan[WANTED] - 1 - n] = 0.0
-        if w[k + MODE] == STICKING:
-            A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + MEMORY] - w[k + PLACE]
-    solve_closed(m, A, plan[PIVOTS])
-    for i in range(plan[COORDINATES]):
-        moved[i] += A[answer + i]
-    return follow(m, t)
-
-
 @of_holds(0)
 @njit(**OPTIONS)
 def decide(m, t, A):
@@ -194,7 +149,7 @@ def decide(m, t, A):
     if free and _share(m, t, A) == 1:
         return 1
     for _ in range((_DIRECTIONS if width(m) == 6 else 4) * (free + 1)):
-        settled = settle(m, t, A)
+        settled = _relieve(m, t, A)
         if settled == 1:
             return 1
         n = _least_consistent(m)
@@ -314,20 +269,54 @@ def _share(m, t, A):
     for n in range(-frictions(m), 0):
         if w[at(m, n) + MODE] == STICKING:
             m.multipliers[row_at(m, n)] = 0.0
-    settled = settle(m, t, A)
+    settled = _relieve(m, t, A)
     for turn in range(2):
         for n in range(-frictions(m), 0):
             k = at(m, n)
-            bears = magnitude(m, n, FORCE)
-            share = bears / (w[k + LIMIT] + no_force(m, n))
+            share = _load(m, n)
             if w[k + DUE] >= 0.0 or w[k + MODE] != STICKING:
                 continue
-            lets = w[k + DUE] == LET_GO and bears >= (1.0 - _SHORT) * w[k + BORE]
+            lets = w[k + DUE] == LET_GO and magnitude(m, n, FORCE) >= (1.0 - _SHORT) * w[k + BORE]
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
                 slip(m, n, _slip_direction(m, n), -across(m, n, FORCE))
     return settled
+
+
+@njit(**OPTIONS)
+def _relieve(m, t, A):
+    """Settle, and in space shift loads from sticking frictions beyond their limits to others, as far as they are
+    redundant.
+
+    The forces beyond a share of their limits are reflected at it, then those that hold the mechanism are found again.
+    Returns as :func:`settle`.
+    """
+    apart()
+    before, settled = 0.0, settle(m, t, A)
+    for turn in range(_SETTLED if width(m) == 6 else 0):
+        worst = 0.0
+        for n in range(-frictions(m), 0):
+            worst = larger(worst, _load(m, n))
+        if worst <= (_EASED if turn else 1.0 - _SHORT) or (turn == 1 and worst > 0.999 * before):
+            break
+        for n in range(-frictions(m), 0):
+            if _load(m, n) > _EASED:
+                share, other = 2.0 * _EASED / _load(m, n) - 1.0, second(m, n)
+                m.multipliers[row_at(m, n)] *= share
+                if other:
+                    m.multipliers[row_at(m, other)] *= share
+        before, settled = worst, settle(m, t, A)
+    return settled
+
+
+@njit(**OPTIONS)
+def _load(m, n):
+    """Force of sticking friction without speed, as a share of its limit; 0 of other frictions."""
+    k = at(m, n)
+    if m.w[k + MODE] != STICKING or m.w[k + DUE] >= 0.0:
+        return 0.0
+    return magnitude(m, n, FORCE) / (m.w[k + LIMIT] + no_force(m, n))
 
 
 @njit(**OPTIONS)
