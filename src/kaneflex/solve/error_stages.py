@@ -8,7 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene import Scene
@@ -77,6 +79,34 @@ class Read:
 def values_of(motion: Motion) -> dict[str, np.ndarray]:
     """Values of the sensors, (n_times,) each."""
     return {name: series.values for name, series in measure(motion).items()}
+
+
+def motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:
+    """Motion of a model with these coordinates at the compared instants."""
+    rigid = read.motion.rigid if richer.motion is read.model.motion else richer.motion.at(read.times)
+    return ElasticMotion(richer, rigid, coordinates)
+
+
+def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
+    """Motion in the coordinates of a richer model, (n, n_times), by the elements' shape functions at its nodes;
+    ``rate`` 1: velocities."""
+    known = dict(zip(motion.model.coordinates, motion.coordinates[rate], strict=True))
+    z = np.zeros((len(richer.coordinates), len(motion.times)))
+    nodes = {}
+    for name, link in motion.model.links.items():
+        q = motion.nodes(name, rate)
+        places = (link.locate(x) for x in richer.links[name].nodes)
+        n = link.dofs
+        moved = (link.shape(e, local)[:n] @ q[n * e : n * (e + 2)] for e, local in places)
+        nodes[name] = [dict(zip(link.names, each, strict=True)) for each in moved]
+    for row, name in enumerate(richer.coordinates):
+        owner, _, place = name.partition(".")
+        node, _, component = place.partition(".")
+        if owner in nodes and component:
+            z[row] = nodes[owner][int(node)][component]
+        elif name in known:
+            z[row] = known[name]
+    return z
 
 
 def apart(one: np.ndarray, other: np.ndarray) -> float:
