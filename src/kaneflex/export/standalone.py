@@ -139,7 +139,15 @@ def _foreshortening(points: Points) -> str:
 
 
 def _integration(model: Model, begun: Trajectory) -> Iterator[str]:
-    """Text of the time steps; a periodic motion is found by them, whatever the run's integrator."""
+    """Text of the time steps or harmonics of the run."""
+    if begun.solver.startswith("spectral"):
+        from kaneflex.integrate.grid import MODES, SPARE
+        from kaneflex.integrate.spectral import periodic_orbit
+
+        options = model.options
+        orbit = periodic_orbit(model.system, model.scalars, 0.0, options.duration, options.tolerance)
+        yield filled(parts.SPECTRAL, grids=repr(orbit.grids), vectors=MODES + SPARE, modes=MODES)
+        return
     yield parts.RADAU
     if model.options.start == "periodic":
         yield parts.REPEATED

@@ -199,6 +199,52 @@ def trajectory():
     return np.array([found[-1], *found])[..., 0].transpose(1, 0, 2)
 '''
 
+SPECTRAL = '''
+
+GRIDS = <<grids>>  # instants of the cycle, and corrections on them
+
+
+def harmonics(z, count, order=0):
+    """Derivative of the trigonometric polynomials through z, (instants, n), at ``count`` instants of the cycle."""
+    half, k = len(z) // 2, np.arange(len(z) // 2 + 1)
+    waves = np.exp(2j * np.pi * (np.outer(np.arange(count), k) % count) / count) * np.where(k % half == 0, 1, 2)
+    return (waves * (2j * np.pi * k / DURATION) ** order @ np.fft.rfft(z, axis=0)).real / len(z)
+
+
+def trajectory():
+    """States z, z', z'' of the periodic motion, (3, STEPS + 1, N), by Fourier collocation on finer and finer grids.
+
+    GMRES (Saad and Schultz 1986) in y, z = L^-T y, K = L L^T; preconditioned by the mean equations."""
+    z = None
+    for count, corrections in GRIDS:
+        M, C, K, F, _ = map(np.array, zip(*(equations(DURATION * k / count) for k in range(count))))
+        L_1 = np.linalg.inv(np.linalg.cholesky((K + K.transpose(0, 2, 1)) / 2))
+        if z is None:  # modes of the mean equations
+            z, mean = np.zeros((count, N)), lambda X, n=1: (L_1 @ X @ L_1.transpose(0, 2, 1))[::n].mean(axis=0)
+            basis = np.linalg.qr(np.random.default_rng(0).standard_normal((N, min(N, <<vectors>>))))[0]
+            for _ in range(4 * (N > <<modes>>)):  # subspace iteration (Bathe 2013)
+                basis = np.linalg.qr(mean(M, count // 16) @ basis)[0]
+            shapes = basis @ np.linalg.eigh(basis.T @ (mean(M) + mean(M).T) @ basis)[1][:, ::-1][:, :<<modes>>]
+            m, c, k = (np.diag(shapes.T @ mean(X) @ shapes) for X in (M, C, K))
+        order = 2 * np.pi / DURATION * np.arange(count // 2 + 1)[:, None]
+        of_y = lambda y: (L_1.transpose(0, 2, 1) @ y.reshape(count, N, 1))[..., 0]
+        gains = 1 / (k - m * order**2 + 1j * c * order * (order < order[-1]))
+
+        def answer(z, loads=0.0):
+            z = loads - sum((X @ harmonics(z, count, r)[..., None])[..., 0] for r, X in enumerate((K, C, M)))
+            y = (L_1 @ z[..., None])[..., 0]
+            share = y @ shapes
+            return (y + (np.fft.irfft(gains * np.fft.rfft(share, axis=0), count, axis=0) - share) @ shapes.T).ravel()
+
+        z = harmonics(z, count)
+        rest, images = answer(z, F), []
+        for _ in range(corrections):
+            vectors = np.linalg.qr(np.transpose([rest, *images]))[0].T
+            images.append(-answer(of_y(vectors[-1])))
+        z = z + of_y(np.linalg.lstsq(np.transpose(images), rest, rcond=None)[0] @ vectors)
+    return np.array([harmonics(z, STEPS, order) for order in range(3)])[:, np.arange(STEPS + 1) % STEPS]
+'''
+
 FORESHORTENING = '''
 
 <<held>>

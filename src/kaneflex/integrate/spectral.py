@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.integrate.grid import Grid, rates
+from kaneflex.integrate.grid import Grid
 from kaneflex.integrate.system import AffineSystem, Table
 
 FEWEST, MOST = 64, 8192
@@ -71,29 +71,39 @@ class Orbit:
 
     def at(self, count: int) -> np.ndarray:
         """z, z', z'' at `count` instants of the cycle, shape (3, n, count)."""
-        return at_instants(np.concatenate((self.z, *rates(self.z, self.grid.omega))), count).reshape(3, -1, count)
+        harmonics, rate = _harmonics(self.z), 1j * self.grid.frequencies
+        parts = np.concatenate((harmonics, harmonics * rate, harmonics * rate**2))
+        return _sampled(parts, self.grid.instants, count).reshape(3, -1, count)
 
 
-def at_instants(z: np.ndarray, count: int) -> np.ndarray:
-    """The trigonometric polynomial through z (n, N) at as many other instants of the cycle: (n, count).
+def _harmonics(z: np.ndarray) -> np.ndarray:
+    """Harmonics of the trigonometric polynomials through z (n, N), shape (n, N / 2 + 1), with half the last one: the
+    other half belongs to the harmonic -N / 2."""
+    harmonics = np.fft.rfft(z)
+    if z.shape[1] % 2 == 0:
+        harmonics[:, -1] *= 0.5
+    return harmonics
+
+
+def _sampled(harmonics: np.ndarray, instants: int, count: int) -> np.ndarray:
+    """A trigonometric polynomial through so many instants at `count` instants of the cycle, by its `_harmonics`.
 
     A harmonic that so few instants can't tell from a lower one is added to it.
     """
-    instants = z.shape[1]
-    if instants == count:
-        return z
-    harmonics = np.fft.rfft(z) * (count / instants)
-    if instants % 2 == 0:
-        harmonics[:, -1] *= 0.5  # half of it belongs to the harmonic -N / 2
     if count > instants:
-        return np.fft.irfft(harmonics, count)
+        return np.fft.irfft(harmonics, count) * (count / instants)
     both = np.zeros((len(harmonics), count), dtype=complex)
     for first in range(0, harmonics.shape[1], count):
         block = harmonics[:, first : first + count]
         both[:, : block.shape[1]] += block
     # the negative ones are their conjugates
     both[:, 0] -= 0.5 * harmonics[:, 0]
-    return 2.0 * np.fft.ifft(both).real
+    return 2.0 * np.fft.ifft(both).real * (count / instants)
+
+
+def at_instants(z: np.ndarray, count: int) -> np.ndarray:
+    """The trigonometric polynomial through z (n, N) at as many other instants of the cycle: (n, count)."""
+    return z if z.shape[1] == count else _sampled(_harmonics(z), z.shape[1], count)
 
 
 def improved(grid: Grid, z: np.ndarray, tolerance: float = 0.0, share: float = SURE) -> Orbit | None:
