@@ -140,7 +140,9 @@ def line(frame, event, argument):
     return line
 
 def call(frame, event, argument):
-    return line if "kaneflex" in frame.f_globals.get("__name__", "") else None
+    name, module = frame.f_globals.get("__name__", ""), frame.f_code.co_name == "<module>"
+    kernel = name.startswith("kaneflex.generated.") and "njit" in frame.f_globals and not module
+    return line if "kaneflex" in name and not kernel else None  # no kernel counts, compiled or not
 
 sys.settrace(call)
 from kaneflex.cli import main

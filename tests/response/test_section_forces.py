@@ -99,7 +99,8 @@ def at_joints(scene):
     """(joint, link, point, sign) of every joint at the end of an elastic link where nothing else acts."""
     busy = [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
     busy += [end for spring in scene.springs.values() for end in spring.ends]
-    busy += [address for joint, _ in scene.joint_torques.values() for address in scene.joints[joint].addresses]
+    turned = [load.torque_at for load in scene.torques.values()] + [s.torsional_at for s in scene.springs.values()]
+    busy += [address for joint in turned if joint is not None for address in scene.joints[joint].addresses]
     for name, joint in scene.joints.items():
         for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
             alone = sum(address in other.addresses for other in scene.joints.values()) == 1

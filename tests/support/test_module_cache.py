@@ -286,11 +286,9 @@ def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path):
     assert called() == 1.0
 
 
-def test_a_first_run_compiles_the_motion_and_the_elements_once_and_nothing_else(tmp_path):
-    """One specialisation of each function that Python calls; what these call is compiled with them."""
+def test_a_first_run_compiles_nothing(tmp_path):
     command = [sys.executable, "-m", "kaneflex", "run", "engine", "--no-plots", "-o", str(tmp_path / "results")]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
     assert result.returncode == 0, result.stderr
-    compiled = sorted(path.name.partition("-")[0] for path in (tmp_path / "cache").rglob("*.nbc"))
-    assert compiled == ["beam_euler_bernoulli.element_matrices", "engine.tabulate"]
+    assert not [*tmp_path.rglob("*.nbc")]

@@ -125,7 +125,8 @@ def _loaded_rows(link: Link) -> set[int]:
     addresses = [mass.at for mass in scene.masses.values()]
     addresses += [end for spring in scene.springs.values() for end in spring.ends]
     addresses += [side for contact in scene.contacts.values() for side in contact.sides]
-    turned = {joint for joint, _ in scene.joint_torques.values()}
+    torques = [load.torque_at for load in scene.loads.values()], [each.torsional_at for each in scene.springs.values()]
+    turned = {joint for joints in torques for joint in joints if joint is not None}
     addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
     nodes = [cast(int, link.node_at(scene.point(each)[0])) for each in addresses if each.body == link.name]
     return {row for node in nodes for row in link.part.place[node]}

@@ -6,15 +6,12 @@ They come from a generated module of planar or spatial elements and its TERMS.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import product
 from types import ModuleType
 
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, from_entries
-from kaneflex.support.contract import ELEMENT_KERNELS
-
-Numbers = float | np.ndarray
+from kaneflex.support.array_kernels import Numbers, on_arrays
 
 
 def shape_functions(x: Numbers, length: Numbers, phi_s: Numbers = 0.0, growth: Numbers = 0.0) -> np.ndarray:
@@ -77,56 +74,38 @@ Parameters = Mapping[str, np.ndarray]
 """Parameters of elements by their names in the contract, (elements,) each."""
 
 
-class Blocks:
-    """Matrices of the monomials of TERMS, extracted from the module's kernels.
+def _matrices(
+    module: ModuleType, kernel: str, parameters: Parameters, monomials: Sequence[Sequence[str]]
+) -> np.ndarray:
+    """Matrices of a kernel for some monomials of TERMS, (monomials, elements, n, n); for F loads (.., elements, n, 1).
 
     A kernel is linear in the monomials. With one scalar at 1 it gives the matrix of that scalar or its square (no entry
     has both). With two at 1, minus the result with one of them at -1, it gives twice the matrix of their product; all
     other terms are equal in both and cancel exactly.
     """
+    names = [name for name, *_ in module.LINK_SCALARS]
+    p = [parameters[name][:, None] for name, *_ in module.ELEMENT_PARAMETERS]
+    mixed = [len(set(factors)) > 1 for factors in monomials]
+    s = np.array([[float(name in factors) for factors in monomials] for name in names])
+    turned = np.array([[-1.0 if factors[-1:] == (name,) else 1.0 for factors in monomials] for name in names])
+    n = 12 if "a_z" in names else 6  # coordinates of an element
+    found = np.zeros((2, n, 1 if kernel == "F" else n, len(p[0]), len(monomials)))
+    for out, scalars in zip(found, (s, s * turned), strict=True):
+        given = (p,) if kernel in ("M", "K_s") else (p, scalars[:, None])
+        on_arrays(getattr(module, kernel))(*given, out[:, 0] if kernel == "F" else out)
+    return np.where(mixed, (found[0] - found[1]) / 2, found[0]).transpose(3, 2, 0, 1)
 
-    def __init__(self, module: ModuleType, parameters: Parameters) -> None:
-        self._module, self._parameters = module, parameters
-        self._names = [name for name, *_ in module.LINK_SCALARS]
-        mixed = sorted({factors for *_, factors in module.TERMS if len(set(factors)) > 1})
-        points = [{}, *({name: 1.0} for name in self._names)]
-        points += [dict(zip(factors, (1.0, sign), strict=True)) for factors, sign in product(mixed, (1.0, -1.0))]
-        self._row = {tuple(sorted(point.items())): k for k, point in enumerate(points)}
-        self._scalars = np.array([[point.get(name, 0.0) for name in self._names] for point in points])
-        self._found = self._at(parameters)
 
-    def before(self, kernel: str, factors: Sequence[str]) -> np.ndarray:
-        """Matrices (elements, n, n) of a kernel for this monomial; for F loads (elements, n, 1)."""
-        if len(set(factors)) > 1:
-            one, other = factors
-            blocks = (self._values(kernel, {one: 1.0, other: 1.0}) - self._values(kernel, {one: 1.0, other: -1.0})) / 2
-        else:
-            blocks = self._values(kernel, dict.fromkeys(factors, 1.0))
-        return blocks[:, 0, :, None] if kernel == "F" else blocks
+def _of_unit_density(module: ModuleType, parameters: Parameters) -> np.ndarray:
+    """Integral of N^T N dx (elements, n, n), from K_d's matrices of the squares of omega's components.
 
-    def of_unit_density(self) -> np.ndarray:
-        """Integral of N^T N dx (elements, n, n), from K_d's matrices of the squares of omega's components.
-
-        With rho A = -1 and no rotary inertia each is the integral for the displacement across its axis: in the plane
-        it is complete, in space their sum is twice the result.
-        """
-        turning = [name for name in self._names if name.startswith("omega")]
-        none = np.zeros_like(self._parameters["rho_A"])
-        unit = {name: none for name in self._parameters if name.startswith("rho_")} | {"rho_A": none - 1.0}
-        found = self._at({**self._parameters, **unit})
-        return np.sum([self._values("K_d", {name: 1.0}, found) for name in turning], axis=0) / max(1, len(turning) - 1)
-
-    def _values(self, kernel: str, point: Mapping[str, float], found: np.ndarray | None = None) -> np.ndarray:
-        found = self._found if found is None else found
-        return found[:, self._row[tuple(sorted(point.items()))], ELEMENT_KERNELS.index(kernel)]
-
-    def _at(self, parameters: Parameters) -> np.ndarray:
-        """Every kernel of every element at each of the scalars, (elements, scalars, kernels, n, n)."""
-        p = np.column_stack([parameters[name] for name, *_ in self._module.ELEMENT_PARAMETERS])
-        n = 12 if "a_z" in {name for name, *_ in self._module.LINK_SCALARS} else 6  # coordinates of an element
-        found = np.zeros((len(p), len(self._scalars), len(ELEMENT_KERNELS), n, n))
-        self._module.element_matrices(p, self._scalars, found)
-        return found
+    With rho A = -1 and no rotary inertia each is the integral for the displacement across its axis: in the plane
+    it is complete, in space their sum is twice the result.
+    """
+    turning = [(name, name) for name, *_ in module.LINK_SCALARS if name.startswith("omega")]
+    none = np.zeros_like(parameters["rho_A"])
+    unit = {name: none for name in parameters if name.startswith("rho_")} | {"rho_A": none - 1.0}
+    return _matrices(module, "K_d", {**parameters, **unit}, turning).sum(axis=0) / max(1, len(turning) - 1)
 
 
 def terms_of_elements(
@@ -137,12 +116,13 @@ def terms_of_elements(
     Keys are the matrix of the equations that it belongs to and its monomial, of scalars as they are ``called``.
     mu: damping by a force for each length and velocity [N s/m^2], None where there is none.
     """
-    blocks = Blocks(module, parameters)
-    for _, group, kernel, factors in module.TERMS:
-        if group == "damping" and mu is None:
-            continue
-        found = mu * blocks.of_unit_density() if group == "damping" else blocks.before(kernel, factors)
-        yield (MATRIX_OF_GROUP[group], tuple(called(factor) for factor in factors)), found
+    for kernel in dict.fromkeys(kernel for _, _, kernel, _ in module.TERMS):
+        rows = [(group, factors) for _, group, of, factors in module.TERMS if of == kernel and group != "damping"]
+        found = _matrices(module, kernel, parameters, [factors for _, factors in rows]) if rows else ()
+        for (group, factors), blocks in zip(rows, found, strict=True):
+            yield (MATRIX_OF_GROUP[group], tuple(called(factor) for factor in factors)), blocks
+    if mu is not None and any(group == "damping" for _, group, *_ in module.TERMS):
+        yield ("C_s", ()), mu * _of_unit_density(module, parameters)
 
 
 def chain(

@@ -20,9 +20,6 @@ _OPEN = 1e-9
 """Largest gap of a closed loop, as a share of the mechanism's size; a coordinate below it is printed as zero."""
 SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
-_LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
-"""Margins of a loop (squared sine of the transmission angle): below the first a loop that can't continue counts as
-locked, below the second its minimum is searched, below the third it has reached its limit."""
 _SINGULAR = 1e-14
 """Margin of rounding, a hundred times that of a squared length."""
 
@@ -44,7 +41,7 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
                 f"{drive_positions(mechanism, rigid, worst)}, near a dead centre",
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
-    for name in _margins(rigid):
+    for name in margins_of(rigid):
         closes = rigid[name] > 0.0
         if (rigid[name] > _SINGULAR).all():
             continue
@@ -64,34 +61,6 @@ def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
         )  # fmt: skip
 
 
-def check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray) -> None:
-    """Raise SceneError if free joints move the linkage into a limit position (dead centre).
-
-    ``times`` [s] are those of the integration; between them every loop's smallest margin is searched.
-    """
-    rigid = motion.at(times)
-    for name in _margins(rigid):
-        margin, first = rigid[name], None
-        lowest = np.r_[True, margin[1:] <= margin[:-1]] & np.r_[margin[:-1] <= margin[1:], True] & (margin < _NEAR)
-        for k in np.flatnonzero(lowest):
-            fine = motion.at(np.linspace(times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)], 1001))
-            if not fine[name].min() > _TOUCHED:
-                first = fine, int(np.argmin(fine[name]))
-                break
-        if first is not None:
-            raise swung(mechanism, name.removesuffix(".closure"), *first)
-
-
-def swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) -> SceneError:
-    """Error for a linkage that moves into the limit position of the loop that a joint closes."""
-    return SceneError(
-        f"joints.{joint}", None,
-        f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, "
-        f"{drive_positions(mechanism, rigid, index)}: beyond it {apart(mechanism.joints[joint])}",
-        "Shorten the duration, change lengths, loads or start, or use preset coupled, which can continue",
-    )  # fmt: skip
-
-
 def changed_speed(entry: str, given: float, found: float) -> SceneError:
     """Error for a given initial speed that the loops change."""
     return SceneError(
@@ -99,15 +68,6 @@ def changed_speed(entry: str, given: float, found: float) -> SceneError:
         f"the loops and other speeds make it {found:.9g}: a loop locks this joint, or is in a singular position",
         "Start near this position, or give as many initial speeds as the mechanism has degrees of freedom",
     )  # fmt: skip
-
-
-def locked(mechanism: Mechanism, rigid: RigidMotion) -> SceneError | None:
-    """Error for the loop that comes closest to its limit position, if one is locked at an instant of a motion."""
-    margins = {name: np.where(rigid[name] > 0.0, rigid[name], 0.0) for name in _margins(rigid)}
-    name = min(margins, key=lambda name: margins[name].min(), default=None)
-    if name is None or margins[name].min() > _LOCKED:
-        return None
-    return swung(mechanism, name.removesuffix(".closure"), rigid, int(margins[name].argmin()))
 
 
 def apart(joint: Joint) -> str:
@@ -118,7 +78,7 @@ def apart(joint: Joint) -> str:
     return f"{first} and {second} do not meet"
 
 
-def _margins(rigid: RigidMotion) -> list[str]:
+def margins_of(rigid: RigidMotion) -> list[str]:
     return [name for name in rigid.motion.column if name.endswith(".closure")]
 
 

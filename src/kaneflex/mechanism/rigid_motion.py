@@ -12,6 +12,7 @@ import numpy as np
 
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.body_frame import BodyFrame
+from kaneflex.support.array_kernels import on_arrays
 from kaneflex.support.errors import SceneError
 
 _MANY = 200
@@ -44,9 +45,9 @@ class RigidKinematics:
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided arrays
+        times = np.atleast_1d(np.asarray(times, dtype=float))
         out = np.zeros((len(times), len(self.column)))
-        self.module.tabulate(times, self.parameters, out)
+        on_arrays(self.module.tabulate)(times[None], self.parameters, out.T[None])
         return out
 
     def at(self, times: np.ndarray | float) -> RigidMotion:

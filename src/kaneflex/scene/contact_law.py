@@ -10,9 +10,9 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.quantities import (
+    DriveSpeed,
     JointDamping,
     JointForce,
-    JointSpeed,
     JointStiffness,
     NonNegativeDamping,
     NonNegativeLength,
@@ -207,7 +207,7 @@ class Friction(SceneTable):
     viscous: JointDamping = 0.0
     radius: PositiveLength | None = None
     length: NonNegativeLength = 0.0
-    stribeck_speed: JointSpeed | None = None
+    stribeck_speed: DriveSpeed | None = None
     stribeck_exponent: PositiveRatio = 2.0
     bristle_stiffness: JointStiffness | None = None
     bristle_damping: JointDamping = 0.0

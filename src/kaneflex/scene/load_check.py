@@ -95,8 +95,9 @@ def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
 
 
 def spring_problems(scene: Scene) -> Iterator[Problem]:
-    joints = scene.joints.items()
-    together = {frozenset(map(str, joint.addresses)): name for name, joint in joints if joint.keeps_together}
+    held = {name: joint for name, joint in scene.joints.items() if joint.kind not in ("prismatic", "cylindrical")}
+    together = {frozenset(map(str, joint.addresses)): name for name, joint in held.items()
+                if joint.clearance is None or joint.has_backlash}  # fmt: skip
     for name, spring in scene.springs.items():
         key, kind = f"springs.{name}", "bushing" if spring.bushing else "between"
         for end in spring.ends:

@@ -146,11 +146,6 @@ class Joint(SceneTable):
         """True if the clearance is backlash in the angle: the joint still holds its two points together."""
         return self.clearance is not None and self.clearance.angle is not None
 
-    @property
-    def keeps_together(self) -> bool:
-        """True if the joint keeps its two points together."""
-        return self.kind not in ("prismatic", "cylindrical") and (self.clearance is None or self.has_backlash)
-
     def _check_friction(self, kind: str, friction: Friction) -> None:
         if self.clearance is not None and not self.has_backlash:
             raise Fault("a joint with a clearance has no reaction", "Give clearance.friction", below="friction")

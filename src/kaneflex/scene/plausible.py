@@ -51,17 +51,20 @@ def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings from the scene alone: numbers in a wrong unit, and overshoot of tables' curves."""
     long = [*_long_links(scene)]
     apart = () if long else _far_apart(scene)
-    read = (_materials, _sections, _torsion, _speeds, _gravity, _inertias, _massless, _damping, _cuts, _fibres, _angles)
+    read = (_materials, _sections, _speeds, _inertias, _massless, _damping, _cuts, _fibres, _plain_numbers)
     found = (apart, *(each(scene) for each in read))
     return (*long, *(text for each in found for text in each), *_tables(scene))
 
 
-def _angles(scene: Scene) -> Iterator[str]:
-    """Angles of more than a turn by plain numbers, which are in rad."""
+def _plain_numbers(scene: Scene) -> Iterator[str]:
+    """Warnings of angles of more than a turn by plain numbers, which are in rad, and of gravity on no planet."""
     for path in (*(["drives", name, "angle"] for name in scene.drives), ["solve", "mode_angle"]):
         given = given_value(scene.raw, path)
         if isinstance(given, int | float) and abs(given) > math.tau:
             yield f"{'.'.join(path)} = {given:g} is in rad: write '{given:g} deg' with its unit where degrees are meant"
+    g = math.hypot(*scene.gravity)
+    if g and not _GRAVITIES[0] <= g <= _GRAVITIES[1]:
+        yield f"gravity is {g:.4g} m/s^2, where the earth's is 9.81: a plain number is in m/s^2"
 
 
 def _cuts(scene: Scene) -> Iterator[str]:
@@ -177,9 +180,14 @@ def _materials(scene: Scene) -> Iterator[str]:
 
 
 def _sections(scene: Scene) -> Iterator[str]:
-    """Warnings of sections much wider than their link's length, or with an area much too small for their second moment,
-    as for an I in mm^4 without its unit."""
+    """Warnings of torsion constants above the polar moment, which is their upper bound (Saint-Venant); of sections much
+    wider than their link's length, or with an area much too small for their second moment, as for an I in mm^4 without
+    its unit."""
     for where, body, part, made_of in _sectioned(scene):
+        polar = (part.I_y or 0.0) + (part.I_z or 0.0)
+        if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
+            bound = f"I_y + I_z = {polar:.4g} m^4, the upper bound of a torsion constant"
+            yield f"{where}.J = {part.J:.4g} m^4 is more than {bound}"
         if body.length is None:
             continue
         area = part.A or body.mass / ((made_of.rho or math.inf) * body.length)
@@ -193,15 +201,6 @@ def _sections(scene: Scene) -> Iterator[str]:
                     f"{where}.{field} = {given:.4g} {unit} with A = {area:.4g} m^2 means a radius of gyration of "
                     f"{math.sqrt(given / area):.3g} m, {reason}, and '1 mm^4' is 1e-12 m^4"
                 )
-
-
-def _torsion(scene: Scene) -> Iterator[str]:
-    """Warnings of torsion constants above the polar moment, which is their upper bound (Saint-Venant)."""
-    for where, _, part, _ in _sectioned(scene):
-        polar = (part.I_y or 0.0) + (part.I_z or 0.0)
-        if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
-            bound = f"I_y + I_z = {polar:.4g} m^4, the upper bound of a torsion constant"
-            yield f"{where}.J = {part.J:.4g} m^4 is more than {bound}"
 
 
 def _speeds(scene: Scene) -> Iterator[str]:
@@ -227,12 +226,6 @@ def _speeds(scene: Scene) -> Iterator[str]:
 def _reach(scene: Scene, body: str) -> float:
     """Distance of a body's furthest point from its start [m]."""
     return max(math.hypot(*place) for place in scene.bodies[body].points_all.values())
-
-
-def _gravity(scene: Scene) -> Iterator[str]:
-    g = math.hypot(*scene.gravity)
-    if g and not _GRAVITIES[0] <= g <= _GRAVITIES[1]:
-        yield f"gravity is {g:.4g} m/s^2, where the earth's is 9.81: a plain number is in m/s^2"
 
 
 def _inertias(scene: Scene) -> Iterator[str]:

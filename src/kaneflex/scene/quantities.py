@@ -245,7 +245,6 @@ DriveSpeeds = two(
     float, lambda item: either(item, units.ANGULAR_SPEED, units.SPEED), "not two speeds",
     "Write them like ['0.1 m/s', '20 rad/s']", "two speeds, rotating or sliding", _WRITTEN,
 )  # fmt: skip
-JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointForce = _turning_or_sliding(units.TORQUE, units.FORCE)
 JointStiffness = _turning_or_sliding(units.TORSIONAL_STIFFNESS, units.STIFFNESS)
 JointDamping = _turning_or_sliding(units.TORSIONAL_DAMPING, units.DAMPING)

@@ -301,13 +301,6 @@ class Scene(SceneTable):
         """Text of a drive's speed [rad/s or m/s], like "6000 rpm" or "0.5 m/s"."""
         return f"{speed:.{digits}g} m/s" if self.slides(drive) else f"{speed * 30.0 / math.pi:.{digits}g} rpm"
 
-    @property
-    def joint_torques(self) -> dict[str, tuple[str, float]]:
-        """Scalars of the motion that are torques at joints: name -> joint, sign on the joint's second body."""
-        loads = {name: (load.torque_at, 1.0) for name, load in self.torques.items()}
-        at = {name: spring.torsional_at for name, spring in self.springs.items()}
-        return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
-
     def meaning_of(self, sensor: Sensor) -> str:
         """Description of a sensor in one line; without axes for a joint's coordinate."""
         if isinstance(sensor.target, Address) and sensor.target.body in self.joints:

@@ -156,15 +156,10 @@ def _extremes(block: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
     """Values of a block at x (any shape), computed as in the generated modules."""
-    (knots, cubics), period = _parts(block), block[1]
-    n = len(cubics)
-    x = np.asarray(x, dtype=float)
-    if period > 0:
-        x = knots[0] + (x - knots[0]) % period
-    interval = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, n - 1)
-    d = x - knots[interval]
-    c = np.moveaxis(cubics[interval], -1, 0)
-    return c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+    from kaneflex.generated.tables import table
+    from kaneflex.support.array_kernels import on_arrays
+
+    return on_arrays(table)(np.asarray(x, dtype=float), block, 0)
 
 
 _BRACKETED = re.compile(r".*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*\Z")

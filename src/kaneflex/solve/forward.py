@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.integrate.system import Outcome
-from kaneflex.mechanism.closure import check_closure, check_loops, check_passage, drive_positions, locked
+from kaneflex.mechanism.closure import apart, check_closure, check_loops, drive_positions, margins_of
+from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.mechanism.rigid_motion import RigidKinematics, not_integrated
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
@@ -41,6 +42,9 @@ _FINE = 1001
 _APART = 1e-3
 """Largest sum of the bodies' distances from their positions in the run, in sizes of the mechanism or rad: branches of a
 loop's motion are soon farther apart, and near a dead centre an error of 1e-8 becomes its root."""
+_LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
+"""Margins of a loop (squared sine of the transmission angle): below the first a loop that can't continue counts as
+locked, below the second its minimum is searched, below the third it has reached its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +127,10 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     rows = rows[np.append(np.diff(rows[:, 0]) > 0.0, True)]  # of instants with a change those after it
     motion = _with_courses(start, start.given, _courses(system, rows))
     left = _left(motion, found, system)
-    check_passage(system.mechanism, motion, rows[rows[:, 0] <= found.times[left], 0])
+    _check_passage(system.mechanism, motion, rows[rows[:, 0] <= found.times[left], 0])
     if left >= 0:
         rigid = motion.at(np.linspace(found.times[left - 1], found.times[left], _FINE))
-        raise locked(system.mechanism, rigid) or SceneError(
+        raise _locked_loop(system.mechanism, rigid) or SceneError(
             "joints", ", ".join(system.mechanism.loop_joints),
             f"the loops pass a singular position before t = {found.times[left]:.6g} s: branches of the motion meet "
             "there, and joint forces are not finite",
@@ -149,11 +153,48 @@ def _left(motion: RigidKinematics, found: CoupledTrajectory, system: System) -> 
     return 1 + int(lost[0]) if len(lost) else -1
 
 
+def _check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray) -> None:
+    """Raise SceneError if free joints move the linkage into a limit position (dead centre).
+
+    ``times`` [s] are those of the integration; between them every loop's smallest margin is searched.
+    """
+    rigid = motion.at(times)
+    for name in margins_of(rigid):
+        margin, first = rigid[name], None
+        lowest = np.r_[True, margin[1:] <= margin[:-1]] & np.r_[margin[:-1] <= margin[1:], True] & (margin < _NEAR)
+        for k in np.flatnonzero(lowest).tolist():
+            fine = motion.at(np.linspace(times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)], 1001))
+            if not fine[name].min() > _TOUCHED:
+                first = fine, int(np.argmin(fine[name]))
+                break
+        if first is not None:
+            raise _swung(mechanism, name.removesuffix(".closure"), *first)
+
+
+def _swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) -> SceneError:
+    """Error for a linkage that moves into the limit position of the loop that a joint closes."""
+    return SceneError(
+        f"joints.{joint}", None,
+        f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, "
+        f"{drive_positions(mechanism, rigid, index)}: beyond it {apart(mechanism.joints[joint])}",
+        "Shorten the duration, change lengths, loads or start, or use preset coupled, which can continue",
+    )  # fmt: skip
+
+
+def _locked_loop(mechanism: Mechanism, rigid: RigidMotion) -> SceneError | None:
+    """Error for the loop that comes closest to its limit position, if one is locked at an instant of a motion."""
+    margins = {name: np.where(rigid[name] > 0.0, rigid[name], 0.0) for name in margins_of(rigid)}
+    name = min(margins, key=lambda name: margins[name].min(), default=None)
+    if name is None or margins[name].min() > _LOCKED:
+        return None
+    return _swung(mechanism, name.removesuffix(".closure"), rigid, int(margins[name].argmin()))
+
+
 def _locked(start: StartKinematics, run: Run) -> SceneError | None:
     """Error of a motion that ends where a loop of a planar mechanism locks; None elsewhere."""
     here = _courses(start.system, run.here[None])
     rigid = _started(start, start.given, here._replace(u=0.0 * here.u, du=0.0 * here.du)).at(here.times)
-    return locked(start.system.mechanism, rigid)
+    return _locked_loop(start.system.mechanism, rigid)
 
 
 def _courses(system: System, rows: np.ndarray) -> Courses:
