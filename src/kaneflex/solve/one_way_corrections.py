@@ -37,7 +37,7 @@ def one_way_stages(solution: RunResult) -> tuple[Read, list[Stage]]:
     """Values of a one-way run, and stages of successively richer models."""
     richer = list(_richer(solution.model))
     periodic = _is_periodic(solution.model, richer)
-    read = Read.of(solution, periodic, 1 if periodic else 2)
+    read = Read.of(solution, periodic, 1 if periodic or len(solution.times) < 2 * READ else 2)  # allows longer steps
     stages = list(_by_harmonics(read, richer)) if read.periodic else []
     if len(stages) < len(richer):
         from kaneflex.solve.one_way_steps import by_steps
