@@ -133,7 +133,8 @@ def monodromy(grid: Grid) -> np.ndarray:
     doubled = math.ceil(math.log2(max(wanted / pieces, 1.0)))
     step = 2.0 * math.pi / (grid.omega * pieces * 2**doubled)
     moved = np.eye(2 * grid.n)
-    for part in np.array_split(np.arange(pieces), math.ceil(64 * pieces * grid.n**2 / _MEMORY)):
+    parts = min(math.ceil(64 * pieces * grid.n**2 / _MEMORY), pieces)
+    for part in np.array_split(np.arange(pieces), parts):
         found = _propagators([dense(each) for each in means[..., part]], step)
         for _ in range(doubled):
             found = found @ found

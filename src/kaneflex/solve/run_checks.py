@@ -35,7 +35,7 @@ MAX_STORED = 40_000
 _NUMBER = 8
 """Bytes of a number."""
 _MONODROMY = 44
-"""Matrices (n, n) for a periodic motion's stability: 8 lanes, their product and two factors, for states (z, z')."""
+"""Matrices (n, n) for a periodic motion's stability: a step's equations, complex, and matrices that move (z, z')."""
 _SHAPES = 8
 """Approximate number of shapes of a link under preset coupled by default."""
 _ASSEMBLED = (10_000, 100_000)
