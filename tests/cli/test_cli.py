@@ -69,10 +69,10 @@ def test_module_runs_as_a_program(tmp_path):
 
 def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
     """No file may grow beyond 3 kB: the system refuses numba's cache as a full disk does."""
-    kaneflex.load("pin-ended-cross")  # so that its module is derived
+    kaneflex.load("spin-up")  # so that its module is derived
     limited = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))"
     shown = subprocess.run(
-        [sys.executable, "-c", f"{limited}; from kaneflex.cli import main; main()", "modes", "pin-ended-cross"],
+        [sys.executable, "-c", f"{limited}; from kaneflex.cli import main; main()", "run", "spin-up", "--no-plots"],
         cwd=tmp_path, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert shown.returncode == 2 and "Traceback" not in shown.stderr

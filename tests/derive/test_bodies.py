@@ -318,7 +318,8 @@ def rod() -> Shapes:
 
 def test_the_weight_of_a_rod_is_a_load_spread_over_it(rod):
     """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
-    blocks, scene = Blocks(rod.scene, {}), rod.scene
+    scene = rod.link.scene
+    blocks = Blocks(scene, {})
     q = np.random.default_rng(4).standard_normal(rod.count) * 1e-2
     gravity, none = np.array([3.0, -9.81]), np.zeros(len(q))
     c, s = np.cos(0.7), np.sin(0.7)

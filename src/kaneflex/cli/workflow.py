@@ -122,7 +122,7 @@ def _solve(scene: Scene, waiting: Waiting, after: Path | None, parameters: Seque
         check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
     model = load(scene, waiting)
-    waiting("compiling the integrator, first time only")
+    waiting("solving" if model.options.integrator == "spectral" else "compiling the integrator, first time only")
     return solve(model, waiting.share_of("solving"), state)
 
 

@@ -156,10 +156,10 @@ def _extremes(block: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
     """Values of a block at x (any shape), computed as in the generated modules."""
-    from kaneflex.generated.tables import table
-    from kaneflex.support.array_kernels import on_arrays
+    from kaneflex.support.array_kernels import place_in_table
 
-    return on_arrays(table)(np.asarray(x, dtype=float), block, 0)
+    d, c = place_in_table(np.asarray(x, dtype=float), block, 0)
+    return block[c] + d * (block[c + 1] + d * (block[c + 2] + d * block[c + 3]))
 
 
 _BRACKETED = re.compile(r".*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*\Z")

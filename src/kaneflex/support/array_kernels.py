@@ -33,7 +33,7 @@ def on_arrays(kernel: Any) -> Callable[..., Any]:
     return evaluated
 
 
-def _place_in_table(x: Numbers, p: np.ndarray, start: int) -> tuple[Numbers, np.ndarray]:
+def place_in_table(x: Numbers, p: np.ndarray, start: int) -> tuple[Numbers, np.ndarray]:
     """Distance from the breakpoint before x, and where the cubic there begins."""
     n, period = int(p[start]), p[start + 1]
     knots = p[start + 2 : start + 3 + n]
@@ -51,7 +51,7 @@ def _around(side: Numbers, y: Numbers, x: Numbers) -> Numbers:
 
 _FOR_ARRAYS: dict[str, Any] = {
     "math": np, "min": lambda *given: reduce(np.minimum, given), "max": lambda *given: reduce(np.maximum, given),
-    "place_in_table": _place_in_table, "around": _around, "sign": np.sign, "smaller": np.minimum, "larger": np.maximum,
+    "place_in_table": place_in_table, "around": _around, "sign": np.sign, "smaller": np.minimum, "larger": np.maximum,
     "chosen": lambda side, a, b: np.where(side < 0.0, b, a),
     "within": lambda s: np.where((s > 0.0) & (s < 1.0), 1.0, 0.0),
 }  # fmt: skip
