@@ -71,9 +71,10 @@ def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
     """No file may grow beyond 3 kB: the system refuses numba's cache as a full disk does."""
     kaneflex.load("spin-up")  # so that its module is derived
     limited = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))"
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}  # Python would keep cut bytecode
     shown = subprocess.run(
         [sys.executable, "-c", f"{limited}; from kaneflex.cli import main; main()", "run", "spin-up", "--no-plots"],
-        cwd=tmp_path, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, timeout=300,
+        cwd=tmp_path, env=os.environ | environment, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert shown.returncode == 2 and "Traceback" not in shown.stderr
     assert "Error: File too large. Free some space, or move the caches: set NUMBA_CACHE_DIR" in shown.stderr
