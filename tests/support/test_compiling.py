@@ -11,7 +11,7 @@ import operator
 import pickle
 import subprocess
 import sys
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 
 import numba
 import numpy as np
@@ -150,6 +150,18 @@ def test_parts_of_the_step_loops_are_optimised_with_their_callers():
     assert bounded(np.ones((1, 1))) and not bounded(np.full((1, 1), 2.0))
     for part in steppers._within.overloads.values():
         assert part.library._compiled_object is None
+
+
+def test_functions_without_a_module_are_compiled_beside_kernels():
+    """As those of sympy.lambdify are."""
+    made = FunctionType((lambda x: 2.0 * x).__code__, {"__name__": None})
+    doubled = numba.njit(made)
+
+    @numba.njit
+    def summed(x):
+        return doubled(x) + 1.0
+
+    assert made.__module__ is None and summed(1.5) == 4.0
 
 
 def test_parts_are_linked_once_by_what_encloses_them():

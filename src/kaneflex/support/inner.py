@@ -118,7 +118,7 @@ def _reading_only(load: Any) -> Any:
     from numba.core.runtime import rtsys
 
     def load_overload(self, sig, context):
-        if not self._py_func.__module__.startswith("kaneflex"):
+        if not (self._py_func.__module__ or "").startswith("kaneflex"):  # that of a lambdified function is None
             return load(self, sig, context)
         rtsys.initialize(context)
         with self._guard_against_spurious_io_errors():
@@ -136,7 +136,7 @@ def _compile_parts_within_callers(dispatcher: Any) -> None:
 
     @cache
     def part(kernel: Any) -> Any:
-        if not kernel.py_func.__module__.startswith(("kaneflex.generated.", "kaneflex_")):
+        if not (kernel.py_func.__module__ or "").startswith(("kaneflex.generated.", "kaneflex_")):
             return kernel
         options = kernel.targetoptions | PART
         return type(kernel)(kernel.py_func, pipeline_class=options.pop("pipeline_class"), targetoptions=options)
