@@ -111,8 +111,8 @@ def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
 
 PIECES = 64
 """Pieces of a cycle, with the means of the matrices over each."""
-MOST, PER_PERIOD = 1024, 4
-"""Largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
+FEWEST, MOST, PER_PERIOD = 256, 1024, 4
+"""Smallest and largest number of steps per cycle, and number per period of the slowest vibration (error of R 1e-2)."""
 _POLES = np.roots([-1.0 / 60.0, 3.0 / 20.0, -3.0 / 5.0, 1.0])
 _POLES = np.array([_POLES[abs(_POLES.imag) < 1e-9][0].real, _POLES[_POLES.imag > 1e-9][0]])
 _SHARES = (1.0 + 0.4 * _POLES + 0.05 * _POLES**2) / (-0.6 + 0.3 * _POLES - 0.05 * _POLES**2) * (1.0, 2.0)
@@ -129,7 +129,7 @@ def monodromy(grid: Grid) -> np.ndarray:
     every = grid.instants // PIECES
     pieces = grid.instants // every
     means = grid.matrices.reshape(*grid.matrices.shape[:3], pieces, every).mean(axis=-1)
-    wanted = min(PER_PERIOD * grid.slowest / grid.omega, MOST)
+    wanted = min(max(FEWEST, PER_PERIOD * grid.slowest / grid.omega), MOST)
     doubled = math.ceil(math.log2(max(wanted / pieces, 1.0)))
     step = 2.0 * math.pi / (grid.omega * pieces * 2**doubled)
     moved = np.eye(2 * grid.n)

@@ -163,22 +163,20 @@ def corrected(
     if not left[0] < np.inf:
         return Orbit(grid, y, ((grid.instants, 0),), left[0], np.inf, "the mean equations have no periodic motion")
     enough, tail, found = max(tolerance, share * left[0]), np.inf, False
-    directions, images = list[np.ndarray](), list[np.ndarray]()
+    kept = list[tuple[np.ndarray, np.ndarray, float]]()
     while not found and len(left) <= _CORRECTIONS:
         if len(left) > _PATIENCE + 1 and left[-1] > slowest**_PATIENCE * left[-1 - _PATIENCE]:
             break
         direction, image = rest.copy(), -grid.response(grid.remainder(zero, grid.z_of(rest)))
-        for other, its_image in zip(directions, images, strict=True):
-            along = np.vdot(its_image, image)
+        for other, its_image, its_square in kept:
+            along = np.vdot(its_image, image) / its_square
             direction -= along * other
             image -= along * its_image
-        length = float(np.linalg.norm(image))
-        scale = 1.0 / length if length > 0.0 else 0.0
-        directions.append(scale * direction)
-        images.append(scale * image)
-        along = np.vdot(images[-1], rest)
-        y += along * directions[-1]
-        rest -= along * images[-1]
+        square = float(np.vdot(image, image)) or 1.0
+        kept.append((direction, image, square))
+        along = np.vdot(image, rest) / square
+        y += along * direction
+        rest -= along * image
         left.append(float(np.linalg.norm(rest)) / size)
         # the tail hardly changes any more after the first time: it is asked for again where it is to end the search
         if left[-1] <= (max(0.1 * left[0], tolerance) if tail == np.inf else max(enough, over_tail * tail)):
