@@ -98,6 +98,19 @@ def test_a_cycle_of_held_equations_is_that_of_time_steps():
     np.testing.assert_allclose(still, expm(PERIOD * rate), rtol=0, atol=2e-8 * abs(still).max())
 
 
+def test_a_cycle_is_that_of_the_means_of_its_pieces_and_computed_in_parts(monkeypatch):
+    """A ripple of 64 waves a cycle is gone from the means of four instants; little memory takes the pieces in parts."""
+    system, table, _ = made_up()
+    times = PERIOD / 256 * np.arange(256)
+    ripple = table(times)
+    ripple[:, 1] += 0.5 * np.cos(64 * W * times)
+    smooth, rippled = (monodromy(Grid.of(system, rows, PERIOD)) for rows in (table(times), ripple))
+    np.testing.assert_allclose(rippled, smooth, rtol=0, atol=1e-12 * abs(smooth).max())
+    monkeypatch.setattr("kaneflex.integrate.run._MEMORY", 1e3)
+    parts = monodromy(Grid.of(system, table(times), PERIOD))
+    np.testing.assert_allclose(parts, smooth, rtol=0, atol=1e-12 * abs(smooth).max())
+
+
 def test_more_harmonics_than_instants_are_read_right():
     """256 of the grid, read at 36: a harmonic above 18 is what these instants see of it."""
     system, table, _ = made_up()
