@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from kaneflex.mechanism.closure_continuation import seed_loops
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
-from kaneflex.multibody.time.closure_continuation import seed_loops
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 

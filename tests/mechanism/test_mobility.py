@@ -12,11 +12,11 @@ from runs import solved
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.fem.freedom import count_freedom, mobility_by_rank
 from kaneflex.mechanism.closure import courses_of, reach_lines
+from kaneflex.mechanism.closure_continuation import followed
 from kaneflex.mechanism.dead_centres import closings
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.multibody.model import module_loading
-from kaneflex.multibody.time.closure_continuation import followed
 from kaneflex.report.checked import description, notes
 
 THREE_CRANKS = """

@@ -9,8 +9,8 @@ from command_line import cli, unrendered
 from runs import solved
 
 from kaneflex import SceneError, scene_of
+from kaneflex.mechanism.closure_continuation import followed
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.multibody.time.closure_continuation import followed
 from kaneflex.report.presentation import parts, printed
 
 PEAUCELLIER = """

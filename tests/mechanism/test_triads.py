@@ -1,7 +1,7 @@
 """Loops that no dyad closes: Newton's method from seeds, the assembly that a scene names, and where it locks."""
 
 import sys
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,14 +12,13 @@ from scipy.optimize import fsolve
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.derive.equations import closure
-from kaneflex.mechanism import position_analysis
+from kaneflex.mechanism import closure_continuation, position_analysis
+from kaneflex.mechanism.closure_continuation import follow, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place as place_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.module_loading import bind_parameters, generate_text, import_file
-from kaneflex.multibody.time import closure_continuation
-from kaneflex.multibody.time.closure_continuation import follow, seed_loops
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.structure import structure_hash
 
@@ -285,24 +284,26 @@ def test_far_knots_are_those_that_small_steps_lead_to(turn, count):
 
     def poses(n: int) -> np.ndarray:
         xs = start.drives["main"] + np.linspace(*ends, n)
-        return np.array([*follow(scene, start, xs, lambda xs: xs[:, None]).values()])
+        return np.array([*follow(mechanism_of(scene), start, xs[:, None]).values()])
 
     assert poses(count)[..., -1] == pytest.approx(poses(2001)[..., -1], abs=1e-12)
 
 
-def test_steps_off_the_tangent_or_on_another_branch_are_found():
+def test_poses_off_the_tangent_or_on_another_branch_are_not_taken(monkeypatch):
+    """Newton's method from a far tangent may close the loop, but elsewhere."""
     scene = scene_of(MECHANISMS["three rockers"])
-    start, xs = place_bodies(scene), np.linspace(0.0, 0.1, 9)
+    start, xs = place_bodies(scene), np.linspace(0.0, 2 * np.pi, 181)[:, None]
     constraints = closure_continuation.Constraints(mechanism_of(scene), start.drives)
-    poses = np.hstack([*(pose.T for pose in follow(scene, start, xs, lambda xs: xs[:, None]).values())])
-    strayed = partial(closure_continuation._strayed, constraints, drives=xs[:, None])
-    assert not len(strayed(poses))
-    turned = poses + 2 * np.pi * (np.arange(9)[:, None] == 4) * (np.arange(poses.shape[1]) == 5)
-    assert strayed(turned).tolist() == [3, 4]
-    lost = np.where(np.arange(9)[:, None] > 6, np.nan, turned)
-    assert strayed(lost).tolist() == [3, 4, 6]
-    far = partial(closure_continuation._strayed, constraints, drives=100.0 * xs[:, None])
-    assert far(lost).tolist() == [6]  # long steps show other branches only, or fast drives would need endless positions
+    here, at = np.concatenate([start.poses[name] for name in constraints.bodies]), np.array([*start.drives.values()])
+    poses, good = closure_continuation._from_tangent(constraints, here, at, at + xs)
+    right = np.concatenate([*follow(mechanism_of(scene), start, at + xs).values()]).T
+    apart = abs(poses - right).max(axis=1)
+    assert 5 < good.sum() < 20 and apart[good].max() < 1e-10
+    assert (apart > 0.1).any()
+    for limits in ("_BENT", "_FAR"):
+        monkeypatch.setattr(closure_continuation, limits, np.inf)
+    wrong = closure_continuation._from_tangent(constraints, here, at, at + xs)[1] & (apart > 0.1)
+    assert wrong.any()
 
 
 def test_addresses_of_the_gaps_are_those_of_the_scene():

@@ -97,11 +97,11 @@ def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list
     """Draw a planar mechanism; add its degrees of freedom, the ranges of its joints and notes."""
     from kaneflex.fem.freedom import count_freedom, mobility_by_rank
     from kaneflex.mechanism.closure import reach_lines
+    from kaneflex.mechanism.closure_continuation import followed
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place
     from kaneflex.mechanism.tight_start import as_it_starts
-    from kaneflex.multibody.time.closure_continuation import followed
     from kaneflex.plots.scheme import scheme
     from kaneflex.report.presentation import closing_lines, mobility
 

@@ -12,6 +12,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
+from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import MOST
 from kaneflex.support.kept import Kept
 
@@ -118,8 +119,11 @@ def _between_steps(model: Model) -> list[str]:
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
     if not varying and not speeds:
         return found
+    rows = [_instants_of_rows(scene, load, seen) for load in scene.loads.values() if load.kind != "value"]
+    if all(len(each) for each in rows):  # the extremes of tables are near their rows
+        within = min(within, _OF_BODIES)
     spread = np.linspace(seen.times[0], seen.times[-1], within * steps + 1)
-    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted
+    instants = np.sort(np.concatenate((spread, *rows)), kind="stable")  # merges sorted
     rigid = motion.acting(instants, seen)
     fewer = rigid.taken(np.arange(0, len(instants), max(1, within // _OF_BODIES)))
     fastest = max((abs(fewer[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding
@@ -142,22 +146,21 @@ def _between_steps(model: Model) -> list[str]:
     return found
 
 
-def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
-    """Instants [s] at which the loads' tables are read at their rows, if their argument is monotonic."""
-    found = [np.zeros(0)]
-    for load in (load for load in scene.loads.values() if load.against in ("t", *scene.drives)):
-        x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
-        way = np.sign(x[-1] - x[0])
-        if not (np.diff(x) * way > 0).all():
-            continue
-        rows, times = load.read_table().x, seen.times
-        if load.period is not None:
-            first, last = np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period
-            rounds = first + np.arange(min(np.ceil(last - first), _SAMPLES // len(rows)))
-            rows = np.add.outer(load.period * rounds, rows).ravel()
-        rows = rows[(rows >= x.min()) & (rows <= x.max())]
-        found.append(np.interp(way * rows, way * x, times))
-    return np.concatenate(found)
+def _instants_of_rows(scene: Scene, load: Load, seen: RigidMotion) -> np.ndarray:
+    """Instants [s] at which a load's table is read at its rows; none if it has none, or if its argument returns."""
+    if load.kind != "table" or load.against not in ("t", *scene.drives):
+        return np.zeros(0)
+    x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
+    way = np.sign(x[-1] - x[0])
+    if not (np.diff(x) * way > 0).all():
+        return np.zeros(0)
+    rows = load.read_table().x
+    if load.period is not None:
+        first, last = np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period
+        rounds = first + np.arange(min(np.ceil(last - first), _SAMPLES // len(rows)))
+        rows = np.add.outer(load.period * rounds, rows).ravel()
+    rows = rows[(rows >= x.min()) & (rows <= x.max())]
+    return np.interp(way * rows, way * x, seen.times)
 
 
 MISSED = 0.05

@@ -13,6 +13,7 @@ import numpy as np
 
 from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.closure import apart, check_closure, check_loops, drive_positions, margins_of
+from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.position_analysis import place
@@ -22,7 +23,6 @@ from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, System
-from kaneflex.multibody.time.closure_continuation import with_tables
 from kaneflex.multibody.time.dense_output import CURE
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate

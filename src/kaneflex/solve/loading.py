@@ -107,7 +107,7 @@ def _bind_one_way(
     check_memory(scene, options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))
     if getattr(module, "LOOPS", ()):
-        from kaneflex.multibody.time.closure_continuation import seed_loops
+        from kaneflex.mechanism.closure_continuation import seed_loops
 
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
@@ -299,7 +299,7 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     module, parameters = model.module, bind_parameters(scene, model.module)
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
-    from kaneflex.multibody.time.closure_continuation import seed_loops
+    from kaneflex.mechanism.closure_continuation import seed_loops
 
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 

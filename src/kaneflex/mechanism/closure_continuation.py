@@ -1,6 +1,6 @@
 """Starting values for loops closed by Newton's method: tables of the assembly over the drive's range.
 
-The compiled engine follows the scene's assembly. If the determinant of the constraints' Jacobian changes its sign, or
+Position analysis follows the scene's assembly. If the determinant of the constraints' Jacobian changes its sign, or
 small steps leave the tangent, the linkage locks or would change its branch. This is found before anything is computed,
 and the kernels need no memory of earlier positions.
 """
@@ -8,40 +8,34 @@ and the kernels need no memory of earlier positions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import ModuleType, SimpleNamespace
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
 from kaneflex.mechanism.closure import Courses, instants
 from kaneflex.mechanism.joints import Constraints, axes_of, course
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement, is_same, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.model.assembly import rigid_system
-from kaneflex.multibody.model.codes import FAR
-from kaneflex.multibody.time.curves import Ahead
-from kaneflex.multibody.time.rigid_reference import rigid_reference
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
 from kaneflex.support.errors import SceneError
 
 _KNOTS = 720
 """Number of knots of a turn, or of the drive's range."""
-_PARTS, _LEAST = 16, 2.0**-16
-"""Parts into which a step is divided that leaves the tangent, and the share of a step below which the linkage counts
-as locked."""
-_BENT = 0.2
-"""Largest deviation from the tangent, as a share of a step, that counts as staying on the branch."""
+_AHEAD, _MOST_TANGENTS = 8, 20_000
+"""Least number of positions that are sought from one tangent, and the largest number of tangents, 20 s."""
+_SHARES = 2.0 ** -np.arange(1, 17)
+"""Shares of a step that leaves the tangent; if none of them stays on it, the linkage counts as locked."""
+_FAR, _BENT = 0.25, 0.2
+"""Longest step along a tangent, in rad or sizes of the mechanism, and the largest deviation from it, as a share of the
+step, that counts as staying on the branch."""
 _ROUNDING = 1e-10
 """Deviation, in rad or sizes of the mechanism, that is only rounding, as when the drives dwell."""
-
-Coordinates = Callable[[np.ndarray], np.ndarray]
-"""Function from the tables' abscissa (a drive's coordinate or the time), (n,), to every drive's coordinate, (n,
-drives)."""
+_ITERATIONS, _CLOSED = 12, 1e-12
+"""Most steps of Newton's method, and the last step, in rad or sizes of the mechanism, with which a loop is closed."""
 
 
 def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:
@@ -109,12 +103,12 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
         turns = np.ptp(at_time(times), axis=0).max() / (2 * math.pi)
         steps = max(_KNOTS, math.ceil(_KNOTS * turns))
         times = np.linspace(0.0, horizon, steps + 1)
-        return _Sweep(times, follow(scene, placement, times, at_time))
+        return _Sweep(times, follow(mechanism, placement, at_time(times)))
     (drive,) = drives
     slides, start = mechanism.joints[drive].slides, placement.drives[drive]
 
     def along(xs: np.ndarray) -> _Sweep:
-        return _Sweep(xs, follow(scene, placement, xs, lambda xs: xs[:, None]))
+        return _Sweep(xs, follow(mechanism, placement, xs[:, None]))
 
     locked = None
     if not slides:
@@ -149,84 +143,88 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
     if scene.is_frame or not drives or scene.free_joints or held != 3 * len(mechanism.bodies):
         return at_start
-
-    def at_time(times: np.ndarray) -> np.ndarray:
-        return np.array([[drive.coordinate(t) for drive in drives] for t in times])
-
     try:
-        return follow(scene, placement, instants(scene), at_time)
+        path = [[drive.coordinate(t) for drive in drives] for t in instants(scene)]
+        return follow(mechanism, placement, np.array(path))
     except SceneError:
         return at_start  # loading reports the position
 
 
-def follow(scene: Scene, start: Placement, xs: np.ndarray, drives: Coordinates) -> Courses:
+def follow(mechanism: NumericMechanism, start: Placement, drives: np.ndarray) -> Courses:
     """Poses of an assembly from its start on, before anything is derived: body -> x, y and angle, (3, n).
+
+    Every position is found by Newton's method from the tangent at an earlier one, many at once; ``drives`` has the
+    coordinates of the drives on the way, (n, drives) in the mechanism's order.
 
     Raises
     ------
     SceneError
-        If it locks on the way.
+        If it locks on the way, or turns more often than some seconds allow.
     """
-    mechanism, whole = mechanism_of(scene), np.arange(len(xs), dtype=float)
     constraints = Constraints(mechanism, start.drives)
-
-    def coordinates(steps: np.ndarray) -> np.ndarray:
-        return drives(np.interp(steps, whole, xs))
-
-    curve, steps = _curve(scene, start, coordinates), whole
-    order = [[*mechanism.drives].index(name) for name in constraints.driven]
-    while True:
-        poses = curve.record(steps)[:, curve.system.record.q]
-        wrong = _strayed(constraints, poses, coordinates(steps)[:, order])
-        if not len(wrong):
-            return constraints.split(poses[np.searchsorted(steps, whole)].T)
-        if steps[wrong[0] + 1] - steps[wrong[0]] <= _LEAST:
-            last = wrong[0]
-            at = dict(zip(mechanism.drives, coordinates(steps[[last]])[0].tolist(), strict=True))
-            raise SceneError(
-                f"joints.{_locking(constraints, poses[last])}", None,
-                f"the loop cannot close beyond {mechanism.written(at)}: the linkage locks there, or would change its "
-                "branch",
-                "Change the lengths, or limit the drive's range",
-            )  # fmt: skip
-        parts = [np.linspace(steps[k], steps[k + 1], _PARTS + 1)[1:-1] for k in wrong]
-        steps = np.sort(np.concatenate([steps, *parts]))
-
-
-def _curve(scene: Scene, start: Placement, drives: Coordinates) -> Ahead:
-    """Curve of the rigid bodies alone, with the drives as independent coordinates, which are functions of the time."""
-    from kaneflex.generated.laws import no_courses, no_magnitudes
-
-    module: Any = SimpleNamespace(courses=no_courses, magnitudes=no_magnitudes, PARAMETERS=())
-    mechanism, none = mechanism_of(scene), dict[str, Any]()
-    free = dict.fromkeys(mechanism.drives, Drive("free", None))
-    alone = replace(mechanism, drives=free, loads=none, springs=none, contacts=none, frictions=none, observed=())
-    reference = rigid_reference(rigid_system(scene, module, mechanism=alone), start).module
-    first, where = reference.first, [reference.system.free[name] for name in free]
-
-    def near(times: np.ndarray) -> tuple[np.ndarray, ...]:
-        q, still = (np.tile(part, (len(times), 1)) for part in (first.q, first.du))
-        q[:, where] = drives(times)
-        return q, still, still
-
-    return Ahead(reference.system, reference.begin, near)
+    drives = drives[:, [[*mechanism.drives].index(name) for name in constraints.driven]]
+    here = np.concatenate([start.poses[name] for name in constraints.bodies])
+    at = np.array([start.drives[name] for name in constraints.driven])
+    found, count, ahead = np.empty((len(drives), len(here))), 0, _AHEAD
+    for _ in range(_MOST_TANGENTS):
+        poses, good = _from_tangent(constraints, here, at, drives[count : count + ahead])
+        reached = int(np.argmin(np.append(good, False)))
+        if reached:
+            found[count : count + reached] = poses[:reached]
+            count, ahead = count + reached, max(_AHEAD, 2 * reached)
+            here, at = found[count - 1], drives[count - 1]
+            if count == len(drives):
+                return constraints.split(found.T)
+            continue
+        shorter = at + _SHARES[:, None] * (drives[count] - at)
+        poses, good = _from_tangent(constraints, here, at, shorter)
+        if not good.any():
+            raise _locked(constraints, here, at)
+        here, at = poses[int(np.argmax(good))], shorter[int(np.argmax(good))]
+    raise SceneError(
+        "drives", ", ".join(constraints.driven), "they turn so often that it takes long to close the loops on the way",
+        "Give a lower speed or a shorter duration",
+    )  # fmt: skip
 
 
-def _strayed(constraints: Constraints, poses: np.ndarray, drives: np.ndarray) -> np.ndarray:
-    """Numbers of the short steps between poses (n, 3 bodies) that leave the tangent, up to the first step that leaves
-    the branch."""
-    known, drive = np.isfinite(poses).all(axis=1), poses.shape[1] - drives.shape[1]
-    jacobian = constraints.jacobian(constraints.split(np.nan_to_num(poses).T))
-    sides = known * np.linalg.slogdet(jacobian)[0]
-    other = np.flatnonzero(sides * sides[0] != 1.0)[:1]
-    count = max(1, int(other[0])) if len(other) else len(poses)
-    moved, driven = np.diff(poses[:count], axis=0), np.diff(drives[:count], axis=0)
-    short = (abs(driven) <= FAR * constraints.units[drive:]).all(axis=1)
-    right = np.pad(driven, ((0, 0), (drive, 0)))[..., None]
-    along = np.linalg.solve(jacobian[: count - 1], right)[..., 0]
-    step, bend = (abs(part / constraints.scales).max(axis=1) for part in (along, moved - along))
-    bent = np.flatnonzero(short & (bend > np.maximum(_BENT * step, _ROUNDING)))
-    return np.append(bent, np.maximum(other - 1, 0))
+def _from_tangent(
+    constraints: Constraints, start: np.ndarray, at: np.ndarray, drives: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, 3 bodies) by Newton's method, and which of them are on the branch of a closed pose (3 bodies,).
+
+    These are near the tangent at it, with the same sign of the determinant. ``at``: coordinates of its drives
+    (drives,), and ``drives`` of those wanted (n, drives), in the order of the constraints.
+    """
+    jacobian = constraints.jacobian(constraints.split(start))
+    side, right = np.linalg.slogdet(jacobian)[0], np.zeros((len(start), len(drives)))
+    right[len(start) - len(at) :] = (drives - at).T
+    along = np.linalg.solve(jacobian, right).T if side else np.full((len(drives), len(start)), np.nan)
+    wanted = Constraints(constraints.mechanism, dict(zip(constraints.driven, drives.T, strict=True)))
+    poses, scales = start + along, constraints.scales
+    for _ in range(_ITERATIONS):
+        placed = constraints.split(np.nan_to_num(poses).T)
+        jacobian = wanted.jacobian(placed)
+        sides = np.linalg.slogdet(jacobian)[0]
+        jacobian[sides == 0.0] = np.eye(len(start))
+        change = np.linalg.solve(jacobian, wanted.residuals(placed)[..., None])[..., 0]
+        poses = poses - change
+        left = abs(change / scales).max(axis=1)
+        if (left[np.isfinite(left)] <= _CLOSED).all():
+            break
+    step, bend = (abs(np.nan_to_num(part) / scales).max(axis=1) for part in (along, poses - start - along))
+    near = (step <= _FAR) & (bend <= np.maximum(_BENT * step, _ROUNDING))
+    return poses, (left <= _CLOSED) & (sides * side == 1.0) & near
+
+
+def _locked(constraints: Constraints, poses: np.ndarray, drives: np.ndarray) -> SceneError:
+    """Error for a linkage that can't be followed beyond these poses; it names the joint that closes the loop."""
+    at = dict(zip(constraints.driven, drives.tolist(), strict=True))
+    return SceneError(
+        f"joints.{_locking(constraints, poses)}", None,
+        f"the loop cannot close beyond {constraints.mechanism.written(at)}: the linkage locks there, or would change "
+        "its branch",
+        "Change the lengths, or limit the drive's range",
+    )  # fmt: skip
 
 
 def _locking(constraints: Constraints, poses: np.ndarray) -> str:
