@@ -12,7 +12,7 @@ from kaneflex import figures, read_scene, scene_of, show
 from kaneflex.mechanism.joints import axes_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import loads, motion, paths, records
+from kaneflex.plots import loads, motion, paths, spectra
 from kaneflex.plots.outlines import VIEW
 from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
@@ -151,29 +151,29 @@ def test_orders_are_those_of_the_series():
     binomial series; a cycle of two turns has half orders, too, which are zero here."""
     rigid = ("engine", "solve.preset=rigid", "solve.steps=144")
     r, l, q = 40.0, 137.0, 40.0 / 137.0
-    (place,) = (axes for axes in drawn(records.orders, *rigid).axes if axes.get_title(loc="left") == "Position")
+    (place,) = (axes for axes in drawn(spectra.orders, *rigid).axes if axes.get_title(loc="left") == "Position")
     order, amplitude = curves(place)["piston_position"]
     of = dict(zip(np.round(order, 6).tolist(), amplitude, strict=True))
     assert place.get_ylabel() == "position [mm]" and order[0] == pytest.approx(0.5)
     assert of[1.0] == pytest.approx(r, rel=1e-9) and max(of[0.5], of[1.5], of[3.0]) < 1e-9
     assert of[2.0] == pytest.approx(l * (q**2 / 4 + q**4 / 16 + 15 * q**6 / 512 + 35 * q**8 / 2048), rel=1e-5)
     assert of[4.0] == pytest.approx(l * (q**4 / 64 + 3 * q**6 / 256 + 35 * q**8 / 4096), rel=1e-3)
-    lowest = drawn(records.orders, *rigid).axes
+    lowest = drawn(spectra.orders, *rigid).axes
     assert [axes.get_xlabel() for axes in lowest if axes.get_xlabel()] == ["order of main [1 = 100 Hz]"] * 2
 
 
 def test_orders_stand_beside_the_natural_frequencies():
-    figure, model = drawn(records.orders, "four-bar", "solve.steps=144"), run("four-bar", "solve.steps=144").model
+    figure, model = drawn(spectra.orders, "four-bar", "solve.steps=144"), run("four-bar", "solve.steps=144").model
     natural = [line.get_xdata()[0] for line in figure.axes[0].get_lines() if line.get_linestyle() == "--"]
     assert 5.0 * np.array(natural) == pytest.approx(reference_modes(model, 6)[0][: len(natural)] / (2 * np.pi))
     assert len(natural) >= 3
 
 
 def test_what_does_not_repeat_has_no_orders():
-    assert not records.orders(run("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
+    assert not spectra.orders(run("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
     turning = ("four-bar", "solve.steps=144", "sensors.rocker_angle.position=main")
-    every = {*records.harmonics(run("four-bar", "solve.steps=144"))}
-    assert every - {*records.harmonics(run(*turning))} == {"rocker_angle"}
+    every = {*spectra.harmonics(run("four-bar", "solve.steps=144"))}
+    assert every - {*spectra.harmonics(run(*turning))} == {"rocker_angle"}
 
 
 def test_the_energy_that_is_drawn_is_the_motors_work():
@@ -200,7 +200,7 @@ def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
     assert view(run("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
     (torque,) = (
-        axes for axes in drawn(records.orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel()
+        axes for axes in drawn(spectra.orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel()
     )
     assert curves(torque)["crank_torque"][0, :3] == pytest.approx([1.0, 2.0, 3.0])  # Hz
     panels = drawn(motion, tmp_path / "swinging.toml").axes

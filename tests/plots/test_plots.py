@@ -25,7 +25,8 @@ from kaneflex.plots.drawing import ticks
 from kaneflex.plots.enlarged import caption_at, enlarged, times
 from kaneflex.plots.mechanism import outline, rigid_outline, rigid_scenery, scenery
 from kaneflex.plots.outlines import ALONG_LINK, VIEW, Outline
-from kaneflex.plots.records import reversals, spectrum
+from kaneflex.plots.sensors import reversals
+from kaneflex.plots.spectra import spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import FRAMES, View, view
 from kaneflex.solve.simulation import solve
@@ -45,8 +46,8 @@ EXPECTED = {
     "engine": CYCLE | {"orders"},
     "engine-elastic-crank": CYCLE | {"orders", "mid_crank", "surfaces_crank"},
     "engine-3": CYCLE - OF_ROD | {"orders"} | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
-    "engine-transient": CYCLE | {"records", "spectra"},
-    "engine-rig": CYCLE - {"loads"} | {"records", "spectra"},
+    "engine-transient": CYCLE | {"spectra"},
+    "engine-rig": CYCLE - {"loads"} | {"spectra"},
     "rigid": {"mechanism", "loads", "motion", "paths", "sensors", "orders"},
 }  # fmt: skip
 
@@ -98,7 +99,7 @@ def test_panels_with_several_curves_have_a_legend_that_names_each(name):
         names = axes.get_legend_handles_labels()[1]
         if picture not in ("modes", "paths", "spectra") and len(names) > 1:
             assert [text.get_text() for text in axes.get_legend().get_texts()] == names, (picture, axes.get_title())
-            assert len(set(names)) == len(names) or picture == "records"
+            assert len(set(names)) == len(names)
 
 
 @pytest.mark.parametrize("name", ["engine", "spatial-slider-crank-elastic"])
@@ -254,7 +255,7 @@ def test_a_long_run_is_drawn_by_its_last_turns_and_says_so():
     shown = view(solved("engine-rig"))
     turn = 2 * math.pi / solved("engine-rig").model.scene.drives["main"].speed
     assert np.ptp(shown.times) == pytest.approx(3 * turn, rel=0.02)
-    assert drawn("engine-rig")["records"].get_suptitle() == "Records over time (last 3 turns)"
+    assert drawn("engine-rig")["sensors"].get_suptitle() == "Sensors (last 3 turns)"
     assert view(solved("engine-transient")).note == ""
 
 
@@ -268,11 +269,11 @@ def test_reversals_of_a_known_force():
     assert reversals(np.arange(2.0), np.array([3.0, -1.0])) == pytest.approx([0.75])
 
 
-def test_reversals_are_marked_and_none_is_stated():
-    axes = {axes.get_title(loc="left"): axes for axes in drawn("engine-rig")["records"].axes}
-    assert "Axial force, tension positive: no reversal" in axes  # the piston's weight exceeds its inertia force
-    marks = axes["Force on the guide"].lines[-1]
-    assert marks.get_label() == f"reversals ({len(marks.get_xdata())})" == "reversals (6)"
+def test_reversals_are_marked_and_counted():
+    marks = {line.get_label(): line for axes in drawn("engine-rig")["sensors"].axes for line in axes.lines}
+    assert "rod_mid_force: reversals (0)" in marks  # the piston's weight exceeds its inertia force
+    marks = marks["piston_side_force: reversals (6)"]
+    assert len(marks.get_xdata()) == 6
     piston = solved("engine-rig").series["piston_position"].values
     at = np.interp(marks.get_xdata(), solved("engine-rig").times, piston)
     assert np.minimum(at - 0.097, 0.177 - at) == pytest.approx(np.zeros(6), abs=1e-4)  # at the dead centres
@@ -456,7 +457,7 @@ def test_pictures_leave_the_callers_matplotlib_alone():
     dict(figures(solved("rigid")))
     assert dict(matplotlib.rcParams) == before
     code = "import sys, kaneflex.plots; print('matplotlib' in sys.modules)\n"
-    code += "import kaneflex.plots.animation, kaneflex.plots.records; print('matplotlib.pyplot' in sys.modules)"
+    code += "import kaneflex.plots.animation, kaneflex.plots.spectra; print('matplotlib.pyplot' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.split() == ["False", "False"]
 

@@ -34,7 +34,7 @@ KINDS: dict[str, tuple[str | None, str | None]] = {
     "surfaces": ("displacements.surfaces", None),
     "stresses": ("stress.figures", "stress.figures"),
     "clearances": ("clearances.figures", "clearances.figures"),
-    "spectra": ("records.orders records.figures", "records.orders"),
+    "spectra": ("spectra.orders spectra.figures", "spectra.orders"),
     "energy": ("loads.energy", "loads.energy"),
     "animation": ("animation.animate", "animation.animate"),
 }

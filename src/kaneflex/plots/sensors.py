@@ -1,7 +1,12 @@
-"""All sensors of a scene on one page, by kind; the rigid mechanism's values dashed beside the elastic ones."""
+"""All sensors of a scene on one page, by kind; the rigid mechanism's values dashed beside the elastic ones.
+
+Where accelerations are read over a horizon that is not one cycle, as on a test bench, reversals of axial and guide
+forces are marked, and the zones shaded in which contacts knock.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
@@ -9,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, legend_beside, pages, readable, shade
+from kaneflex.plots.style import PALETTE, TOUCHED, legend_beside, pages, readable, shade
 from kaneflex.plots.view import View, view
 from kaneflex.scene.quantities import Address
 
@@ -24,6 +29,8 @@ _ROUNDING = 1e-6
 """Share of a sensor's largest value below which its span is rounding."""
 _SEEN = 1e-2
 """Share of what a panel's curves span from which an error of them is wider than their line."""
+_PAUSE = 0.1
+"""Share of a turn, or of a run without turning drive, without an impact that ends a zone of them."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -112,10 +119,71 @@ def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
     return np.interp([each.begin for each in own], shown.times, shown.x), np.array([each.peak for each in own])
 
 
+def accelerations(solution: Solution) -> list[str]:
+    """Sensors that read accelerations of points; none for a run of one cycle."""
+    sensors = solution.model.scene.sensors.items() if not solution.model.options.cycles else ()
+    return [name for name, each in sensors if each.kind == "acceleration" and not each.component.startswith("angle")]
+
+
+def _is_axial(scene: Scene, sensor: Sensor) -> bool:
+    """True for axial forces of links and forces on guides."""
+    on_guide = sensor.joint_force is not None and scene.joints[sensor.joint_force].kind == "prismatic"
+    return sensor.unit == "N" and (sensor.kind == "axial_force" or on_guide)
+
+
+def impact_zones(solution: Solution) -> list[tuple[float, float]]:
+    """Begin and end [s] of every zone of impacts, from the first of them to where the last closes for good or opens.
+
+    A pause of a tenth of a turn of the fastest drive, or of the run where none turns, parts two of them.
+    """
+    times, speeds = solution.times, [abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()]
+    turn = 2 * math.pi / max(speeds) if any(speeds) else float(np.ptp(times))
+    zones: list[tuple[float, float]] = []
+    for impact in sorted(solution.impacts, key=lambda impact: impact.begin):
+        short = impact.end - impact.begin < _PAUSE * turn
+        end = impact.end if short else impact.begin
+        if zones and impact.begin - zones[-1][1] < _PAUSE * turn:
+            zones[-1] = zones[-1][0], max(end, zones[-1][1])
+        else:
+            zones.append((impact.begin, end))
+    return zones
+
+
+def reversals(times: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Times [s] at which a force changes its sign, linear between samples; a zero that is only touched is none.
+
+    Parameters
+    ----------
+    times, force : ndarray (n,)
+
+    Returns
+    -------
+    ndarray (n_reversals,)
+    """
+    signs = np.sign(force)
+    known = np.flatnonzero(signs)
+    before = known[:-1][signs[known[:-1]] != signs[known[1:]]]
+    after = known[1:][signs[known[:-1]] != signs[known[1:]]]
+    # From the last sample of one sign to the first of the other; zeros between them lie on the line.
+    share = force[before] / (force[before] - force[after])
+    return times[before] + share * (times[after] - times[before])
+
+
+def _mark_zones(axes: Axes, shown: View) -> None:
+    """Shade every zone of impacts and count them in the legend; none under permanent impacts."""
+    zones = [zone for zone in impact_zones(shown.solution) if zone[1] >= shown.times[0] and zone[0] <= shown.times[-1]]
+    if sum(end - begin for begin, end in zones) > 0.5 * np.ptp(shown.times):
+        return
+    for k, zone in enumerate(zones):
+        first, last = np.interp(zone, shown.times, shown.x)
+        label = f"impact zones ({len(zones)})" if k == 0 else None
+        axes.axvspan(first, last, facecolor=TOUCHED, edgecolor=TOUCHED, linewidth=1.0, zorder=0, label=label)
+
+
 def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
-    series = shown.solution.series
+    series, scene, on_bench = shown.solution.series, shown.solution.model.scene, bool(accelerations(shown.solution))
     values = {name: series[name].values[shown.instants] for name in names}
-    sensor = shown.solution.model.scene.sensors[names[0]]
+    sensor = scene.sensors[names[0]]
     peaks = {name: _peaks(shown, name) for name in names if sensor.kind in ("contact_force", "contact_torque")}
     factor, label = readable(sensor.unit, *values.values(), *(force for _, force in peaks.values()))
     reach, errors = max(np.ptp(each) for each in values.values()), shown.solution.errors[0]
@@ -130,9 +198,17 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
         if f"{name}_rigid" in series:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)
+        if on_bench and _is_axial(scene, scene.sensors[name]):
+            at = np.interp(reversals(shown.times, values[name]), shown.times, shown.x)
+            axes.plot(
+                at, np.zeros(len(at)), "v", color=colour, markersize=5, markerfacecolor="white",
+                label=f"{name}: reversals ({len(at)})",
+            )  # fmt: skip
     if axes.collections:
         axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated error")
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
+    if on_bench:
+        _mark_zones(axes, shown)
     axes.set(title=title, ylabel=f"{quantity_of(sensor)} [{label}]", xmargin=0)
     legend_beside(axes)

@@ -1,8 +1,4 @@
-"""Records of a test bench: accelerations, stroke and forces over time with the forces' reversals, and spectra.
-
-Paper Figs. 30, 31. Drawn where accelerations are read over a horizon that is not one cycle; where contacts knock, the
-zones in which they do are shaded. Periodic runs have the orders of their sensors instead: amplitudes of the harmonics.
-"""
+"""Spectra of a test bench's accelerations and axial forces, paper Figs. 30, 31; orders of periodic runs."""
 
 from __future__ import annotations
 
@@ -10,24 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from kaneflex.multibody.model.building import has_modes, reference_modes
-from kaneflex.plots.sensors import grouped, in_clearance, quantity_of
-from kaneflex.plots.style import (
-    GREY,
-    PALETTE,
-    TOUCHED,
-    finish,
-    legend_above,
-    legend_beside,
-    new_figure,
-    pages,
-    readable,
-)
-from kaneflex.plots.view import Panel, View, view
+from kaneflex.plots.sensors import accelerations, grouped, quantity_of
+from kaneflex.plots.style import GREY, PALETTE, finish, legend_above, legend_beside, new_figure, pages, readable
+from kaneflex.plots.view import view
 from kaneflex.solve.coupled_linearisation import modes_at_rest
 from kaneflex.support.errors import SceneError
 
@@ -44,8 +29,6 @@ _STIFF = 1e-6
 _DECADES = 3000
 """A spectrum of more lines has a logarithmic axis of frequencies."""
 _NATURAL = 6
-_PAUSE = 0.1
-"""Share of a turn, or of a run without turning drive, without an impact that ends a zone of them."""
 _LOWEST = 1e-4
 """Share of a panel's largest amplitude below which none is drawn."""
 _SEEN = 1e-3
@@ -54,57 +37,6 @@ _CLOSED = 1e-3
 """Share of what a sensor spans by which it may miss its first value at the end of the cycle."""
 _SAME = 1e-9
 """Share of the largest value of its unit up to which what a sensor spans is taken for rounding."""
-
-
-def figures(solution: Solution) -> dict[str, Figure]:
-    """``records`` and ``spectra``."""
-    sensors = solution.model.scene.sensors
-    read = {name: sensor for name, sensor in sensors.items() if sensor.kind == "acceleration"}
-    readings: dict[str, str] = {
-        name: sensor.reading for name, sensor in read.items() if not sensor.component.startswith("angle")
-    }
-    if solution.model.options.cycles or not readings or len(solution.times) < 16:
-        return {}
-    names = sorted(readings, key=lambda name: readings[name])  # accelerometers first
-    return {"records": _records(solution, readings), "spectra": _spectra(solution, names)}
-
-
-def impact_zones(solution: Solution) -> list[tuple[float, float]]:
-    """Begin and end [s] of every zone of impacts, from the first of them to where the last closes for good or opens.
-
-    A pause of a tenth of a turn of the fastest drive, or of the run where none turns, parts two of them.
-    """
-    times, speeds = solution.times, [abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()]
-    turn = 2 * math.pi / max(speeds) if any(speeds) else float(np.ptp(times))
-    zones: list[tuple[float, float]] = []
-    for impact in sorted(solution.impacts, key=lambda impact: impact.begin):
-        short = impact.end - impact.begin < _PAUSE * turn
-        end = impact.end if short else impact.begin
-        if zones and impact.begin - zones[-1][1] < _PAUSE * turn:
-            zones[-1] = zones[-1][0], max(end, zones[-1][1])
-        else:
-            zones.append((impact.begin, end))
-    return zones
-
-
-def reversals(times: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Times [s] at which a force changes its sign, linear between samples; a zero that is only touched is none.
-
-    Parameters
-    ----------
-    times, force : ndarray (n,)
-
-    Returns
-    -------
-    ndarray (n_reversals,)
-    """
-    signs = np.sign(force)
-    known = np.flatnonzero(signs)
-    before = known[:-1][signs[known[:-1]] != signs[known[1:]]]
-    after = known[1:][signs[known[:-1]] != signs[known[1:]]]
-    # From the last sample of one sign to the first of the other; zeros between them lie on the line.
-    share = force[before] / (force[before] - force[after])
-    return times[before] + share * (times[after] - times[before])
 
 
 def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -130,81 +62,14 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
 
 
-def _records(solution: Solution, readings: dict[str, str]) -> Figure:
-    shown = view(solution)
-    titles = {"accelerometer": "Accelerometers (a \u2212 g)", "kinematic": "Accelerations"}
-    kinds = [
-        (title, "acceleration", "m/s^2", [name for name, reading in readings.items() if reading == wanted], False)
-        for wanted, title in titles.items()
-    ]
-    kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]
-    panels = [
-        Panel(title, quantity, unit, [(name, solution.series[name].values[shown.instants]) for name in names])
-        for title, quantity, unit, names, _ in kinds
-    ]
-    reversing = {title for title, *_, changes_sign in kinds if changes_sign}
-
-    def mark(axes: Axes, panel: Panel) -> None:
-        if panel.title in reversing:
-            _mark_reversals(axes, shown, panel)
-        _mark_zones(axes, shown)
-        legend_beside(axes)
-
-    return shown.page(panels, "Records over time", 8.4, 1.9, mark)
-
-
-def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
-    """Stroke, axial forces and guide forces, as far as sensors read them."""
-    scene = solution.model.scene
-
-    def named(kind: str, unit: str, guided: bool = False, loose: bool = False) -> list[str]:
-        return [
-            name
-            for name, sensor in scene.sensors.items()
-            if sensor.kind == kind and sensor.unit == unit and loose == in_clearance(scene, sensor)
-            and (not guided or scene.joints[sensor.joint_force].kind == "prismatic")
-        ]  # fmt: skip
-
-    return [
-        ("Position", "position", "m", named("position", "m"), False),
-        ("Position in a clearance", "position", "m", named("position", "m", loose=True), False),
-        ("Axial force, tension positive", "force", "N", named("axial_force", "N"), True),
-        ("Force on the guide", "force", "N", named("joint_force", "N", guided=True), True),
-        ("Contact forces", "force", "N", named("contact_force", "N"), False),
-    ]
-
-
-def _mark_zones(axes: Axes, shown: View) -> None:
-    """Shade every zone of impacts and count them in the legend; none under permanent impacts."""
-    zones = [zone for zone in impact_zones(shown.solution) if zone[1] >= shown.times[0] and zone[0] <= shown.times[-1]]
-    if sum(end - begin for begin, end in zones) > 0.5 * np.ptp(shown.times):
-        return
-    for k, zone in enumerate(zones):
-        first, last = np.interp(zone, shown.times, shown.x)
-        label = f"impact zones ({len(zones)})" if k == 0 else None
-        axes.axvspan(first, last, facecolor=TOUCHED, edgecolor=TOUCHED, linewidth=1.0, zorder=0, label=label)
-
-
-def _mark_reversals(axes: Axes, shown: View, panel: Panel) -> None:
-    """A triangle where each force changes its sign, and in the title how often that is."""
-    counts = []
-    for colour, (_, values) in zip(PALETTE, panel.curves, strict=False):
-        at = reversals(shown.times, values)
-        counts.append(len(at))
-        if len(at):
-            x = np.interp(at, shown.times, shown.x)
-            axes.plot(
-                x, np.zeros(len(x)), linestyle="none", marker="v", markersize=5, markerfacecolor="white",
-                markeredgecolor=colour, label=f"reversals ({len(at)})",
-            )  # fmt: skip
-    axes.set_title(panel.title if any(counts) else f"{panel.title}: no reversal")
-
-
-def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
-    times = solution.times
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``spectra``: of accelerations, accelerometers first, and of axial forces."""
+    times, sensors = solution.times, solution.model.scene.sensors
+    names = sorted(accelerations(solution), key=lambda name: sensors[name].reading)
+    if len(times) < 16 or not names:
+        return {}
+    names += [name for name, sensor in sensors.items() if sensor.kind == "axial_force"]
     resolution = 1.0 / (times[-1] - times[0])
-    sensors = solution.model.scene.sensors
-    names = accelerations + [name for name, sensor in sensors.items() if sensor.kind == "axial_force"]
     spectra = {name: spectrum(times, solution.series[name].values) for name in names}
     title = f"Amplitude spectra, resolution 1/T = {resolution:.3g} Hz (Hann window)"
     figure = new_figure(7.4, 0.7 + 1.8 * len(names), title)
@@ -229,7 +94,7 @@ def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
     else:
         panels[-1].set_xlim(0, scale * reach)
     panels[-1].set_xlabel(f"frequency [{unit}]")
-    return figure
+    return {"spectra": figure}
 
 
 def marked(solution: Solution, reach: float) -> list[tuple[float, str, str | None]]:
