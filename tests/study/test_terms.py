@@ -47,6 +47,9 @@ def test_groups_are_those_that_the_scene_has():
     assert names == [*terms_there, "axial", "load gas", "dynamics", "two-way coupling"]
     heavy = with_settings(read_scene("engine"), ["gravity=[0, -9.81]", "bodies.rod.beam.theory=rayleigh"])
     assert [group.name for group in groups(neutral(heavy))][5:7] == ["rotary", "gravity"]
+    assert [group.name for group in groups(neutral(read_scene("robot-arm")))] == ["gravity"]  # rigid bodies
+    still = [group.name for group in groups(neutral(scene_of("schema = 1" + COLUMN)))]
+    assert still == ["geometric", "axial", "load push", "dynamics", "two-way coupling"]  # nothing turns
 
 
 def test_a_scene_without_groups_is_refused():

@@ -12,7 +12,7 @@ from kaneflex import SceneError, Trade, read_scene, trade, with_settings
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
-from kaneflex.study.runs import Runs, Timing, cost
+from kaneflex.study.runs import Runs, Timing, cost, run
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, candidates_of, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.reference import _finer, _stored, find_reference
 from kaneflex.study.trade.trials import Trials
@@ -252,3 +252,13 @@ def test_solutions_of_earlier_runs_are_released_and_found_again(monkeypatch):
     first, second = (runs.run(model) for model in (COUPLED, STIFFENED))
     assert "solution" not in vars(first) and "solution" in vars(second)
     assert np.array_equal(first.solution["tip_axial"].values, first.curves.values["tip_axial"])
+
+
+def test_rigid_bodies_that_drives_move_are_exact_and_never_run_as_coupled():
+    told, scene = [], with_settings(read_scene("robot-arm"), ["solve.steps=200"])
+    found = trade(scene, 1e-3, 60.0, ["torque_1", "torque_2"], told.append)
+    assert found.reference.name == "rigid" and set(found.reference.doubts.values()) == {1e-9}
+    assert not any("coupled" in stage for stage in told) and found.chosen.within
+    own, coupled = (run(with_settings(scene, [f"solve.preset={each}"])).curves.values for each in ("rigid", "coupled"))
+    for name in found.reference.sensors:
+        assert own[name] == pytest.approx(coupled[name], abs=1e-9 * abs(coupled[name]).max())

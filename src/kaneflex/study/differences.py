@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kaneflex.scene import Scene
     from kaneflex.solve.curves import Curves
 
-_NOTHING = 1e-9
+ROUNDING = 1e-9
 """Share of the largest peak expected of a unit, from all sensors and loads, below which a curve is rounding error."""
 _CLOSE = 1e-9
 """Share of a run by which two end times may differ through rounding."""
@@ -141,4 +141,4 @@ def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
         ("m/s", "m", rate), ("m/s^2", "m/s", rate), ("rad/s", "rad", rate), ("rad/s^2", "rad/s", rate),
     ):  # fmt: skip
         peaks[unit] = max(peaks[unit], share * peaks[other])
-    return {unit: _NOTHING * peak for unit, peak in peaks.items()}
+    return {unit: ROUNDING * peak for unit, peak in peaks.items()}

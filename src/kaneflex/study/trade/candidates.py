@@ -29,8 +29,7 @@ _CHOICES = ("preset", "integrator", "modes", "reduction", "terms")
 _OF_A_STEP = 10.0
 """Work of the sensors at an instant, in multiples of that of a coordinate."""
 
-COUPLED = Variant("coupled", ("solve.preset=coupled",))
-STIFFENED = Variant("stiffened", ("solve.preset=stiffened",))
+RIGID, STIFFENED, COUPLED = (Variant(name, (f"solve.preset={name}",)) for name in ("rigid", "stiffened", "coupled"))
 
 
 @dataclass(frozen=True)
@@ -90,19 +89,29 @@ def elements_set(counts: Mapping[str, int]) -> tuple[str, ...]:
     return tuple(f"bodies.{name}.beam.elements={count}" for name, count in counts.items())
 
 
+def is_driven(scene: Scene) -> bool:
+    """True for a neutral scene of rigid bodies that drives move: preset ``rigid`` has rounding errors only."""
+    return scene.solve.preset != "coupled" and not (scene.is_elastic or scene.free_joints or scene.floating)
+
+
 def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
-    """Term groups that occur in the scene with this kind of dynamics."""
-    own = (name for name in TERM_NAMES if name not in UNUSED_TERMS[dynamics] and has_term(scene, name))
-    return tuple(name for name in own if name != "damping" or scene.damping is not None)
+    """Term groups that have an effect in the scene with this kind of dynamics."""
+    none = set(UNUSED_TERMS[dynamics])
+    none |= set() if scene.is_elastic else {"spin", "gyroscopic", "euler", "geometric", "damping"}
+    none |= set() if scene.drives or scene.floating else {"spin", "gyroscopic", "euler"}
+    none |= {"damping"} if scene.damping is None else set()
+    return tuple(name for name in TERM_NAMES if name not in none and has_term(scene, name))
 
 
 def families(scene: Scene, stored: int = 0) -> tuple[Family, ...]:
     """Models of a neutral scene by preset, the cheapest preset first; ``stored``: stored steps of coupled models, by
     default the scene's."""
+    if is_driven(scene):
+        return (_storing(RIGID, (RIGID,), resolve_options(scene).steps, stored),)
     coupled = _coupled(scene, stored)
     if scene.solve.preset == "coupled":
         return (coupled,)
-    rigid = () if scene.is_frame else (Family(Variant("rigid", ("solve.preset=rigid",))),)
+    rigid = () if scene.is_frame else (Family(RIGID),)
     elastic = ("quasistatic", "linear", "stiffened") if scene.is_elastic else ()
     return (*rigid, *(_one_way(scene, preset) for preset in elastic), coupled)
 
@@ -130,22 +139,26 @@ def _one_way(scene: Scene, preset: str) -> Family:
 
 def _coupled(scene: Scene, stored: int) -> Family:
     """Fewer modes of each link, each with looser tolerances of a step, by a number of stored steps."""
-    modes, tolerance, steps, work = modes_of(scene), tolerance_of(scene), resolve_options(scene).steps, {}
-    stored = stored or steps
+    modes, tolerance, work = modes_of(scene), tolerance_of(scene), dict[Variant, float]()
     for count in (modes, *(fewer for fewer in _COUPLED_MODES if scene.is_elastic and fewer < modes)):
         for limit in (tolerance, *(loose for loose in _LOOSE if loose > tolerance)):
             name = "coupled" if count == modes else f"coupled, {_count(count, 'mode')} a link"
             settings = () if count == modes else (f"solve.modes={count}",)
             if limit != tolerance:
                 name, settings = f"{name}, tolerance {limit:.0e}", (*settings, f"solve.tolerance={limit!r}")
-            model = with_stored(Variant(name, (*COUPLED.settings, *settings)), steps, stored)
-            work[model] = -math.log10(limit) * (3 + count)
-    ascending = tuple(each for each in sorted(work, key=work.__getitem__) if each != COUPLED)
-    return Family(COUPLED, finer=ascending) if stored > steps else Family(COUPLED, ascending)
+            work[Variant(name, (*COUPLED.settings, *settings))] = -math.log10(limit) * (3 + count)
+    return _storing(COUPLED, sorted(work, key=work.__getitem__), resolve_options(scene).steps, stored)
+
+
+def _storing(plain: Variant, ascending: Sequence[Variant], steps: int, stored: int) -> Family:
+    """Models by ascending work with so many stored steps instead of the scene's, and the plain one."""
+    models = (with_stored(each, steps, stored or steps) for each in ascending)
+    others = tuple(each for each in models if each != plain)
+    return Family(plain, finer=others) if stored > steps else Family(plain, others)
 
 
 def with_stored(model: Variant, steps: int, stored: int) -> Variant:
-    """A coupled model of so many steps with another number of stored ones, which hardly change what it computes."""
+    """A model of so many steps with another number of stored ones, which hardly change what it computes."""
     own = tuple(setting for setting in model.settings if not setting.startswith("solve.steps="))
     name = f"{model.name}, {_count(stored, 'step')}"
     return model if stored == steps else Variant(name, (*own, f"solve.steps={stored}"))

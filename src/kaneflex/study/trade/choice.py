@@ -20,7 +20,7 @@ from kaneflex.solve.summary_tables import Attempt, Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
-from kaneflex.study.trade.candidates import check_request, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.candidates import check_request, is_driven, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.reference import KNOWN, kept_curves, read_curves, recalled
 from kaneflex.study.trade.trials import Trial, Trials
 from kaneflex.support.errors import SceneError
@@ -83,7 +83,8 @@ def chosen(
     choices = [_choice(each, trial, model, sensors is not None) for each, trial in zip(scenes, trials, strict=True)]
     update = _largest(choices) if others else {}
     update["dropped"] = [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]
-    update |= {"compared": purpose != "run", "seconds": time.perf_counter() - started}
+    compared = purpose != "run" or is_driven(own.runs.scene)  # then no model is cheaper
+    update |= {"compared": compared, "seconds": time.perf_counter() - started}
     return choices[0].model_copy(update=update), own.runs.run(model).solution, own.reference.curves
 
 

@@ -15,9 +15,9 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, differences
+from kaneflex.study.differences import ROUNDING, Difference, differences
 from kaneflex.study.runs import Run, Runs
-from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, elements_set, with_stored
+from kaneflex.study.trade.candidates import COUPLED, RIGID, STIFFENED, elements_of, elements_set, is_driven, with_stored
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Reference:
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
     """Preset ``coupled``, or ``stiffened`` if that can't be run, refined once if that can bring the error estimate of
     a sensor within a share of the tolerance, and up to three times if else the tolerance would be refused; motions with
-    impacts hardly converge.
+    impacts hardly converge. Preset ``rigid`` of rigid bodies that drives move.
 
     Parameters
     ----------
@@ -117,11 +117,11 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     SceneError
         If no sensor, or not each named one, is within the tolerance, or the finest model does not resolve a load.
     """
-    plain, note = COUPLED, ""
+    plain, note = RIGID if is_driven(runs.scene) else COUPLED, ""
     try:
         runs.run(plain)
     except SceneError as error:
-        if runs.scene.solve.preset == "coupled":
+        if runs.scene.solve.preset == "coupled" or plain is RIGID:
             raise
         plain, note = STIFFENED, f"preset coupled can't be run: {error}"
     levels, model, enough = _levels(runs.scene, plain), plain, share * tolerance
@@ -154,7 +154,7 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
 
 def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
     """Reference of an earlier choice for the same neutral scene."""
-    plain = COUPLED if COUPLED.settings[0] in known.reference_settings else STIFFENED
+    plain = next(each for each in (COUPLED, STIFFENED, RIGID) if each.settings[0] in known.reference_settings)
     levels, steps = _levels(scene, plain), resolve_options(scene).steps
     model = next(each for each in levels if each.name == known.reference)
     beyond = {sensor: error for sensor, error in known.open.items() if sensor not in known.doubt}
@@ -181,7 +181,7 @@ def read_curves(path: Path, sensors: Sequence[str]) -> Curves | None:
 
 def _levels(scene: Scene, plain: Variant) -> tuple[Variant, ...]:
     """The plain model of a preset and finer ones; the error estimate of each runs one as fine as the next."""
-    return (plain, *(_finer(scene, plain, _FINER**k) for k in range(1, _LEVELS + 1)))
+    return (plain,) if plain is RIGID else (plain, *(_finer(scene, plain, _FINER**k) for k in range(1, _LEVELS + 1)))
 
 
 def _up_to(levels: tuple[Variant, ...], model: Variant, steps: int, stored: int) -> tuple[Variant, ...]:
@@ -211,12 +211,15 @@ def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
 def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, float]:
     """Error estimate of each sensor above rounding error, as a share of its peak; 1 if there is none.
 
-    With contacts of peak and rms. Raises SceneError if the model can't be run, or has no estimates.
+    With contacts of peak and rms. Rigid bodies that drives move have rounding errors only. Raises SceneError if the
+    model can't be run, or has no estimates.
     """
     run = runs.run(model)
     found = differences(runs.scene, sensors, model.name, run.curves, run.curves)
     if not found:
         raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
+    if is_driven(runs.scene):
+        return {each.sensor: ROUNDING for each in found}
     runs.progress(f"estimating the errors of {model.name}")
     estimates, reason = run.solution.estimated()
     if not estimates:

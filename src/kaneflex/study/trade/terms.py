@@ -109,8 +109,9 @@ class Terms:
 
 
 def groups(scene: Scene) -> tuple[Group, ...]:
-    """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; of one that only preset
-    ``coupled`` supports axial deformation and loads. :mod:`kaneflex.study.trade.parts` has its clearances and friction.
+    """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; of rigid bodies gravity
+    and loads, of one that only preset ``coupled`` supports axial deformation and loads.
+    :mod:`kaneflex.study.trade.parts` has its clearances and friction.
     """
     whole = _whole(scene.solve.preset)
     one_way = whole is STIFFENED
@@ -121,7 +122,7 @@ def groups(scene: Scene) -> tuple[Group, ...]:
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
         found.append(_without(whole, "axial", "axial deformation of the links", *rigid))
     found += [_without(whole, f"load {name}", "the whole load", f"loads.{name}=none") for name in scene.loads]
-    if one_way:
+    if one_way and scene.is_elastic:
         still = Variant("quasistatic", ("solve.preset=quasistatic",))
         found.append(Group("dynamics", "M z'' and C z', against quasi-statics", whole, still))
         found.append(Group("two-way coupling", "preset coupled, against stiffened", COUPLED, whole))
