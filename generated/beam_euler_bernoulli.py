@@ -14,7 +14,7 @@ from kaneflex.generated.compiling import njit
 from kaneflex.generated.rows import LINK_SCALARS  # digest ddb24300c8057189
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 ELEMENT_PARAMETERS = rows.PLANAR_ELEMENT[:5]  # p: name, unit, meaning
 KERNELS = ('M', 'K_s', 'K_d', 'K_g', 'C', 'F')  # what element_matrices stores, in its order
@@ -48,17 +48,21 @@ def M(p, out):
     rho_A, length = p[0], p[3]
     w0 = length*rho_A
     w1 = (length*length)*rho_A
-    w2 = out[1, 2] = out[2, 1] = 0.05238095238095238*w1
-    w3 = out[2, 4] = out[4, 2] = 0.030952380952380953*w1
+    w2 = 0.05238095238095238*w1
+    w3 = 0.030952380952380953*w1
     w4 = (length*length*length)*rho_A
-    out[0, 0] = out[3, 3] = 0.3333333333333333*w0
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = out[4, 4] = 0.37142857142857144*w0
-    out[1, 4] = out[4, 1] = 0.12857142857142856*w0
-    out[1, 5] = out[5, 1] = -w3
-    out[2, 2] = out[5, 5] = 0.009523809523809525*w4
-    out[2, 5] = out[5, 2] = -0.007142857142857143*w4
-    out[4, 5] = out[5, 4] = -w2
+    v0 = 0.3333333333333333*w0
+    v1 = 0.16666666666666666*w0
+    v2 = 0.37142857142857144*w0
+    v3 = 0.12857142857142856*w0
+    v4 = 0.009523809523809525*w4
+    v5 = -0.007142857142857143*w4
+    out[0, 0], out[0, 3] = v0, v1
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = v2, w2, v3, -w3
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = w2, v4, w3, v5
+    out[3, 0], out[3, 3] = v1, v0
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = v3, w3, v2, -w2
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = -w3, v5, -w2, v4
 
 
 @njit(**OPTIONS)
@@ -68,15 +72,18 @@ def K_s(p, out):
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
     E_A, E_I, length = p[1], p[2], p[3]
     w0 = 1.0/length
-    w1 = out[0, 0] = out[3, 3] = E_A*w0
-    w2 = out[1, 1] = out[4, 4] = 12.0*E_I/(length*length*length)
-    w3 = out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = 6.0*E_I/(length*length)
+    w1 = E_A*w0
+    w2 = 12.0*E_I/(length*length*length)
+    w3 = 6.0*E_I/(length*length)
     w4 = E_I*w0
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 4] = out[4, 1] = -w2
-    out[2, 2] = out[5, 5] = 4.0*w4
-    out[2, 4] = out[4, 2] = out[4, 5] = out[5, 4] = -w3
-    out[2, 5] = out[5, 2] = 2.0*w4
+    v0 = 4.0*w4
+    v1 = 2.0*w4
+    out[0, 0], out[0, 3] = w1, -w1
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = w2, w3, -w2, w3
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = w3, v0, -w3, v1
+    out[3, 0], out[3, 3] = -w1, w1
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = -w2, -w3, w2, -w3
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = w3, v1, -w3, v0
 
 
 @njit(**OPTIONS)
@@ -89,28 +96,28 @@ def K_d(p, s, out):
     w1 = length*rho_A
     w2 = w0*w1
     w3 = epsilon*w1
-    w4 = out[1, 0] = out[4, 3] = 0.35*w3
+    w4 = 0.35*w3
     w5 = (length*length)*rho_A
     w6 = epsilon*w5
-    w7 = out[2, 0] = out[3, 5] = 0.05*w6
-    w8 = out[1, 3] = out[4, 0] = 0.15*w3
-    w9 = out[0, 5] = out[2, 3] = 0.03333333333333333*w6
+    w7 = 0.05*w6
+    w8 = 0.15*w3
+    w9 = 0.03333333333333333*w6
     w10 = w0*w5
-    w11 = out[4, 5] = out[5, 4] = 0.05238095238095238*w10
-    w12 = out[1, 5] = out[5, 1] = 0.030952380952380953*w10
+    w11 = 0.05238095238095238*w10
+    w12 = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
-    out[0, 0] = out[3, 3] = -0.3333333333333333*w2
-    out[0, 1] = out[3, 4] = -w4
-    out[0, 2] = out[5, 3] = -w7
-    out[0, 3] = out[3, 0] = -0.16666666666666666*w2
-    out[0, 4] = out[3, 1] = -w8
-    out[1, 1] = out[4, 4] = -0.37142857142857144*w2
-    out[1, 2] = out[2, 1] = -w11
-    out[1, 4] = out[4, 1] = -0.12857142857142856*w2
-    out[2, 2] = out[5, 5] = -0.009523809523809525*w13
-    out[2, 4] = out[4, 2] = -w12
-    out[2, 5] = out[5, 2] = 0.007142857142857143*w13
-    out[3, 2] = out[5, 0] = -w9
+    v0 = -0.3333333333333333*w2
+    v1 = -0.16666666666666666*w2
+    v2 = -0.37142857142857144*w2
+    v3 = -0.12857142857142856*w2
+    v4 = -0.009523809523809525*w13
+    v5 = 0.007142857142857143*w13
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4], out[0, 5] = v0, -w4, -w7, v1, -w8, w9
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4], out[1, 5] = w4, v2, -w11, w8, v3, w12
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3], out[2, 4], out[2, 5] = w7, -w11, v4, w9, -w12, v5
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3], out[3, 4], out[3, 5] = v1, -w8, -w9, v0, -w4, w7
+    out[4, 0], out[4, 1], out[4, 2], out[4, 3], out[4, 4], out[4, 5] = w8, v3, -w12, w4, v2, w11
+    out[5, 0], out[5, 1], out[5, 2], out[5, 3], out[5, 4], out[5, 5] = -w9, w12, v5, -w7, w11, v4
 
 
 @njit(**OPTIONS)
@@ -126,20 +133,21 @@ def K_g(p, s, out):
     P_3 = -0.5*(length*length)*rho_A*w1
     P_2 = length*w0 - length*w2
     P_1 = P_0 + x_0*(w0 - 0.5*w2)
-    w4 = out[1, 1] = out[4, 4] = 1.2*P_1*w3 + 0.6*P_2*w3 + 0.34285714285714286*P_3*w3
+    w4 = 1.2*P_1*w3 + 0.6*P_2*w3 + 0.34285714285714286*P_3*w3
     w5 = 0.1*P_1
     w6 = 0.1*P_2
-    w7 = out[1, 2] = out[2, 1] = 0.07142857142857142*P_3 + w5 + w6
-    w8 = out[1, 5] = out[5, 1] = -0.02857142857142857*P_3 + w5
+    w7 = 0.07142857142857142*P_3 + w5 + w6
+    w8 = -0.02857142857142857*P_3 + w5
     w9 = 0.13333333333333333*P_1*length
     w10 = 0.03333333333333333*length
     w11 = P_3*length
-    out[1, 4] = out[4, 1] = -w4
-    out[2, 2] = P_2*w10 + 0.01904761904761905*w11 + w9
-    out[2, 4] = out[4, 2] = -w7
-    out[2, 5] = out[5, 2] = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
-    out[4, 5] = out[5, 4] = -w8
-    out[5, 5] = length*w6 + 0.08571428571428572*w11 + w9
+    v0 = P_2*w10 + 0.01904761904761905*w11 + w9
+    v1 = -P_1*w10 - 0.016666666666666666*P_2*length - 0.014285714285714285*w11
+    v2 = length*w6 + 0.08571428571428572*w11 + w9
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = w4, w7, -w4, w8
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = w7, v0, -w7, v1
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = -w4, -w7, w4, -w8
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = w8, v1, -w8, v2
 
 
 @njit(**OPTIONS)
@@ -150,15 +158,17 @@ def C(p, s, out):
     rho_A, length, omega = p[0], p[3], s[0]
     w0 = omega*rho_A
     w1 = length*w0
-    w2 = out[1, 0] = out[4, 3] = 0.7*w1
+    w2 = 0.7*w1
     w3 = (length*length)*w0
-    w4 = out[2, 0] = out[3, 5] = 0.1*w3
-    w5 = out[1, 3] = out[4, 0] = 0.3*w1
-    w6 = out[0, 5] = out[2, 3] = 0.06666666666666667*w3
-    out[0, 1] = out[3, 4] = -w2
-    out[0, 2] = out[5, 3] = -w4
-    out[0, 4] = out[3, 1] = -w5
-    out[3, 2] = out[5, 0] = -w6
+    w4 = 0.1*w3
+    w5 = 0.3*w1
+    w6 = 0.06666666666666667*w3
+    out[0, 1], out[0, 2], out[0, 4], out[0, 5] = -w2, -w4, -w5, w6
+    out[1, 0], out[1, 3] = w2, w5
+    out[2, 0], out[2, 3] = w4, w6
+    out[3, 1], out[3, 2], out[3, 4], out[3, 5] = -w5, -w6, -w2, w4
+    out[4, 0], out[4, 3] = w5, w2
+    out[5, 0], out[5, 3] = -w6, -w4
 
 
 @njit(**OPTIONS)

@@ -13,10 +13,10 @@ Kernels read beyond an array that is too short; those of kaneflex.checked(module
 from kaneflex.generated import rows
 from kaneflex.generated.compiling import njit
 from kaneflex.generated.rows import LINK_SCALARS  # digest ddb24300c8057189
-from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest b7b2434034336ce2
+from kaneflex.generated.beam_euler_bernoulli import KERNELS, TERMS  # digest 7487fc5d05f9ea2f
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 ELEMENT_PARAMETERS = rows.PLANAR_ELEMENT[:13]  # p: name, unit, meaning
 
@@ -40,7 +40,7 @@ def M(p, out):
     w1 = 0.3333333333333333*w0
     w2 = 0.08333333333333333*length
     w3 = rho_A_rise*w2
-    w4 = out[0, 0] = w1 - w3
+    w4 = w1 - w3
     w5 = phi_s + 1.0
     w6 = 1.0/w5
     w7 = rho_A_rise*w6
@@ -110,18 +110,24 @@ def M(p, out):
     w71 = 0.0005787037037037037*w68
     w72 = -rho_A_rise*w47*w66 + rho_I_rise*w67 - w24*w68*w8 - w31*w67 + w48*w66 + w52*w69 + 0.008333333333333333*w54 + 3.306878306878307e-05*w55*w68 - 6.613756613756614e-05*w6*w70 - w60*w71 + w61 + w63*w69 + w65*w71 + 3.306878306878307e-05*w70
     w73 = 0.3*w52 + 0.0011904761904761906*w55 + 0.3333333333333333*w63 - w64 + 0.020833333333333332*w65 + w72
-    w74 = out[3, 3] = w1 + w3
-    out[0, 3] = out[3, 0] = 0.16666666666666666*w0
-    out[1, 1] = w13 + w4 - w9
-    out[1, 2] = out[2, 1] = -w17 + w29 + w42
-    out[1, 4] = out[4, 1] = 0.16666666666666666*length*rho_A - w13
-    out[1, 5] = out[5, 1] = -w43 + w44 + w45
-    out[2, 2] = -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73
-    out[2, 4] = out[4, 2] = -w42 - w43 - w44
-    out[2, 5] = out[5, 2] = 0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72
-    out[4, 4] = w13 + w74 + w9
-    out[4, 5] = out[5, 4] = -w17 - w29 - w45
-    out[5, 5] = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
+    w74 = w1 + w3
+    v0 = 0.16666666666666666*w0
+    v1 = w13 + w4 - w9
+    v2 = -w17 + w29 + w42
+    v3 = 0.16666666666666666*length*rho_A - w13
+    v4 = -w43 + w44 + w45
+    v5 = -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73
+    v6 = -w42 - w43 - w44
+    v7 = 0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72
+    v8 = w13 + w74 + w9
+    v9 = -w17 - w29 - w45
+    v10 = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
+    out[0, 0], out[0, 3] = w4, v0
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = v1, v2, v3, v4
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = v2, v5, v6, v7
+    out[3, 0], out[3, 3] = v0, w74
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = v3, v6, v8, v9
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = v4, v7, v9, v10
 
 
 @njit(**OPTIONS)
@@ -131,28 +137,30 @@ def K_s(p, out):
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
     E_A, E_I, length, E_I_rise, phi_s = p[1], p[2], p[3], p[7], p[12]
     w0 = 1.0/length
-    w1 = out[0, 0] = out[3, 3] = E_A*w0
+    w1 = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
-    w4 = out[1, 1] = out[4, 4] = 12.0*w3/(length*length*length)
+    w4 = 12.0*w3/(length*length*length)
     w5 = 1.0/(length*length)
     w6 = 6.0*w3*w5
     w7 = E_I_rise*w2
     w8 = w5*w7
-    w9 = out[1, 2] = out[2, 1] = w6 - w8
-    w10 = out[1, 5] = out[5, 1] = w6 + w8
+    w9 = w6 - w8
+    w10 = w6 + w8
     w11 = w0*w7
     w12 = E_I*w0
     w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
     w14 = w12 + w13*w2 - w13
     w15 = 3.0*w12*w2 + w14
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 4] = out[4, 1] = -w4
-    out[2, 2] = -w11 + w15
-    out[2, 4] = out[4, 2] = -w9
-    out[2, 5] = out[5, 2] = 3.0*E_I*w0*w2 - w14
-    out[4, 5] = out[5, 4] = -w10
-    out[5, 5] = w11 + w15
+    v0 = -w11 + w15
+    v1 = 3.0*E_I*w0*w2 - w14
+    v2 = w11 + w15
+    out[0, 0], out[0, 3] = w1, -w1
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = w4, w9, -w4, w10
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = w9, v0, -w9, v1
+    out[3, 0], out[3, 3] = -w1, w1
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = -w4, -w9, w4, -w10
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = w10, v1, -w10, v2
 
 
 @njit(**OPTIONS)
@@ -234,35 +242,41 @@ def K_d(p, s, out):
     w69 = w2 + w4
     w70 = w46 + w69
     w71 = w15 + w34 + w67
-    out[0, 0] = -w0*w5
-    out[0, 1] = -epsilon*w12
-    out[0, 2] = -epsilon*w31
-    out[0, 3] = out[3, 0] = -w0*w32
-    out[0, 4] = -epsilon*w33
-    out[0, 5] = epsilon*w35
-    out[1, 0] = epsilon*w12
-    out[1, 1] = w0*(w36 - w38 - w5)
-    out[1, 2] = out[2, 1] = w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45)
-    out[1, 3] = -epsilon*w47
-    out[1, 4] = out[4, 1] = w0*(-w32 + w38)
-    out[1, 5] = out[5, 1] = w0*(w19 - w22 + w24 - w44 - w50)
-    out[2, 0] = epsilon*w31
-    out[2, 2] = w0*(w54 + w57 - w59 - w66)
-    out[2, 3] = epsilon*w68
-    out[2, 4] = out[4, 2] = w0*(w15 - w25 + w43 - w50)
-    out[2, 5] = out[5, 2] = w0*(-w60 + w65)
-    out[3, 1] = epsilon*w47
-    out[3, 2] = -epsilon*w68
-    out[3, 3] = -w0*w69
-    out[3, 4] = -epsilon*w70
-    out[3, 5] = epsilon*w71
-    out[4, 0] = epsilon*w33
-    out[4, 3] = epsilon*w70
-    out[4, 4] = w0*(-w36 - w38 - w69)
-    out[4, 5] = out[5, 4] = w0*(0.005357142857142857*w23 + w45 + w49)
-    out[5, 0] = -epsilon*w35
-    out[5, 3] = -epsilon*w71
-    out[5, 5] = w0*(-w54 - w57 + w59 - w66)
+    v0 = -w0*w5
+    v1 = -epsilon*w12
+    v2 = -epsilon*w31
+    v3 = -w0*w32
+    v4 = -epsilon*w33
+    v5 = epsilon*w35
+    v6 = epsilon*w12
+    v7 = w0*(w36 - w38 - w5)
+    v8 = w0*(0.005357142857142857*rho_A_rise*w13*w7 + w17 - w28 + w39 + w42 - w45)
+    v9 = -epsilon*w47
+    v10 = w0*(-w32 + w38)
+    v11 = w0*(w19 - w22 + w24 - w44 - w50)
+    v12 = epsilon*w31
+    v13 = w0*(w54 + w57 - w59 - w66)
+    v14 = epsilon*w68
+    v15 = w0*(w15 - w25 + w43 - w50)
+    v16 = w0*(-w60 + w65)
+    v17 = epsilon*w47
+    v18 = -epsilon*w68
+    v19 = -w0*w69
+    v20 = -epsilon*w70
+    v21 = epsilon*w71
+    v22 = epsilon*w33
+    v23 = epsilon*w70
+    v24 = w0*(-w36 - w38 - w69)
+    v25 = w0*(0.005357142857142857*w23 + w45 + w49)
+    v26 = -epsilon*w35
+    v27 = -epsilon*w71
+    v28 = w0*(-w54 - w57 + w59 - w66)
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4], out[0, 5] = v0, v1, v2, v3, v4, v5
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4], out[1, 5] = v6, v7, v8, v9, v10, v11
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3], out[2, 4], out[2, 5] = v12, v8, v13, v14, v15, v16
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3], out[3, 4], out[3, 5] = v3, v17, v18, v19, v20, v21
+    out[4, 0], out[4, 1], out[4, 2], out[4, 3], out[4, 4], out[4, 5] = v22, v10, v15, v23, v24, v25
+    out[5, 0], out[5, 1], out[5, 2], out[5, 3], out[5, 4], out[5, 5] = v26, v11, v16, v27, v25, v28
 
 
 @njit(**OPTIONS)
@@ -348,15 +362,19 @@ def K_g(p, s, out):
     P_2 = a_x*w1 - w3 + x_0*(0.5*length*rho_A_rise*w0 - w0*w1)
     P_3 = -rho_A*w4*w5 - w2*w4*x_0 + w3 + 0.25*w6
     P_4 = -0.3333333333333333*w6
-    out[1, 1] = out[4, 4] = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
-    out[1, 2] = out[2, 1] = P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39
-    out[1, 4] = out[4, 1] = -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17
-    out[1, 5] = out[5, 1] = P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43
-    out[2, 2] = P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69)
-    out[2, 4] = out[4, 2] = -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39
-    out[2, 5] = out[5, 2] = P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68)
-    out[4, 5] = out[5, 4] = -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43
-    out[5, 5] = P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69)
+    v0 = P_1*w11 + P_2*w13 + P_3*w16 + P_4*w17
+    v1 = P_1*w23 + P_2*w29 + P_3*w34 + P_4*w39
+    v2 = -P_1*w11 - P_2*w13 - P_3*w16 - P_4*w17
+    v3 = P_1*w40 + P_2*w41 + P_3*w42 + P_4*w43
+    v4 = P_1*(-w46 + w47 + w54) + P_2*(-w55 + 0.013888888888888888*w56 + w60 + w62) + P_3*(0.011904761904761904*w56 + w60 - w63 + w65) + P_4*(0.010714285714285714*w56 - w66 - w67 + w69)
+    v5 = -P_1*w23 - P_2*w29 - P_3*w34 - P_4*w39
+    v6 = P_1*(0.05*length*w9 - w53) + P_2*(0.025*length*w9 - w61 - w70) + P_3*(0.01904761904761905*length*w9 - w64 - w70) + P_4*(0.01607142857142857*length*w9 - 0.005357142857142857*w56 - w68)
+    v7 = -P_1*w40 - P_2*w41 - P_3*w42 - P_4*w43
+    v8 = P_1*(w46 - w47 + w54) + P_2*(-w30*w50 + w55 + w62 + w71) + P_3*(-0.0007936507936507937*w56 + w63 + w65 + w71) + P_4*(w66 + w67 + w69)
+    out[1, 1], out[1, 2], out[1, 4], out[1, 5] = v0, v1, v2, v3
+    out[2, 1], out[2, 2], out[2, 4], out[2, 5] = v1, v4, v5, v6
+    out[4, 1], out[4, 2], out[4, 4], out[4, 5] = v2, v5, v0, v7
+    out[5, 1], out[5, 2], out[5, 4], out[5, 5] = v3, v6, v7, v8
 
 
 @njit(**OPTIONS)
@@ -400,22 +418,28 @@ def C(p, s, out):
     w31 = -w11 + w19 + w30
     w32 = w1 + w28 + w3
     w33 = w11 + w26 + w30
-    out[0, 1] = -omega*w8
-    out[0, 2] = -omega*w23
-    out[0, 4] = -omega*w25
-    out[0, 5] = omega*w27
-    out[1, 0] = omega*w8
-    out[1, 3] = -omega*w29
-    out[2, 0] = omega*w23
-    out[2, 3] = omega*w31
-    out[3, 1] = omega*w29
-    out[3, 2] = -omega*w31
-    out[3, 4] = -omega*w32
-    out[3, 5] = omega*w33
-    out[4, 0] = omega*w25
-    out[4, 3] = omega*w32
-    out[5, 0] = -omega*w27
-    out[5, 3] = -omega*w33
+    v0 = -omega*w8
+    v1 = -omega*w23
+    v2 = -omega*w25
+    v3 = omega*w27
+    v4 = omega*w8
+    v5 = -omega*w29
+    v6 = omega*w23
+    v7 = omega*w31
+    v8 = omega*w29
+    v9 = -omega*w31
+    v10 = -omega*w32
+    v11 = omega*w33
+    v12 = omega*w25
+    v13 = omega*w32
+    v14 = -omega*w27
+    v15 = -omega*w33
+    out[0, 1], out[0, 2], out[0, 4], out[0, 5] = v0, v1, v2, v3
+    out[1, 0], out[1, 3] = v4, v5
+    out[2, 0], out[2, 3] = v6, v7
+    out[3, 1], out[3, 2], out[3, 4], out[3, 5] = v8, v9, v10, v11
+    out[4, 0], out[4, 3] = v12, v13
+    out[5, 0], out[5, 3] = v14, v15
 
 
 @njit(**OPTIONS)

@@ -17,7 +17,7 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # numbers of a body: its own, of a shape by its kind, of a pair of shapes
 BODY = {

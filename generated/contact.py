@@ -14,7 +14,7 @@ Kernels check nothing: of an array that is too short they read what lies behind 
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 NUMBERS = ('direction_x', 'direction_y', 'reach', 'K', 'n', 'chi', 'e', 'radius')  # of a contact, in p
 KINDS = ('point-line', 'circles', 'angle')  # of geometry

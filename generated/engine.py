@@ -14,11 +14,11 @@ from kaneflex.generated.compiling import njit
 from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import ELEMENT_PARAMETERS, LINK_SCALARS
 from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, element_matrices
-from kaneflex.generated.tables import table  # digest 13eb6ef7084dfc2f
+from kaneflex.generated.tables import table  # digest 4cd32f338f5babc9
 
 FORMAT = 3
 STRUCTURE = "3302ebbbfc4bb91f"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # p: path of the number in the scene, unit
 PARAMETERS = (

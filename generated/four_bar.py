@@ -17,7 +17,7 @@ from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_d, K_g, C, F, elem
 
 FORMAT = 3
 STRUCTURE = "63642abedd1bcf27"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # p: path of the number in the scene, unit
 PARAMETERS = (

@@ -12,7 +12,7 @@ from kaneflex.generated.laws import no_courses as courses
 
 FORMAT = 3
 STRUCTURE = "a5d8b04263499dc7"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 PARAMETERS = ()  # p: path, unit
 TABLES = ()  # what has a table in p, which begins at <path>.table

@@ -15,7 +15,7 @@ import math
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # sec: the numbers of section i begin at 9 i
 SECTION = ('x', 'y', 'theta', 'v_x', 'v_y', 'omega', 'a_x', 'a_y', 'epsilon')

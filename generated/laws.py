@@ -10,7 +10,7 @@ import math
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 
 @njit(**OPTIONS)

@@ -17,7 +17,7 @@ from kaneflex.generated.beam_euler_bernoulli import M, K_s, K_g, element_matrice
 
 FORMAT = 3
 STRUCTURE = "aca5cf9a75bab0b4"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # p: path of the number in the scene, unit
 PARAMETERS = (

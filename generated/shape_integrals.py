@@ -14,7 +14,7 @@ import numpy as np
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # Rows and columns of an element's nodes: u, theta_x; v, theta_z; w, theta_y.
 U = np.array((0, 6))

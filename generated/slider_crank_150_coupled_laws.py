@@ -12,7 +12,7 @@ from kaneflex.generated.laws import no_magnitudes as magnitudes
 
 FORMAT = 3
 STRUCTURE = "8de652c71222d7c7"
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 PARAMETERS = (('drives.main.speed', 'rad/s'), ('drives.main.angle', 'rad'))  # p: path, unit
 TABLES = ()  # what has a table in p, which begins at <path>.table

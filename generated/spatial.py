@@ -18,7 +18,7 @@ import math
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 # sec: the numbers of section i begin at 15 i
 SECTION = (

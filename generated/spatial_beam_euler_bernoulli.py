@@ -16,10 +16,10 @@ from kaneflex.generated.compiling import njit
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
     SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill_both, fill_load, fill_square,
-)  # digest 029c4814df5589ab
+)  # digest 8eb042bac17a1ec6
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 ELEMENT_PARAMETERS = rows.SPATIAL_ELEMENT[:10]  # p: name, unit, meaning
 

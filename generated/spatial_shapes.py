@@ -23,7 +23,7 @@ import math
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 KINDS = ('u', 'v', 'w', 't', 'g')  # kinds of shapes in their order in a body
 CUBIC = ('v', 'w', 't')  # kinds of the shapes of a cubic strain energy

@@ -8,7 +8,7 @@ Names of a block's numbers are said in kaneflex.scene.tables.
 from kaneflex.generated.compiling import njit
 
 FORMAT = 3
-OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 
 @njit(forceinline=True, **OPTIONS)

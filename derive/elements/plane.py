@@ -17,7 +17,7 @@ from kaneflex.derive.elements.beam import Element, beam_element
 from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_TERMS
 from kaneflex.derive.elements.shapes import x_0
 from kaneflex.derive.ir.names import Names
-from kaneflex.derive.ir.program import Program, share
+from kaneflex.derive.ir.program import Program, named, share
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.derive.printers.rows import element_table, rows_text
@@ -107,7 +107,9 @@ def element_kernel(name: str, element: Element) -> emit.Printed:
     arguments = ("p", "s", "out") if any(term.scalar != 1 for term in chosen) else ("p", "out")
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
     doc += " out: zeros; structural zeros are not stored."
-    return emit.Kernel(share(Program(name, symbols, steps, _stores(stored))), arguments, inputs, doc), raw
+    program = share(Program(name, symbols, steps, _stores(stored)))
+    matrix = stored.cols > 1
+    return emit.Kernel(named(program) if matrix else program, arguments, inputs, doc, by_rows=matrix), raw
 
 
 def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:

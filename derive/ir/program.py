@@ -87,7 +87,7 @@ def share(program: Program, prefix: str = "w") -> Program:
     named: list[Assignment] = []
     for symbol, expression in program.assignments:
         expression = expression.xreplace(alias)
-        if expression.is_Atom or (-expression).is_Atom:
+        if is_signed(expression):
             alias[symbol] = expression
         else:
             named.append((symbol, expression))
@@ -131,6 +131,22 @@ def _renamed(
     found = [(kept[symbol], value) for symbol, value in temporaries if symbol in kept]
     found += [(symbol, value) for symbol, value in named if value not in spare]
     return [(symbol, value.xreplace(replaced)) for symbol, value in found], replaced
+
+
+def named(program: Program, prefix: str = "v") -> Program:
+    """With a symbol for every output that is an expression, but for mere signs; equal ones have the same."""
+    taken = {*program.inputs, *(symbol for symbol, _ in program.assignments)}
+    free = (symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken)
+    values = dict.fromkeys(value for _, value in program.outputs if not is_signed(value))
+    found = dict(zip(values, free, strict=False))
+    assignments = (*program.assignments, *((symbol, value) for value, symbol in found.items()))
+    outputs = tuple((slot, found.get(value, value)) for slot, value in program.outputs)
+    return replace(program, assignments=assignments, outputs=outputs)
+
+
+def is_signed(expression: sm.Expr) -> bool:
+    """True for a symbol or number, perhaps with a sign."""
+    return bool(expression.is_Atom or (-expression).is_Atom)
 
 
 def _executable_order(assignments: Iterable[Assignment], inputs: Iterable[sm.Symbol]) -> tuple[Assignment, ...]:
@@ -227,7 +243,7 @@ class Steps:
     def assign(self, symbol: sm.Symbol | str, expression: sm.Expr) -> sm.Expr:
         """Record ``symbol = expression`` and return the symbol or number that replaces the expression."""
         expression, name = sm.sympify(expression), str(symbol)
-        if expression.is_Atom or (-expression).is_Atom:
+        if is_signed(expression):
             return expression
         while name in self._taken:  # a scene's own name may be one that the derivation uses
             name += "_"

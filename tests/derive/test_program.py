@@ -12,7 +12,15 @@ from kaneflex import scene_of
 from kaneflex.derive.equations.law_expression import law_expression
 from kaneflex.derive.equations.linear import StructurallySingular, determinant, solve_blocks
 from kaneflex.derive.generate import derive_equations
-from kaneflex.derive.ir.program import Program, Steps, expanded_operation_count, operation_count, prune, share
+from kaneflex.derive.ir.program import (
+    Program,
+    Steps,
+    expanded_operation_count,
+    named,
+    operation_count,
+    prune,
+    share,
+)
 from kaneflex.derive.printers import functions_text
 from kaneflex.derive.printers.bracketed import bracketed
 from kaneflex.derive.printers.numba_printer import Kernel, NumbaPrinter, print_kernel
@@ -196,6 +204,16 @@ def test_a_printed_kernel_reads_what_it_uses_and_stores_what_is_not_zero():
     scope["p"]([2.0, 3.0, 4.0, 5.0], out)
     assert out == [10.0, 0.0]
     assert scope["p"].__doc__ == "Doc."
+
+
+def test_a_matrix_is_stored_last_and_row_by_row():
+    entries = {"out[0, 0]": a * b, "out[0, 1]": -c, "out[1, 0]": a * b, "out[1, 1]": -a * b}
+    program = named(Program("p", INPUTS, (), tuple(entries.items())))
+    text = print_kernel(Kernel(program, ("p", "out"), (), "Doc.", by_rows=True))
+    *_, first, second = text.rstrip().splitlines()
+    assert first.strip() == "out[0, 0], out[0, 1] = v0, -c"
+    assert second.strip() == "out[1, 0], out[1, 1] = v0, v1"
+    assert evaluated(program, VALUES) == pytest.approx([-0.886703, -0.417, -0.886703, 0.886703], rel=1e-12)
 
 
 def test_a_printed_kernel_reads_from_where_its_numbers_begin():
