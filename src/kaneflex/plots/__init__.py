@@ -23,22 +23,24 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 
-KINDS: dict[str, tuple[str | None, str | None]] = {
-    "mechanism": ("deformed.figures", "deformed.figures"),
-    "sensors": ("sensors.figures", "sensors.figures"),
-    "loads": ("loads.figures", "loads.figures"),
-    "motion": ("motion.figures", "paths.in_space"),
-    "paths": ("paths.figures", "paths.hodographs"),
-    "modes": ("modes.figures", "modes.figures"),
-    "displacements": ("displacements.figures", None),
-    "surfaces": ("displacements.surfaces", None),
-    "stresses": ("stress.figures", "stress.figures"),
-    "clearances": ("clearances.figures", "clearances.figures"),
-    "spectra": ("spectra.orders spectra.figures", "spectra.orders"),
-    "energy": ("loads.energy", "loads.energy"),
-    "animation": ("animation.animate", "animation.animate"),
+KINDS: dict[str, str] = {
+    "mechanism": "deformed.figures",
+    "sensors": "sensors.figures",
+    "loads": "loads.figures",
+    "motion": "motion.figures",
+    "paths": "paths.figures",
+    "modes": "modes.figures",
+    "displacements": "displacements.figures",
+    "surfaces": "displacements.surfaces",
+    "stresses": "stress.figures",
+    "clearances": "clearances.figures",
+    "spectra": "spectra.figures",
+    "energy": "loads.energy",
+    "animation": "animation.animate",
 }
-"""Kinds of pictures by the name that a user asks for: the functions that make them in the plane and in space."""
+"""Kinds of pictures by the name that a user asks for, and the functions that make them."""
+_IN_THE_PLANE = ("motion", "displacements", "surfaces")
+"""Kinds of pictures of planar mechanisms alone."""
 _SVG, _ALL = "svg", "all"
 """Names beside those of the kinds: each still picture as SVG, too; everything."""
 _WITHOUT_MOTION = ("modes",)
@@ -222,10 +224,9 @@ def explore(
 def _makers(solution: Solution, kinds: Iterable[str]) -> list[tuple[str, Callable[..., Any]]]:
     """Kinds of pictures to draw with their functions; a run without a periodic state has no instant to draw."""
     found = []
+    spatial, moves = solution.model.scene.is_spatial, len(solution.times) > 1
     for kind in (kind for kind in kinds if kind != _SVG):
-        names = KINDS[kind][solution.model.scene.is_spatial]
-        if names is not None and (len(solution.times) > 1 or kind in _WITHOUT_MOTION):
-            for name in names.split():
-                module, function = name.split(".")
-                found.append((kind, getattr(import_module(f"kaneflex.plots.{module}"), function)))
+        if (moves or kind in _WITHOUT_MOTION) and not (spatial and kind in _IN_THE_PLANE):
+            module, function = KINDS[kind].split(".")
+            found.append((kind, getattr(import_module(f"kaneflex.plots.{module}"), function)))
     return found

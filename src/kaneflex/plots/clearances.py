@@ -33,8 +33,6 @@ _ENDS = ("rear end", "front end", "rear face", "front face")
 """Names of a pin's ends and of the faces beside it in space, in the order of their contacts."""
 _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 """Corners of a block: the two of a face often go together."""
-_LEAST = 0.01
-"""Share of the largest possible tilt below which the axis of the tilt is not stretched."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -42,95 +40,71 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if record_of(solution) is None:
         return {}
     shown = view(solution)
-    return {
-        f"clearance_{name}": (_block if loose.direction and len(loose.direction) == 2 else _journal)(shown, name, loose)
-        for name, loose in solution.model.scene.loose.items()
-    }
+    return {f"clearance_{name}": _figure(shown, name, loose) for name, loose in solution.model.scene.loose.items()}
 
 
-def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
-    """Path of a pin's or ball's middle, in space of a pin's ends or of a block; the eccentricity and the forces."""
+def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
+    """Path of a pin's or ball's middle, in space of a pin's ends, or of a block, in the plane over its tilt; the
+    eccentricity and the forces."""
     factor, unit = readable("m", np.array([loose.room]))
-    room, bearing = factor * loose.room, loose.direction is None
-    title = f"Clearance of {name}: {room:.4g} {unit} {'in radius' if bearing else 'to every face'}{shown.note}"
-    figure, path, over = _page(title, 2)
-    touching, ends = _touching(shown, loose.contacts), dict(zip(_ENDS, loose.contacts, strict=False))
-    if bearing:
-        path.add_patch(Circle((0, 0), room, fill=False, label="clearance circle"))
-        called = {end: (key,) for end, key in ends.items()} if loose.axis else {"force": loose.contacts}
-    else:
-        path.add_patch(Rectangle((-room, -room), 2.0 * room, 2.0 * room, fill=False, label="limits of the position"))
-        called = {face: loose.contacts[4 * k : 4 * k + 4] for k, face in enumerate(_FACES)}
+    room, bearing, tilts = factor * loose.room, loose.direction is None, _tilts(loose)
+    kind = "in radius" if bearing else "to either face" if tilts else "to every face"
+    figure = new_figure(12.6, 5.4, f"Clearance of {name}: {room:.4g} {unit} {kind}{shown.note}")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
+    over, path = [figure.add_subplot(grid[0, 1])], figure.add_subplot(grid[:, 0])
+    over.append(figure.add_subplot(grid[1, 1], sharex=over[0]))
+    ends = dict(zip(_ENDS, loose.contacts, strict=False))
     body = ("ball" if not loose.axis and shown.solution.model.scene.is_spatial else "pin") if bearing else "block"
-    parts = {f"{body}'s middle": (name, loose.contacts)}
+    parts = {body if tilts else f"{body}'s middle": (name, loose.contacts)}
     if loose.axis:
         parts = {end: (key, (key,)) for end, key in [*ends.items()][:2]}
     turned, right, up, where = _picture(shown, loose)
-    reach = room
-    for (part, (key, contacts)), colour in zip(parts.items(), PALETTE[::2], strict=False):
-        place = factor * turned(shown.motion.clearance(key))
-        reach = max(reach, float(np.abs(place).max()))
-        _path(path, shown, contacts, place, f"of the {part}", colour)
-    path.set(xlim=(-1.06 * reach, 1.06 * reach), ylim=(-1.06 * reach, 1.06 * reach), aspect="equal")
-    path.set(xlabel=f"{right} [{unit}]", ylabel=f"{up} [{unit}]")
-    path.set_title(f"Path in the {'bearing' if bearing else 'guide'}, {where}")
+    drawn = [(part, contacts, turned(shown.motion.clearance(key))) for part, (key, contacts) in parts.items()]
+    if tilts:
+        most = loose.room / (0.5 * loose.length)
+        scale, degrees = readable("rad", np.array([most]))
+        rhombus = [(most * scale, 0), (0, room), (-most * scale, 0), (0, -room)]
+        path.add_patch(Polygon(rhombus, fill=False, label="limits of position and tilt"))
+        path.set(xlabel=f"tilt [{degrees}]", ylabel=f"position across the guide [{unit}]")
+        path.set_title("Position across the guide over the tilt")
+        called = {corner: (key,) for key, corner in zip(loose.contacts, _CORNERS, strict=True)}
+    else:
+        scale, reach = factor, max(loose.room, *(float(np.abs(place).max()) for *_, place in drawn))
+        limit = Rectangle((-room, -room), 2.0 * room, 2.0 * room, fill=False, label="limits of the position")
+        path.add_patch(Circle((0, 0), room, fill=False, label="clearance circle") if bearing else limit)
+        ends_of_axes = -1.06 * factor * reach, 1.06 * factor * reach
+        path.set(xlim=ends_of_axes, ylim=ends_of_axes, aspect="equal")
+        path.set(xlabel=f"{right} [{unit}]", ylabel=f"{up} [{unit}]")
+        path.set_title(f"Path in the {'bearing' if bearing else 'guide'}, {where}")
+        called = {end: (key,) for end, key in ends.items()} if loose.axis else {"force": loose.contacts}
+        if not bearing:
+            called = {face: loose.contacts[4 * k : 4 * k + 4] for k, face in enumerate(_FACES)}
+    for (part, contacts, place), colour in zip(drawn, PALETTE[::2], strict=False):
+        _path(path, shown, contacts, np.array([scale * place[0], factor * place[1]]), f"of the {part}", colour)
     ratio = eccentricity(shown.solution, name)[shown.instants]
     over[0].plot(shown.x, ratio, color=PALETTE[0], linewidth=0.9, label="eccentricity")
     over[0].axhline(1.0, color="black", linestyle="--", linewidth=0.8, label="the sides touch")
     over[0].set(title="Eccentricity over the clearance", ylabel="eccentricity [1]", xmargin=0)
     _forces(over[1], shown, called)
-    _finish(over, shown, touching)
+    _finish(over, shown, _touching(shown, loose.contacts))
     return figure
+
+
+def _tilts(loose: LooseJoint) -> bool:
+    """True for a block on a guide in the plane."""
+    return loose.direction is not None and len(loose.direction) == 2
 
 
 def _picture(shown: View, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
     """Projection of global vectors, (2 or 3, n_times), on a picture, and names of its axes and of their directions."""
     scene, axis = shown.solution.model.scene, loose.axis or loose.direction
-    if not scene.is_spatial:
-        return lambda way: way[:2], "x", "y", "global axes"
+    if not scene.is_spatial:  # a block's place and tilt, see Motion.clearance
+        return lambda way: way[[2, 1]] if _tilts(loose) else way[:2], "x", "y", "global axes"
     if axis is None:
         return lambda way: seen(way.T, view_of(scene)).T, "to the right", "upwards", "seen as the mechanism"
     up = np.array(loose.clearance.normal or across(np.array(axis))[0])
     turned, first = np.array([np.cross(axis, up), up]), loose.sides[0].body
     return lambda way: turned @ shown.motion.seen_from(first, way), "to the right", "upwards", "seen along its axis"
-
-
-def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
-    """A block's place over its tilt; over time the gaps of its corners, its place, its tilt and the forces."""
-    factor, unit = readable("m", np.array([loose.room]))
-    title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} to either face{shown.note}"
-    figure, path, over = _page(title, 4)
-    corners = dict(zip(loose.contacts, _CORNERS, strict=True))
-    _, place, tilt = shown.motion.clearance(name)
-    most = loose.room / (0.5 * loose.length)
-    turned, degrees = readable("rad", np.array([most]))
-    rhombus = np.array([(most * turned, 0), (0, loose.room * factor), (-most * turned, 0), (0, -loose.room * factor)])
-    path.add_patch(Polygon(rhombus, fill=False, label="limits of position and tilt"))
-    _path(path, shown, loose.contacts, np.array([turned * tilt, factor * place]), "of the block")
-    path.set(xlabel=f"tilt [{degrees}]", ylabel=f"position across the guide [{unit}]")
-    path.set_title("Position across the guide over the tilt")
-    for (key, corner), colour, dashes in zip(corners.items(), PALETTE, _DASHES, strict=False):
-        gap = factor * shown.motion.contact(key)[0]
-        over[0].plot(shown.x, gap, color=colour, linestyle=dashes, linewidth=1.1, label=corner)
-    over[0].set(title="Gaps at the corners", ylabel=f"gap [{unit}]", xmargin=0)
-    over[1].plot(shown.x, factor * place, linewidth=0.9)
-    over[1].set(title="Position across the guide, to the left positive", ylabel=f"position [{unit}]", xmargin=0)
-    over[2].plot(shown.x, turned * tilt, linewidth=0.9)
-    over[2].set(title="Tilt", ylabel=f"tilt [{degrees}]", xmargin=0)
-    least, (low, high) = _LEAST * turned * most, over[2].get_ylim()
-    over[2].set_ylim(min(low, -least), max(high, least))
-    _forces(over[3], shown, {corner: (key,) for key, corner in corners.items()})
-    _finish(over, shown, _touching(shown, loose.contacts))
-    return figure
-
-
-def _page(title: str, rows: int) -> tuple[Figure, Axes, list[Axes]]:
-    """A panel for the path on the left, and others over time on the right."""
-    figure = new_figure(12.6, max(5.4, 0.8 + 1.7 * rows), title)
-    grid = figure.add_gridspec(rows, 2, width_ratios=(1.0, 1.15))
-    over = [figure.add_subplot(grid[0, 1])]
-    over += [figure.add_subplot(grid[row, 1], sharex=over[0]) for row in range(1, rows)]
-    return figure, figure.add_subplot(grid[:, 0]), over
 
 
 def _path(

@@ -48,7 +48,7 @@ def surfaces(solution: Solution) -> dict[str, Figure]:
 
 def _nodal(shown: View) -> list[Panel]:
     """Displacements and rotation of every joint and free end of elastic links, as far as it moves."""
-    found = [*_joints(shown), *_free_ends(shown)]
+    found = [*_nodes(shown)]
     largest = {"m": 0.0, "rad": 0.0}
     for _, unit, curves in found:
         largest[unit] = max(largest[unit], *(float(np.abs(values).max()) for _, values in curves))
@@ -61,34 +61,22 @@ def _nodal(shown: View) -> list[Panel]:
     return panels
 
 
-def _joints(shown: View) -> Iterator[tuple[str, str, Curves]]:
-    """q numbered as in the paper: three for each revolute joint or weld, in the scene's order."""
+def _nodes(shown: View) -> Iterator[tuple[str, str, Curves]]:
+    """Joints but guides with q numbered as in the paper, three for each in the scene's order; then free ends."""
     scene = shown.solution.model.scene
-    joints = [(name, joint) for name, joint in scene.joints.items() if joint.kind != "prismatic"]
-    for number, (name, joint) in enumerate(joints):
-        q = {
-            side.body: _global(shown, side.body, scene.point(side)[0])
-            for side in joint.addresses
-            if side.body in shown.lengths
-        }
+    points = {name: [(side.body, scene.point(side)[0]) for side in joint.addresses]
+              for name, joint in scene.joints.items()}  # fmt: skip
+    numbered = enumerate(name for name, joint in scene.joints.items() if joint.kind != "prismatic")
+    nodes = [([f"$q_{{{3 * n + k}}}$: {name}" for k in (1, 2, 3)], name, points[name]) for n, name in numbered]
+    ends = [(body, end, x) for body, length in shown.lengths.items() for end, x in (("start", 0.0), ("end", length))]
+    jointed = {point for both in points.values() for point in both}
+    nodes += [([f"{body}.{end}"] * 3, body, [(body, x)]) for body, end, x in ends if (body, x) not in jointed]
+    for titles, label, both in nodes:
+        q = [(body, _global(shown, body, x)) for body, x in both if body in shown.lengths]
         if q:
-            X, Y, _ = next(iter(q.values()))
-            turns = _distinct([(body, series[2]) for body, series in q.items()])
-            yield f"$q_{{{3 * number + 1}}}$: {name}, X", "m", [(name, X)]
-            yield f"$q_{{{3 * number + 2}}}$: {name}, Y", "m", [(name, Y)]
-            yield f"$q_{{{3 * number + 3}}}$: {name}, rotation", "rad", turns
-
-
-def _free_ends(shown: View) -> Iterator[tuple[str, str, Curves]]:
-    scene = shown.solution.model.scene
-    jointed = {(side.body, scene.point(side)[0]) for joint in scene.joints.values() for side in joint.addresses}
-    for body, length in shown.lengths.items():
-        for end, x in (("start", 0.0), ("end", length)):
-            if (body, x) not in jointed:
-                X, Y, turn = _global(shown, body, x)
-                yield f"{body}.{end}, X", "m", [(body, X)]
-                yield f"{body}.{end}, Y", "m", [(body, Y)]
-                yield f"{body}.{end}, rotation", "rad", [(body, turn)]
+            for k, axis in enumerate("XY"):
+                yield f"{titles[k]}, {axis}", "m", [(label, q[0][1][k])]
+            yield f"{titles[2]}, rotation", "rad", _distinct([(body, d[2]) for body, d in q])
 
 
 def _distinct(turns: Curves) -> Curves:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from kaneflex.plots.outlines import Outline, Scenery
+from kaneflex.plots.outlines import Outline, Scenery, aligned, name_axes
 from kaneflex.plots.style import GREY, cells, new_figure, round_down, shade
 
 MM = 1e3
@@ -88,10 +88,8 @@ def draw_scenery(axes: Axes, fixed: Scenery, outline: Outline) -> list[np.ndarra
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
     axes.set_aspect("equal")
     axes.grid(False)
-    if fixed.flat:
-        axes.set(xlabel="x [mm]", ylabel="y [mm]")
-        return strokes + others
-    return strokes + others + draw_triad(axes, fixed.view)
+    name_axes(axes, fixed.view, "{} [mm]")
+    return strokes + others + ([] if aligned(fixed.view) else draw_triad(axes, fixed.view))
 
 
 def draw_triad(axes: Axes, view: np.ndarray, unit: str = "mm") -> list[np.ndarray]:
@@ -183,7 +181,7 @@ def frame_axes(
         points = np.array([fixed.lower, fixed.upper])
     margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
-    if not fixed.flat:  # the triad stands at the left
+    if not aligned(fixed.view):  # the triad stands at the left
         lower[0] -= 0.18 * (upper - lower).max()
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import textwrap
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.widgets import Slider
 
 from kaneflex.plots.sensors import grouped, quantity_of
 from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable, styled
-from kaneflex.plots.view import view
+from kaneflex.plots.view import View, view
 from kaneflex.support.errors import UserError
 from kaneflex.support.escaping import picture_text, visible
 
@@ -32,28 +28,6 @@ _PAUSE = 20
 _LINE = 110
 """Characters of a line of the message."""
 _MOST_LINES = 3
-
-
-@dataclass(eq=False)
-class _Panel:
-    """Sensors of one kind: their lines, and pale lines of the unchanged scene."""
-
-    axes: Axes
-    quantity: str
-    unit: str
-    lines: dict[str, Line2D] = field(default_factory=dict)
-    pale: dict[str, tuple[Line2D, np.ndarray]] = field(default_factory=dict)
-
-    def draw(self, x: np.ndarray, series: dict[str, np.ndarray]) -> None:
-        before = [values for _, values in self.pale.values()]
-        factor, label = readable(self.unit, *series.values(), *before)
-        for name, values in series.items():
-            self.lines[name].set_data(x, factor * values)
-        for line, values in self.pale.values():
-            line.set_ydata(factor * values)
-        self.axes.set_ylabel(f"{self.quantity} [{label}]")
-        self.axes.relim()
-        self.axes.autoscale_view()
 
 
 class Explorer:
@@ -92,17 +66,17 @@ class Explorer:
         bottom = (_SLIDER * len(exploration.open) + _FOOT) / height
         grid = {"left": 0.09, "right": 0.77, "top": 1.0 - _HEAD / height, "bottom": bottom, "hspace": 0.42}
         axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw=grid).ravel()
-        self._panels = [
-            _new_panel(each, title, names, quantity_of(scene.sensors[names[0]]), scene.sensors[names[0]].unit)
-            for each, (title, names) in zip(axes, groups.items(), strict=True)
-        ]
+        self._panels = [(each, title, names) for each, (title, names) in zip(axes, groups.items(), strict=True)]
         self.sliders = tuple(self._slider(number, height) for number in range(len(exploration.open)))
         self._drawn: tuple[float, ...] | None = None
         self._waiting = False
         self._timer = figure.canvas.new_timer(interval=_PAUSE)
         self._timer.single_shot = True
         self._timer.add_callback(self.update)
-        self._begin()
+        self._unchanged: View | None = None
+        with suppress(UserError):  # it has no curves then
+            self._unchanged = view(exploration.solve())
+        self.update()
 
     def _slider(self, number: int, height: float) -> Slider:
         varied = self.exploration.open[number]
@@ -125,21 +99,6 @@ class Explorer:
         """Settings of the sliders' scene, as path=value."""
         return self.exploration.settings(self.values)
 
-    def _begin(self) -> None:
-        """Curves of the unchanged scene, and of the sliders' scene."""
-        with suppress(UserError):  # it has no curves then
-            shown = view(self.exploration.solve())
-            for panel in self._panels:
-                for name, line in panel.lines.items():
-                    values = shown.solution.series[name].values[shown.instants]
-                    (pale,) = panel.axes.plot(shown.x, values, color=line.get_color(), alpha=0.3, linewidth=0.9)
-                    panel.pale[name] = pale, values
-                panel.axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the unchanged scene")
-                legend_beside(panel.axes)
-                panel.draw(shown.x, {})
-            shown.label_x(self._panels[-1].axes)
-        self.update()
-
     def _moved(self, value: float) -> None:
         # one solution for all moves of a pause: a slider that is dragged sends more than can be solved and drawn
         if not self._waiting:
@@ -155,28 +114,31 @@ class Explorer:
         self._drawn = values
         try:
             self.solution = self.exploration.solve(values)
-            self._draw(self.solution)
             self.message = "\n".join(self.solution.warnings)
         except UserError as error:
             self.solution, self.message = None, str(error)
         self._text.set(text=picture_text(_short(self.message)), color=PALETTE[1] if self.solution is None else GREY)
-        for panel in self._panels:
-            for line in panel.lines.values():
-                line.set_visible(self.solution is not None)
+        self._draw()
         self.figure.canvas.draw_idle()
 
-    def _draw(self, solution: Solution) -> None:
-        shown = view(solution)
-        for panel in self._panels:
-            panel.draw(shown.x, {name: solution.series[name].values[shown.instants] for name in panel.lines})
-        shown.label_x(self._panels[-1].axes)
-
-
-def _new_panel(axes: Axes, title: str, names: list[str], quantity: str, unit: str) -> _Panel:
-    axes.set(title=title, xmargin=0)
-    lines = {name: axes.plot([], [], color=colour, label=name)[0] for name, colour in zip(names, PALETTE, strict=False)}
-    legend_beside(axes)
-    return _Panel(axes, quantity, unit, lines)
+    def _draw(self) -> None:
+        """Pale curves of the unchanged scene, and those of the sliders' scene, as far as they are solved."""
+        drawn = [] if self._unchanged is None else [(self._unchanged, {"alpha": 0.3, "linewidth": 0.9})]
+        drawn += [] if self.solution is None else [(view(self.solution), {})]
+        for axes, title, names in self._panels:
+            axes.clear()
+            sensor = self.exploration.scene.sensors[names[0]]
+            series = [[shown.solution.series[name].values[shown.instants] for name in names] for shown, _ in drawn]
+            factor, label = readable(sensor.unit, *(values for each in series for values in each))
+            for (shown, style), each in zip(drawn, series, strict=True):
+                for name, values, colour in zip(names, each, PALETTE, strict=False):
+                    axes.plot(shown.x, factor * values, color=colour, label=None if style else name, **style)
+            axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the unchanged scene")
+            axes.set(title=title, ylabel=f"{quantity_of(sensor)} [{label}]", xmargin=0)
+            axes.tick_params(labelbottom=axes is self._panels[-1][0])
+            legend_beside(axes)
+        for shown, _ in drawn[-1:]:
+            shown.label_x(axes)
 
 
 def _short(message: str) -> str:

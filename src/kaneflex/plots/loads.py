@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.plots.style import legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import Panel, View, view
 from kaneflex.response.motion import Motion
@@ -87,20 +88,11 @@ def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
 
 def _speed(motion: Motion, joint: str) -> np.ndarray:
     """Speed of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
-    from kaneflex.response.floating_motion import FloatingMotion  # with numba
-
-    if isinstance(motion.scalars, FloatingMotion):
-        return motion.scalars.coordinate(joint)[1]
-    scene = motion.model.scene
-    first, second = scene.joints[joint].addresses
-    one, other = (motion.rigid.frame(address.body) for address in (first, second))
-    direction = scene.joints[joint].direction
-    if direction is None:
-        return other.omega - one.omega
-    still = np.zeros((2, len(motion.times)))
-    here, there = (frame.velocity(still + np.reshape(scene.point(address), (2, 1)), still)
-                   for frame, address in ((one, first), (other, second)))  # fmt: skip
-    return (one.to_global(direction) * (there - here)).sum(axis=0)
+    of = mechanism_of(motion.model.scene).joints[joint]
+    (base, one), (rider, other) = (motion.scalars.section_frame(side) for side in of.sides)
+    if not of.slides:
+        return rider.omega - base.omega
+    return np.array(of.direction) @ base.apart(one.at, rider, other.at)[1]
 
 
 def _where(load: Load) -> str:

@@ -36,18 +36,18 @@ _PLANE = 0.5
 Rigid = RigidMotion | Placement
 
 
-def scenery(solution: Solution) -> Scenery:
+def scenery(solution: Solution, view: np.ndarray | None = None) -> Scenery:
     """Pivots, guides and extent of a run."""
     rigid, every = solution.rigid, len(solution.times) // _MOST + 1
-    return rigid_scenery(solution.model.scene, rigid.taken(np.arange(0, len(rigid.times), every)))
+    return rigid_scenery(solution.model.scene, rigid.taken(np.arange(0, len(rigid.times), every)), view)
 
 
-def rigid_scenery(scene: Scene, rigid: Rigid) -> Scenery:
+def rigid_scenery(scene: Scene, rigid: Rigid, view: np.ndarray | None = None) -> Scenery:
     """Pivots, guides and extent of a scene over some rigid motion, or at one configuration.
 
-    Instants at which the rigid mechanism has no place are left out.
+    Instants at which the rigid mechanism has no place are left out. ``view``: projection, by default the scene's.
     """
-    view = view_of(scene)
+    view = view_of(scene) if view is None else view
     lines = np.concatenate([_places(rigid, name, used_points(scene, name)) for name in ("ground", *scene.bodies)])
     lines = lines[..., np.isfinite(lines).all(axis=(0, 1))]
     swept = _in_picture(lines, view).reshape(-1, 2)

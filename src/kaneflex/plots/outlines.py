@@ -50,7 +50,7 @@ class Scenery:
 
     @property
     def flat(self) -> bool:
-        """True for a mechanism in the plane, which is drawn over labelled axes."""
+        """True for a mechanism in the plane."""
         return self.view.shape[1] == 2
 
     @property
@@ -120,16 +120,28 @@ def seen(points: np.ndarray, view: np.ndarray = VIEW) -> np.ndarray:
     return points @ view.T
 
 
-def label_flat(axes: Axes, view: np.ndarray, label: str) -> None:
-    """Equal scales of a view along an axis, and the names of the two others, in place of the braces of a label."""
-    across, up = ("xyz"[k] for k in view.argmax(axis=1))
-    axes.set(xlabel=label.format(across), ylabel=label.format(up))
-    axes.set_aspect("equal", adjustable="datalim")
+def aligned(view: np.ndarray) -> bool:
+    """True for a view along an axis, whose panel has labelled axes."""
+    return bool((view.max(axis=1) == 1.0).all())
+
+
+def name_axes(axes: Axes, view: np.ndarray, label: str) -> None:
+    """Names of the axes of a view along an axis, in place of the braces of a label; of another view none."""
+    if aligned(view):
+        across, up = ("xyz"[k] for k in view.argmax(axis=1))
+        axes.set(xlabel=label.format(across), ylabel=label.format(up))
 
 
 def view_of(scene: Scene) -> np.ndarray:
     """Projection of a scene onto the picture's plane, (2, 2 or 3)."""
     return VIEW if scene.is_spatial else np.eye(2)
+
+
+def views_of(scene: Scene) -> dict[str, np.ndarray]:
+    """Views of a scene by their names: in space along each axis, and at an angle."""
+    if not scene.is_spatial:
+        return {"": np.eye(2)}
+    return {f" {name}": view for name, view in (FLAT | {"at an angle": VIEW}).items()}
 
 
 def box(axis: np.ndarray, size: float) -> np.ndarray:

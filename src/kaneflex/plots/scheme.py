@@ -26,7 +26,7 @@ from kaneflex.plots.drawing import (
 )
 from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.mechanism import Rigid, body_lines, joint_axes, rigid_outline, rigid_scenery
-from kaneflex.plots.outlines import FLAT, Scenery, label_flat, seen
+from kaneflex.plots.outlines import FLAT, Scenery, name_axes, seen
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
@@ -114,7 +114,8 @@ def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float)
     corners = np.array([placed_at.min(axis=0) - margin, placed_at.max(axis=0) + margin])
     for k, (title, view) in enumerate(FLAT.items()):
         axes = figure.add_axes(((_LEFT + k * 2.75) / width, _BELOW / inches, 2.0 / width, height - 1.1 / inches))
-        label_flat(axes, view, "{} [mm]")
+        name_axes(axes, view, "{} [mm]")
+        axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(title)
         axes.locator_params(nbins=5)
         for name, points in lines.items():

@@ -63,7 +63,9 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``spectra``: of accelerations, accelerometers first, and of axial forces."""
+    """``orders`` of a periodic run; of others ``spectra`` of accelerations, accelerometers first, and axial forces."""
+    if solution.model.options.cycles:
+        return orders(solution)
     times, sensors = solution.times, solution.model.scene.sensors
     names = sorted(accelerations(solution), key=lambda name: sensors[name].reading)
     if len(times) < 16 or not names:
@@ -175,7 +177,7 @@ def harmonics(solution: Solution) -> dict[str, np.ndarray]:
     Sensors that go on from cycle to cycle, as the angle of what turns, and those that never change have none.
     """
     steps = np.diff(solution.times)
-    if not solution.model.options.cycles or len(steps) < 16 or np.ptp(steps) > 1e-6 * steps[0]:
+    if len(steps) < 16 or np.ptp(steps) > 1e-6 * steps[0]:
         return {}
     series, found = {name: solution.series[name] for name in solution.model.scene.sensors}, {}
     for name, each in series.items():
