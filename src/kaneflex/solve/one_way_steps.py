@@ -30,7 +30,8 @@ def by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[Sta
     """Remaining stages, by steps of radau, each compared with the model before it in the same steps.
 
     The error of a run of radau itself is the change by half its steps; by steps of twice the length, which take a
-    quarter of the time, if these change every sensor by less than the richer models do.
+    quarter of the time, if these change every sensor by less than the richer models do. The change by richer models is
+    that in the longer steps.
     """
     _check_work(read, [model for _, model in richer[len(done) :]])
     options, trajectory = read.model.options, read.run.trajectory
@@ -39,9 +40,12 @@ def by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[Sta
     timed = richer[0][0] == "time"
     if timed and by_radau and not (read.periodic or read.steps % 2):
         found = list(_in_steps(read, richer, done, 0.5, None))
-        if _is_small(read, *(found[k][1] for k in (0, -1))):
-            yield from found
-            return
+        longer = found[0][1]
+        if not _is_small(read, longer, found[-1][1]):
+            finer = values_of(_stepped(read, richer[0][1], cast(ElasticMotion, read.motion), 2))
+            found = [(kind, {name: finer[name] + own - longer[name] for name, own in each.items()}) for kind, each in found]
+        yield from found
+        return
     same_steps = by_radau or options.dynamics != "dynamic"
     motion = cast(ElasticMotion, read.motion) if same_steps and not done else None
     of_second_order = timed and method_named(options.integrator).order == 2
