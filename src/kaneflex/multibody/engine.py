@@ -205,12 +205,12 @@ class Engine(Views):
         """
         found, done = [np.zeros((0, len(self.work.kept)))], 0
         shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
+        ends = np.append(1 + np.flatnonzero((shut[1:] != shut[:-1]).any(axis=1)), len(rows))
         while done < len(rows):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
             self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-            changed = np.append((shut[done:] != shut[done]).any(axis=1), True)
-            found.append(self.unfold(rows[done : done + int(changed.argmax())], codes.NEAR_STATES))
+            found.append(self.unfold(rows[done : ends[np.searchsorted(ends, done, "right")]], codes.NEAR_STATES))
             done += len(found[-1])
             if not len(found[-1]):
                 break

@@ -43,7 +43,7 @@ def by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[Sta
         longer = found[0][1]
         if not _is_small(read, longer, found[-1][1]):
             finer = values_of(_stepped(read, richer[0][1], cast(ElasticMotion, read.motion), 2))
-            found = [(kind, {name: finer[name] + own - longer[name] for name, own in each.items()}) for kind, each in found]
+            found = [(kind, {name: finer[name] + own[name] - longer[name] for name in own}) for kind, own in found]
         yield from found
         return
     same_steps = by_radau or options.dynamics != "dynamic"
