@@ -36,8 +36,9 @@ _DENSEST = 8
 """Largest factor on the stored steps of a coupled model."""
 _BETWEEN = 0.5
 """Largest deviation of straight lines between stored instants, as a share of the tolerance."""
-_MOST_BENT = 2048
-"""Largest number of instants beside which a reference is read between its stored ones at a time."""
+_MOST_BENT = 128
+"""Instants of each sensor beside which a reference is read between its stored ones at a time: where lines are farthest.
+"""
 _MOST = 2**23
 """Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
@@ -248,11 +249,12 @@ def _denser(run: Run, limits: Mapping[str, float]) -> Curves:
 
 
 def _beside(bent: np.ndarray) -> np.ndarray:
-    """Ends of the intervals beside instants at which lines deviate too far, the farthest ones if there are many."""
-    found = np.flatnonzero(bent > 1.0)
-    found = found[np.argsort(-bent[found], kind="stable")[:_MOST_BENT]]
+    """Ends of the intervals beside instants at which lines of a sensor deviate too far, the farthest ones of each if
+    there are many."""
+    farthest = np.argsort(-bent, axis=1, kind="stable")[:, :_MOST_BENT]
+    found = np.unique(farthest[np.take_along_axis(bent, farthest, axis=1) > 1.0])
     ends = np.union1d(found, found + 1)
-    return ends[(ends > 0) & (ends < len(bent))]
+    return ends[(ends > 0) & (ends < bent.shape[1])]
 
 
 def _stored(scene: Scene, curves: Curves, steps: int, limits: Mapping[str, float]) -> int:
@@ -271,12 +273,12 @@ def _limits(curves: Curves, doubts: Mapping[str, float], tolerance: float) -> di
 
 
 def _bent(curves: Curves, instants: np.ndarray, limits: Mapping[str, float]) -> np.ndarray:
-    """Deviation of straight lines between other instants, relative to a sensor's limit: the largest, (n_times,)."""
-    found = np.zeros(len(curves.times))
-    for name, limit in limits.items():
+    """Deviation of straight lines between other instants, relative to each sensor's limit, (1 + n_sensors, n_times)."""
+    found = np.zeros((1 + len(limits), len(curves.times)))
+    for row, (name, limit) in zip(found[1:], limits.items(), strict=True):
         own = curves.values[name]
         gap = abs(np.interp(curves.times, instants, np.interp(instants, curves.times, own)) - own)
-        found = np.fmax(found, gap / max(limit, 1e-300))  # a sensor may have no value at some instants
+        np.fmax(row, gap / max(limit, 1e-300), out=row)  # a sensor may have no value at some instants
     return found
 
 
