@@ -263,8 +263,8 @@ class Expressions:
         which = self.object_of(chosen.args[1])
         if not self.printer.kernels:
             table = self.expression(chosen.args[0])[0]
-            given = ", ".join(["void *", "void *", *map(self.printer.declared, kinds)])
-            return f"((int (*)({given})){table}[{which}])({', '.join([*_NOTHING, *texts])})", types.void
+            given = ", ".join(map(self.printer.declared, kinds))
+            return f"((void (*)({given})){table}[{which}])({', '.join(texts)})", types.void
         name, returned = self.printer.function(self.printer.kernels[which], kinds)
         return f"{name}({', '.join(texts)})", returned
 
@@ -343,8 +343,6 @@ def _is_special(called: Any) -> bool:
     return hasattr(called, "_defn") or getattr(called, "__module__", "") == "builtins"
 
 
-_NOTHING = "(void *[1]){NULL}", "(void *[1]){NULL}"
-"""Places of a returned value and an error, as numba's functions have them first."""
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,

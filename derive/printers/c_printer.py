@@ -70,7 +70,7 @@ class Printer:
     ----------
     kernels : sequence
         For each number WHICH the function that ``kernel(table, WHICH)`` is; where there are none, the table has the
-        addresses of functions that numba has compiled.
+        addresses of functions with C's conventions.
     own : str
         Prefix of names that are the caller's.
     """

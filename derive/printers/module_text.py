@@ -63,7 +63,7 @@ Format {FORMAT}; made by: make derive
 """
 
 try:
-    from kaneflex.support.machine_code import njit
+    from kaneflex.support.late_numba import njit
 except ImportError:  # a copy of these modules without kaneflex
     from numba import njit
 

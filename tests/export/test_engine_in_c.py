@@ -13,6 +13,7 @@ from test_c import HEADS, SHARED, built
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.multibody.compile import entries as of_library
 from kaneflex.multibody.compile import library
+from kaneflex.multibody.compile.callables import kernel_addresses
 from kaneflex.multibody.compile.mechanisms import HANDED, typed
 from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
@@ -169,7 +170,7 @@ def worst(expected, found, before):
 def test_every_function_is_that_of_numba(compiler, exhaustive, tmp_path):
     run = begun(model(SCENE))
     made, random = entries(run, compiler, tmp_path, exhaustive), np.random.default_rng(7)
-    pointers = run.engine.arrays["kernels"]
+    pointers = np.array(kernel_addresses(run.engine.kernels, in_c=False))
     numbers = np.zeros(len(at.STRUCTURE_KERNELS), np.int64)
     off, changed = {}, 0
     for name, (kinds, numba, c) in made.items():

@@ -24,7 +24,6 @@ from numba.core.types.functions import BaseFunction
 
 from kaneflex import load, read_scene
 from kaneflex.generated.tables import table
-from kaneflex.integrate import steppers
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.model.assembly import build_system
@@ -140,18 +139,6 @@ def test_a_kernel_that_compiled_code_calls_is_compiled_with_it_and_not_by_itself
     assert len(kernel.overloads) == 1
 
 
-def test_parts_of_the_step_loops_are_optimised_with_their_callers():
-    """No machine code is made of them by themselves."""
-
-    @numba.njit
-    def bounded(z):
-        return steppers._within(z, 2.0)
-
-    assert bounded(np.ones((1, 1))) and not bounded(np.full((1, 1), 2.0))
-    for part in steppers._within.overloads.values():
-        assert part.library._compiled_object is None
-
-
 def test_functions_without_a_module_are_compiled_beside_kernels():
     """As those of sympy.lambdify are."""
     made = FunctionType((lambda x: 2.0 * x).__code__, {"__name__": None})
@@ -192,7 +179,7 @@ def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     monkeypatch.setattr(engine, "library", lambda kind, integrates: asked.append(kind))
     rigid = rigid_reference(system, place(scene)).module
     for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
-        each._entries  # noqa: B018 - which asks for the library
+        each._library  # noqa: B018 - which asks for the library
     assert len(asked) == 3
     assert set(asked) == {Kind.CONTACTS}
 
@@ -203,7 +190,6 @@ import numba, numpy as np
 import kaneflex
 from kaneflex.generated import spatial_shapes
 from kaneflex.generated.tables import table
-from kaneflex.integrate import steppers
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.time.rigid_reference import rigid_reference

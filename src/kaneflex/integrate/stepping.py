@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import NamedTuple
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate.conventions import COMPLETED, SINGULAR, UNBOUNDED
+from kaneflex.integrate.conventions import COMPLETED, OUTCOMES, SINGULAR, UNBOUNDED, Plan
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.streams import CoefficientStream
 from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress
-from kaneflex.support.machine_code import Kernel
+from kaneflex.support.c_library import PACKAGE, by_address, c_addresses
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
@@ -25,7 +26,31 @@ _OUTCOMES = {
     SINGULAR: Outcome.SINGULAR,
     UNBOUNDED: Outcome.UNSTABLE,
 }
-_STEPPERS = {name: Kernel("integrate.steppers", name) for name in ("newmark", "collocation", "exact_modal")}
+_STEPPERS = "newmark", "collocation", "exact_modal"
+_SOURCES = "integrate/steppers.py", "integrate/conventions.py", "integrate/system.py"
+_FLAGS = "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-freciprocal-math"
+"""Sums may be reordered, but comparisons with NaN stay false: the test for a runaway motion relies on them."""
+_ARGUMENTS = *(ctypes.c_void_p,) * 17, ctypes.c_double
+
+
+@cache
+def stepper(name: str) -> Callable[..., int]:
+    """Compiled loop of `kaneflex.integrate.steppers`, from the C compiler, or else from numba."""
+
+    def functions() -> list[tuple[Any, Sequence[Any]]]:
+        from kaneflex.integrate import steppers
+
+        return [(getattr(steppers, name), steppers.LOOP.args) for name in _STEPPERS]
+
+    if found := c_addresses("steppers", [PACKAGE / each for each in _SOURCES], functions, _FLAGS):
+        address = found[_STEPPERS.index(name)]
+    else:
+        from numba import cfunc
+
+        from kaneflex.integrate import steppers
+
+        address = cfunc(steppers.LOOP, cache=True, error_model="numpy")(getattr(steppers, name).py_func).address
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *_ARGUMENTS)(address)
 
 
 def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
@@ -34,8 +59,8 @@ def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
     width = (2 * half_bandwidth + 1) * copies
     first = np.maximum(blocks - half_bandwidth, 0) * copies
     last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
-    places = (each.astype(np.uint64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
-    return Layout(np.uint64(n * copies), np.uint64(n * copies * width), *places)
+    places = (each.astype(np.int64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
+    return Layout(n * copies, n * copies * width, *places)
 
 
 class State(NamedTuple):
@@ -99,10 +124,35 @@ class Setup:
         return layout_of(self.system.n, self.system.half_bandwidth, copies)
 
     @cached_property
-    def loop(self) -> Callable[..., tuple[int, int]]:
-        """The method's compiled loop, with what it reads of the system."""
-        loop = partial(_STEPPERS[self.method.stepper], self.layout(1), self.system.sums)
-        return partial(loop, self.layout(self.method.stages)) if self.method.stages else loop
+    def layouts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places in the matrices of the system and of all stages: base, first and last, one after the other."""
+        both = (self.layout(max(1, copies)) for copies in (1, self.method.stages))
+        own, stages = (np.concatenate((each.base, each.first, each.last)) for each in both)
+        return own, stages
+
+    @cached_property
+    def work(self) -> dict[int, np.ndarray]:
+        """Room for the loop, by the number of columns."""
+        return {}
+
+    def loop(
+        self, piece: tuple[np.ndarray, int, int, int], coefficients: np.ndarray, load_factor: np.ndarray, state: State,
+        counted: tuple[int, int], stored: Stored, bound: float,
+    ) -> tuple[int, int]:  # fmt: skip
+        """Steps that the method's compiled loop completed, and its outcome; see `kaneflex.integrate.steppers`.
+
+        piece: table, steps in it, those already taken, those to take; counted: steps done before, and between stored
+        ones.
+        """
+        (n, columns), stages, (scalars, period, position, n_steps) = state.z.shape, self.method.stages, piece
+        slots, n_scalars = self.layout(1).n_slots, scalars.shape[1]
+        plan = np.array(Plan(n, columns, slots, stages, n_scalars, period, position, n_steps, *counted))
+        if columns not in self.work:
+            matrices = 3 * (3 * slots + n) + stages * n + (stages**2 + 1) * slots
+            self.work[columns] = np.empty(matrices + (stages + 1) * n * columns)
+        given = plan, *self.layouts, *self.system.sums, scalars, coefficients, load_factor
+        arrays = *given, *state, self.work[columns], *stored
+        return divmod(stepper(self.method.stepper)(*map(by_address, arrays), bound), OUTCOMES)
 
     def consistent(self, state: State, load_factor: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -112,8 +162,8 @@ class Setup:
         """
         still = self.method.still(self.coefficients)
         scalars = self.stream.read(np.tile(self.stream.first_row(), (len(self.method.nodes) + 1, 1)))
-        rest = (still, load_factor, state, 0, 1, np.inf, Stored.of(state, 2))
-        _, status = self.loop(scalars, 1, 0, 1, *rest)
+        once = scalars, 1, 0, 1
+        _, status = self.loop(once, still, load_factor, state, (0, 1), Stored.of(state, 2), np.inf)
         return status != SINGULAR
 
     def free_acceleration(self, table: np.ndarray) -> float:
@@ -135,7 +185,6 @@ def advance(
     load_factor: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
-    loop = setup.loop
     # one cycle of a unit state may well grow beyond what forces cause: it only has to stay a number
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup, state.z.shape[1])
@@ -143,12 +192,11 @@ def advance(
     while done < n_steps and outcome is Outcome.COMPLETED:
         scalars, period, position, steps = setup.stream.piece(done, min(most, n_steps - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        at = (scalars, period, position)
-        rest = (setup.coefficients, load_factor, state, done, every, limit, stored)
+        rest = (setup.coefficients, load_factor, state, (done, every), stored, limit)
         if done == 0:
-            loop(*at, 0, *rest)  # compiles, outside the clock
+            setup.loop((scalars, period, position, 0), *rest)  # compiles, outside the clock
         started = time.perf_counter()
-        taken, status = loop(*at, steps, *rest)
+        taken, status = setup.loop((scalars, period, position, steps), *rest)
         spent += time.perf_counter() - started
         done += taken
         outcome = _OUTCOMES[status]

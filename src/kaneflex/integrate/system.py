@@ -100,7 +100,7 @@ class AffineSystem:
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ends of the terms of each slot of M, then C, then K, then F, with their scalars and numbers."""
         rows = self.stacked
-        return rows.indptr.astype(np.uint64), rows.indices.astype(np.uint64), rows.data
+        return rows.indptr.astype(np.int64), rows.indices.astype(np.int64), rows.data
 
     def _places(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1

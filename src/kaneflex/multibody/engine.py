@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from kaneflex.multibody.compile.entries import by_address, compiling, library
+from kaneflex.multibody.compile.callables import Library, kernel_addresses, library
 from kaneflex.multibody.dynamics.arrays import ORDER, TABLES
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
@@ -19,7 +19,7 @@ from kaneflex.multibody.model.pivots import virtual_inertia
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.multibody.model.tree_layout import JOINT_NODE
 from kaneflex.multibody.model.views import Views
-from kaneflex.support.machine_code import address_of
+from kaneflex.support.c_library import by_address
 
 _HUGE = 1e9
 """Mass of a fixed coordinate, in masses of the mechanism."""
@@ -235,14 +235,14 @@ class Engine(Views):
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""
-        self._handle, self._entries  # noqa: B018 - computes the kernels' addresses
+        self._handle, self._library  # noqa: B018 - computes the kernels' addresses
 
     def call(self, function: str, *values: Any) -> Any:
         """Call a function of :mod:`.compile.entries` with this engine; arrays and handles are passed by address."""
-        return self._entries[function](self._handle.address, *map(by_address, values))
+        return self._library.functions[function](self._handle.address, *map(by_address, values))
 
     @cached_property
-    def _entries(self) -> Mapping[str, Callable[..., Any]]:
+    def _library(self) -> Library:
         return library(self.kind, self.integrates)
 
     @property
@@ -260,5 +260,4 @@ class Engine(Views):
 
     @cached_property
     def _kernel_addresses(self) -> np.ndarray:
-        with compiling():
-            return np.array([*map(address_of, self.kernels, at.STRUCTURE_KERNELS.values())])
+        return np.array(kernel_addresses(self.kernels, self._library.in_c))

@@ -19,8 +19,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering
-
-from kaneflex.support import shipped_kernels
+from numba.extending import intrinsic
 
 
 class PartLibrary(JITCodeLibrary):
@@ -75,6 +74,16 @@ class Inner(CompilerBase):
 
 PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
 """Options of a function that only compiled functions call: it is optimised with them and not by itself."""
+
+
+@intrinsic
+def shifted(typing, address, k):
+    """Address of the k-th number from there."""
+
+    def read(context, builder, sig, args):
+        return builder.gep(args[0], [args[1]])
+
+    return address(address, types.intp), read
 
 
 def once(dispatcher):
@@ -202,5 +211,4 @@ _SELDOM = 50_000, 20, 100
 """Thresholds of garbage collection (new objects for each generation) that do not increase the memory in use."""
 
 
-shipped_kernels.use()
 _use()

@@ -1,21 +1,15 @@
-"""Functions of the compiled engine that Python calls, by name, without importing numba where they are compiled."""
+"""Functions of the compiled engine that Python calls, with their signatures and sources; numba is not imported here."""
 
 from __future__ import annotations
 
-import ctypes
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from kaneflex.multibody.compile.c_library import c_addresses
-from kaneflex.multibody.model.layout import Handle, Kind
-from kaneflex.support.machine_code import PACKAGE, Kernel
+from kaneflex.multibody.model.layout import Kind
+from kaneflex.support.c_library import PACKAGE
 
 _BOTH = {
     "dynamics.entries.courses_at": "void(m, N, int64, N, int64)",
@@ -44,7 +38,6 @@ EXPORTED = _INTEGRATE | {
 }
 """Functions in the plane, in space for motions that drives prescribe, for all, and of exported C; with their
 signatures: ``m`` is the mechanism, ``N`` the address of numbers, ``TABLE`` that of a collocation method."""
-_C_TYPES = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "boolean": ctypes.c_bool, "void": None}
 
 
 LIBRARIES = *((kind, True) for kind in Kind), (Kind.RIGID_SPACE, False)
@@ -74,37 +67,3 @@ def compiling() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "First-class function type")
         yield
-
-
-@cache
-def library(kind: Kind, integrates: bool = True) -> dict[str, Callable[..., Any]]:
-    """C functions of all entries by name, all compiled on the first call.
-
-    Libraries of mechanisms with contacts, impacts, holds, elastic bodies in space or discontinuous loads have more
-    functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
-    """
-    integrates = integrates or kind is not Kind.RIGID_SPACE
-    name, entries = kind.name.lower() if integrates else "prescribed", entries_of(kind, integrates)
-    addresses = c_addresses(name, kind, entries, sources())
-    if not addresses:
-        with compiling():
-            number = (0,) * (1 + LIBRARIES.index((kind, integrates)))
-            addresses = Kernel("multibody.compile.library", "addresses", sources)(number)
-    found: dict[str, Callable[..., Any]] = {}
-    for (function, signature), address in zip(entries.items(), addresses, strict=True):
-        returned, _, given = signature.partition("(")
-        kinds: list[Any] = [_C_TYPES.get(each, ctypes.c_void_p) for each in given[:-1].split(", ")]
-        found[function.rpartition(".")[2]] = ctypes.CFUNCTYPE(_C_TYPES[returned], *kinds)(address)
-    return found
-
-
-def by_address(value: Any) -> Any:
-    """Address of an array or handle; other values unchanged."""
-    if isinstance(value, Handle):
-        return value.address
-    if not isinstance(value, np.ndarray):
-        return value
-    assert value.flags.c_contiguous
-    if value.size and value.flags.writeable:
-        return ctypes.addressof(ctypes.c_char.from_buffer(value.data))  # three times as fast as .ctypes.data
-    return value.ctypes.data

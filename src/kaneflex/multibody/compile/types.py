@@ -15,6 +15,7 @@ from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, i
 
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS
 from kaneflex.support.inner import Inner
+from kaneflex.support.inner import shifted as shifted  # for the engine's functions
 
 _AS_WRITTEN = {"nsz", "arcp", "contract", "afn"}
 """Compiler flags for sums that keep the order of terms."""
@@ -91,16 +92,6 @@ def together(typing):
         return context.get_dummy_value()
 
     return types.none(), mark
-
-
-@intrinsic
-def shifted(typing, address, k):
-    """Address of the k-th number from there."""
-
-    def read(context, builder, sig, args):
-        return builder.gep(args[0], [args[1]])
-
-    return address(address, types.intp), read
 
 
 @intrinsic

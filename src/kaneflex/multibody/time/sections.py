@@ -11,14 +11,13 @@ from typing import Any, Self, cast
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.generated.spatial_shapes import section
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, acceleration, applied, cross, turning, velocity
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.scene import Scene
-from kaneflex.support.fingerprint import made_of
-from kaneflex.support.machine_code import njit
+from kaneflex.support.array_kernels import on_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,17 +71,9 @@ def _turn_in_space(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> li
 
 def sections(theta: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axes R and T (n, 3, 3) of sections that stand at theta (n, 3) and turn by T theta', and T' theta' (n, 3)."""
-    found = np.zeros((len(theta), 21))
-    _turn(np.hstack([theta, rate]), found)
-    return found[:, :9].reshape(-1, 3, 3), found[:, 9:18].reshape(-1, 3, 3), found[:, 18:]
-
-
-@njit(cache=True, error_model="numpy")
-@made_of(shape_laws.__file__)
-def _turn(angles, found):
-    """Evaluate `spatial_shapes.section` for rows of angles and their rates, (n_times, 6), into `found`, (., 21)."""
-    for k in range(len(angles)):
-        shape_laws.section(angles[k], 0, found[k], 0)
+    found = np.zeros((21, len(theta)))
+    on_arrays(section)(np.vstack([theta.T, rate.T]), 0, found, 0)
+    return found[:9].T.reshape(-1, 3, 3), found[9:18].T.reshape(-1, 3, 3), found[18:].T
 
 
 class DeformingMotion(RigidMotion, ABC):
