@@ -70,7 +70,7 @@ LINKS = {'crank': 0, 'coupler': 5, 'follower': 10}  # elastic link -> where its 
 FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {'motion': (237893, 166)} | beam.OPERATIONS
+OPERATIONS = {'motion': (338899, 171)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -128,29 +128,27 @@ def motion(t, p, s):
     w16 = a_y_coupler + w11*w5 - w15
     epsilon_follower = s[11] = s[33] = inverse_det_omega_follower*(-w14*w4 - w16*w6)
     w17 = epsilon_follower*((follower_centre_x*follower_centre_x)*follower_mass + follower_inertia)
-    w18 = coupler_centre_x*coupler_mass
-    w19 = c_coupler*w18
-    w20 = at_second_mass*w4 + w19
-    w21 = s_coupler*w18
-    w22 = -at_second_mass*w6 - w21
     epsilon_coupler = s[6] = s[28] = inverse_det_omega_follower*(-w14*w7 - w16*w5)
-    w23 = a_x_coupler*w22 + a_y_coupler*w20 + epsilon_coupler*((coupler_centre_x*coupler_centre_x)*coupler_mass + coupler_inertia + at_second_mass*w1)
-    w24 = coupler_mass + at_second_mass
-    w25 = crank_centre_x*crank_mass*w8
-    w26 = follower_centre_x*follower_mass
-    w27 = s_follower*w26
-    second_force_y = s[39] = inverse_det_omega_follower*(-w17*w6 - w23*w5)
-    second_force_x = s[38] = inverse_det_omega_follower*(-follower_length*c_follower*w23 - w17*w4)
-    first_force_x = s[36] = a_x_coupler*w24 + epsilon_coupler*w22 + second_force_x - at_second_mass*w13 - w12*w19
-    main_force_x = s[34] = -cos_main*w25 + first_force_x - at_first_mass*w9
-    first_force_y = s[37] = a_y_coupler*w24 + epsilon_coupler*w20 + second_force_y - at_second_mass*w15 - w12*w21
-    main_force_y = s[35] = first_force_y - at_first_mass*w10 - sin_main*w25
+    w18 = epsilon_coupler*at_second_mass
+    coupler_link_a_y = s[8] = -a_x_coupler*s_coupler + a_y_coupler*c_coupler
+    w19 = coupler_centre_x*coupler_mass
+    w20 = coupler_length*coupler_link_a_y*at_second_mass + coupler_link_a_y*w19 + epsilon_coupler*((coupler_centre_x*coupler_centre_x)*coupler_mass + coupler_inertia) + w1*w18
+    w21 = s_coupler*w19
+    w22 = c_coupler*w19
+    w23 = crank_centre_x*crank_mass*w8
+    w24 = follower_centre_x*follower_mass
+    w25 = s_follower*w24
+    second_force_y = s[39] = inverse_det_omega_follower*(-w17*w6 - w20*w5)
+    second_force_x = s[38] = inverse_det_omega_follower*(-follower_length*c_follower*w20 - w17*w4)
+    first_force_x = s[36] = a_x_coupler*coupler_mass + a_x_coupler*at_second_mass - epsilon_coupler*w21 + second_force_x - at_second_mass*w13 - w12*w22 - w18*w6
+    main_force_x = s[34] = -cos_main*w23 + first_force_x - at_first_mass*w9
+    first_force_y = s[37] = a_y_coupler*coupler_mass + a_y_coupler*at_second_mass + epsilon_coupler*w22 + second_force_y - at_second_mass*w15 - w12*w21 + w18*w4
+    main_force_y = s[35] = first_force_y - at_first_mass*w10 - sin_main*w23
     main_drive = s[42] = -first_force_x*y_coupler + first_force_y*x_coupler
-    rocker_force_x = s[40] = -c_follower*w11*w26 - epsilon_follower*w27 - second_force_x
-    rocker_force_y = s[41] = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w11*w27
+    rocker_force_x = s[40] = -c_follower*w11*w24 - epsilon_follower*w25 - second_force_x
+    rocker_force_y = s[41] = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w11*w25
     crank_link_P_0 = s[4] = -cos_main*main_force_x - main_force_y*sin_main
     coupler_link_a_x = s[7] = a_x_coupler*c_coupler + a_y_coupler*s_coupler
-    coupler_link_a_y = s[8] = -a_x_coupler*s_coupler + a_y_coupler*c_coupler
     coupler_link_P_0 = s[9] = -c_coupler*first_force_x - first_force_y*s_coupler
     follower_link_P_0 = s[14] = -c_follower*rocker_force_x - rocker_force_y*s_follower
     s[0] = s[18] = main_speed

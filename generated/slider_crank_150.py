@@ -61,7 +61,7 @@ LINKS = {'rod': 0}  # elastic link -> where its LINK_SCALARS begin in s
 FREE = ()  # joints left to the forces
 
 # kernel -> operations written out, operations with shared subexpressions
-OPERATIONS = {'motion': (3114, 79)} | beam.OPERATIONS
+OPERATIONS = {'motion': (3102, 74)} | beam.OPERATIONS
 
 
 @njit(**OPTIONS)
@@ -90,24 +90,23 @@ def motion(t, p, s):
     omega_rod = s[0] = s[15] = -v_y_rod*w2
     w5 = omega_rod*omega_rod
     w6 = c_rod*w5
-    a_x_rod = s[16] = -w4*x_rod
-    w7 = a_x_rod*rod_mass
-    w8 = rod_centre_x*rod_mass
+    w7 = rod_centre_x*rod_mass
     a_y_rod = s[17] = -w4*y_rod
     epsilon_rod = s[1] = s[18] = -w2*(a_y_rod - w3*w5)
-    w9 = epsilon_rod*w8
+    w8 = epsilon_rod*w7
+    a_x_rod = s[16] = -w4*x_rod
+    rod_link_a_y = s[3] = -a_x_rod*s_rod + a_y_rod*c_rod
     x_slider = s[19] = w_rod + x_rod
     y_slider = s[20] = gamma_rod + y_rod
     v_x_rod = s[13] = -main_speed*y_rod
     v_x_slider = s[21] = -omega_rod*w3 + v_x_rod
     a_x_slider = s[22] = a_x_rod - rod_length*w6 - epsilon_rod*w3
     wrist_force_x = s[27] = a_x_slider*slider_mass
-    pin_force_x = s[23] = s[25] = wrist_force_x - s_rod*w9 - w6*w8 + w7
-    wrist_force_y = s[28] = -w2*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w7 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w3)
-    pin_force_y = s[24] = s[26] = a_y_rod*rod_mass + c_rod*w9 + wrist_force_y - s_rod*w5*w8
+    pin_force_x = s[23] = s[25] = a_x_rod*rod_mass + wrist_force_x - s_rod*w8 - w6*w7
+    wrist_force_y = s[28] = -w2*(rod_link_a_y*w7 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w3)
+    pin_force_y = s[24] = s[26] = a_y_rod*rod_mass + c_rod*w8 + wrist_force_y - s_rod*w5*w7
     main_drive = s[30] = -pin_force_x*y_rod + pin_force_y*x_rod
     rod_link_a_x = s[2] = a_x_rod*c_rod + a_y_rod*s_rod
-    rod_link_a_y = s[3] = -a_x_rod*s_rod + a_y_rod*c_rod
     rod_link_P_0 = s[4] = -c_rod*pin_force_x - pin_force_y*s_rod
     s[8] = main_speed
     s[29] = -wrist_force_y

@@ -71,16 +71,18 @@ def body_equations() -> sm.Matrix:
 
 
 @cache
-def shaped_equations(count: int, planar: bool = False) -> sm.Matrix:
+def planar_body_equations() -> sm.Matrix:
+    """The same in the plane, (3, 1): two forces and the moment, by omega_z, a_x, a_y, epsilon_z."""
+    still = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2]), sm.S.Zero)
+    return body_equations()[[0, 1, 5], :].xreplace(still).applyfunc(lambda row: sm.collect(row, EPSILON[2]))
+
+
+@cache
+def shaped_equations(count: int) -> sm.Matrix:
     """-fr* of a body with so many shapes in moments and MOTION, less that of the same body without: three forces, three
     moments about its origin, then the row of each shape, (6 + count, 1).
-
-    ``planar``: of particles at z = 0 that stay there.
     """
-    still = [PLACE[2], *OMEGA[:2], *EPSILON[:2], ACCEL[2]]
-    still += [_N("z", j) for j in range(count)] + [_G("z", j, k) for j in range(count) for k in range(j, count)]
-    place = [_place(a, at, count) for a, at in zip(XYZ, PLACE, strict=True)]
-    particle = particle_equations(place, count).xreplace(dict.fromkeys(still * planar, sm.S.Zero))
+    particle = particle_equations([_place(a, at, count) for a, at in zip(XYZ, PLACE, strict=True)], count)
     products, first = dict(_products(count)), particle.diff(_ORDER)
     kept = (first + first.diff(_ORDER) / 2).xreplace({_ORDER: sm.S.Zero})
     return sm.Matrix([summed(row, products) for row in kept])

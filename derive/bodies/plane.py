@@ -11,13 +11,14 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import product
+from types import MappingProxyType
 
 import sympy as sm
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA
 from kaneflex.derive.bodies.kinds import PLANE, POINT, Kinds, numbers
 from kaneflex.derive.bodies.loops import Shape, added, code, grow, loops, zeroed
-from kaneflex.derive.bodies.proof import RIGID, by_name, prove
+from kaneflex.derive.bodies.proof import RIGID, C, S, prove
 from kaneflex.derive.bodies.space import (
     VELOCITY,
     demanded,
@@ -30,11 +31,18 @@ from kaneflex.derive.bodies.space import (
 )
 from kaneflex.derive.printers import module_text
 
-C, S, MASS = sm.symbols("c s mass")
+MASS = RIGID[0]
 _STILL = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2], VELOCITY[2]), 0)
 _PLACE = {"x": "xi", "y": "eta", "turn": "turn"}
 """Displacement of a section along and across the body, and its rotation."""
 _ROW = "out[k + j]"
+_OWN = {"": ({"mass": 1}, {"mass_X": 1}, {"mass_Y": 1}, {"inertia": 1, "mass_X_X": 1, "mass_Y_Y": 1})}
+"""Sums of the rigid body, as in a table."""
+_FIELDS = {"u": "s", "v": "w", "slope_v": "H", "theta_z": "psi", "x": "X"}
+"""Fields by their names in ``scene.modal_data``; of slopes there is the integral of both shapes' product."""
+_ORDER = ("X", "s", "w", "H", "psi")
+"""Factors in the name of a sum."""
+_ELASTIC = {"K_": "stiffness", "C_": "damping"}
 
 
 @cache
@@ -47,10 +55,10 @@ def body_text() -> str:
         If a kernel differs from the derived equations.
     """
     text = kernels_text()
-    prove(text)
+    prove(text, PLANE)
     printed = [
-        _table("BODY", RIGID, PLANE, "mass", "numbers of a body: its own, of a shape by its kind, of a pair of shapes"),
-        _table("POINT", (), POINT, "", "numbers of a point of a body in the same way"),
+        _table("BODY", PLANE, "mass", "numbers of a body: its own, of a shape by its kind, of a pair of shapes", _OWN),
+        _table("POINT", POINT, "", "numbers of a point of a body in the same way"),
         "# reordered sums are slower here, and so are calls",
         'WITHIN = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}, "forceinline": True}',
     ]
@@ -63,21 +71,31 @@ def kernels_text() -> str:
     return "\n\n".join([_displace(), _growth(), _inverse(), _inertia(), _energy()])
 
 
-def _table(name: str, first: Iterable[sm.Expr], kinds: Kinds, of: str, comment: str) -> str:
+def _table(name: str, kinds: Kinds, of: str, comment: str, first: Mapping[str, object] = MappingProxyType({})) -> str:
     """Sums that the stored numbers consist of, with their signs, by the names of ``scene.modal_data``."""
     values = {a: kinds.of_shape(a) for a in kinds.names} | {
         a + b: kinds.of_pair(a, b) for a, b in product(kinds.names, repeat=2)
     }
-    found = {"": [_signs(value) for value in first]}
+    found = dict(first)
     for key, sums in values.items():
-        found[key] = [_signs(by_name(sums[each], of=of)) for each in numbers(*key, kinds=kinds).stored]
-    return module_text.literal(name, {key: tuple(each) for key, each in found.items() if each}, comment)
+        own = tuple(_signs(sums[each], of) for each in numbers(*key, kinds=kinds).stored)
+        found |= {key: own} if own else {}
+    return module_text.literal(name, found, comment)
 
 
-def _signs(value: sm.Expr) -> dict[str, int]:
-    """Names without the numbers of shapes, with their coefficients."""
-    terms = value.as_coefficients_dict().items()
-    return dict(sorted((re.sub(r"_\d+", "", str(symbol)), int(sign)) for symbol, sign in terms))
+def _signs(value: sm.Expr, of: str) -> dict[str, int]:
+    """Names of the sums over mass or rotary inertia that an expression has, with their coefficients."""
+    return dict(sorted((_name(term, of), int(sign)) for term, sign in value.as_coefficients_dict().items()))
+
+
+def _name(term: sm.Expr, of: str) -> str:
+    """Name of a product of fields as a sum, like mass_X_H; with ``of`` empty, of a point."""
+    powers = term.as_powers_dict().items()
+    letters = [re.sub(r"\d+$", "", str(symbol)) for symbol, power in powers for _ in range(power)]
+    if letters[0] in _ELASTIC:
+        return _ELASTIC[letters[0]]
+    fields = sorted((_FIELDS[letter] for letter in letters if letter != "I_z"), key=_ORDER.index)
+    return "_".join([*filter(None, ["inertia" if "I_z" in letters else of]), *fields]).replace("H_H", "H")
 
 
 def _moved(shape: Shape) -> dict[str, sm.Expr]:

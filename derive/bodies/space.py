@@ -11,7 +11,7 @@ I = q_j (J_j + J_j0), force and moment beyond those of the rigid body are
     epsilon x S + omega x (omega x S + 2 v_j P_j) + b_j P_j + v_j v_k P_jk
     S x a + I epsilon + omega x (I omega + v_j H_j) + 2 v_j J_j omega + b_j H_j + v_j v_k H_jk
 
-Nothing is printed that is not proved to be Kane's equations (:mod:`kaneflex.derive.bodies.space_proof`).
+Nothing is printed that is not proved to be Kane's equations (:mod:`kaneflex.derive.bodies.proof`).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from functools import cache
 import sympy as sm
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, MOTION, OMEGA
-from kaneflex.derive.bodies.kinds import CUBIC, KINDS, MOMENTS, XYZ, numbers, section_motion, tables
+from kaneflex.derive.bodies.kinds import CUBIC, KINDS, MOMENTS, SPACE, XYZ, numbers, section_motion, tables
 from kaneflex.derive.bodies.loops import INDENT, Shape, batched, bounds, code, grow, loops, named, zeroed
+from kaneflex.derive.bodies.proof import VELOCITY, prove
 from kaneflex.derive.bodies.shortening import increments, kept, of_demand, of_energy, of_inertia
-from kaneflex.derive.bodies.space_proof import prove
 from kaneflex.derive.ir.names import Names
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
@@ -38,7 +38,6 @@ def _components(letter: str, axes: Iterable[str] = XYZ) -> tuple[str, ...]:
 P, H, X, J = (*map(_components, "PHX"), _components("J", MOMENTS))
 _SPIN = _components("s", MOMENTS)
 """-omega_x^2, ..., -2 omega_y omega_z, ...: factors of J in a row."""
-VELOCITY = sm.symbols("v_x v_y v_z")
 
 
 @cache
@@ -51,7 +50,7 @@ def spatial_shapes_text() -> str:
         If a kernel differs from the derived equations.
     """
     kernels = kernels_text()
-    prove(kernels)
+    prove(kernels, SPACE)
     section, raw = _section()
     before, after = emit.operations([(section, raw)])["section"]
     counted = f"Operations of section, written out -> with shared subexpressions: {before} -> {after}."

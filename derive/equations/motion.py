@@ -21,7 +21,7 @@ from kaneflex.derive.equations.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.equations.links import frame_scalars, jump_scalars, link_scalars
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.equations.newton import Loop
-from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, rigid_equations
+from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, balance, rigid_equations
 from kaneflex.derive.equations.springs import spring_scalars
 from kaneflex.derive.ir.functions import T, table, table_curvature, table_rate
 from kaneflex.derive.ir.names import Names
@@ -93,7 +93,7 @@ def _solve(mechanism: SymbolicMechanism, equations: RigidEquations, drives: dict
         loads = _loads(mechanism, drives, steps)
         springs = spring_scalars(mechanism, angles, rates.poses, rates.value, steps)
         pushes = loads | {scalar.name: scalar.value for scalar in springs}
-        reactions = _reactions(equations, rates, pushes, steps)
+        reactions = _reactions(mechanism, equations, rates, pushes, steps)
     return Solved(drives, rates, loads, springs, reactions, closure.margins, closure.gaps, closure.loops)
 
 
@@ -218,13 +218,13 @@ def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scal
 
 
 def _reactions(
-    equations: RigidEquations, rates: Rates, pushes: dict[str, sm.Expr], steps: Steps
+    mechanism: Mechanism, equations: RigidEquations, rates: Rates, pushes: dict[str, sm.Expr], steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
-    magnitude = {symbol: pushes[name] for name, symbol in equations.magnitude.items()}
-    poses, rows = (equations.coordinates[name] for name in equations.speeds), []
-    places = (place for pose in poses for place in (pose.x, pose.y, pose.phi))
-    for place, (row, balance) in zip(places, equations.balance, strict=True):
-        pushed = sum(c.multiplier * c.residual.diff(place) for c in equations.constraints)
-        rows.append((row, (balance + pushed).xreplace(rates.to_symbols).xreplace(magnitude)))
+    rows = []
+    for name, total in balance(mechanism, rates, pushes).items():
+        pose = equations.coordinates[name]
+        for row, place, own in zip(("force_x", "force_y", "moment"), (pose.x, pose.y, pose.phi), total, strict=True):
+            held = sum(c.multiplier * c.residual.diff(place) for c in equations.constraints)
+            rows.append((f"{name}.{row}", own + sm.sympify(held).xreplace(rates.to_symbols)))
     return solve_blocks(rows, [constraint.multiplier for constraint in equations.constraints], steps)

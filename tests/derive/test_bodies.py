@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from kaneflex import read_scene, scene_of
-from kaneflex.derive.bodies import proof, space_proof
-from kaneflex.derive.bodies.proof import NotKane
+from kaneflex.derive.bodies import kinds
+from kaneflex.derive.bodies.proof import NotKane, comparisons, prove
 from kaneflex.generated import body, spatial, spatial_shapes
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.spatial import Side
@@ -56,13 +56,13 @@ def printed(module):
 
 
 PLANE, SPACE = printed(body), printed(spatial_shapes).rpartition("\n\n@njit")[0]
-PROOFS = {"plane": (PLANE, proof, (0, 0)), "space": (SPACE, space_proof, ("u", "v"))}
+PROOFS = {"plane": (PLANE, kinds.PLANE), "space": (SPACE, kinds.SPACE)}
 
 
 @pytest.mark.parametrize("dimension", PROOFS)
 def test_every_kernel_is_compared(dimension):
-    text, proof_of, shapes = PROOFS[dimension]
-    names = {name for name, *_ in proof_of.comparisons(text, *(shapes if dimension == "plane" else (shapes,)))}
+    text, of = PROOFS[dimension]
+    names = {name for name, *_ in comparisons(text, of, ("u", "v"))}
     assert names - {"centre"} == set(re.findall(r"def (\w+)", text))
 
 
@@ -84,10 +84,10 @@ def test_every_kernel_is_compared(dimension):
     ("space", "int(p[o + 3]), p[o + 4]", "int(p[o + 2]), p[o + 4]"),
 ])  # fmt: skip
 def test_a_wrong_kernel_is_not_proved(dimension, right, wrong):
-    text, proof_of, _ = PROOFS[dimension]
+    text, of = PROOFS[dimension]
     assert right in text
     with pytest.raises((NotKane, IndexError)):
-        proof_of.prove(text.replace(right, wrong))
+        prove(text.replace(right, wrong), of)
 
 
 # ---- the plane ----------------------------------------------------------------------------------------------------
