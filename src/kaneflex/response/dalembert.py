@@ -158,15 +158,15 @@ class Balanced:
     quiet: Balance
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
-        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
-        N, V, M = self.loud.section(x, after)
-        stops = self._stops
+        """Section forces at x [m] from the start, as :meth:`Balance.section`."""
+        found, stops = self.loud.section(x, after), self._stops
         if np.min(abs(stops - x)) > _SAME * stops[-1]:
             last = int(np.searchsorted(stops, x))
             a, b = stops[last - 1], stops[last]
             at_a, at_b = self._differences[last - 1]
-            _, V, M = self.quiet.section(x, after) + (b - x) / (b - a) * at_a + (x - a) / (b - a) * at_b
-        return np.array([N, V, M])
+            without = self.quiet.section(x, after) + (b - x) / (b - a) * at_a + (x - a) / (b - a) * at_b
+            found[1:] = without[1:]
+        return found
 
     @cached_property
     def _stops(self) -> np.ndarray:

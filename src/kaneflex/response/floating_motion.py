@@ -16,7 +16,6 @@ from kaneflex.mechanism.body_frame import Rates, applied, turning
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.layout import MODE_SIZE, OPEN, STICKING
 from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
 from kaneflex.scene.quantities import Address
@@ -55,6 +54,9 @@ class FloatingMotion(DeformingMotion):
     @property
     def recorded(self) -> np.ndarray:
         return self.trajectory.record
+
+    def recording(self, record: np.ndarray) -> Self:
+        return replace(self, trajectory=replace(self.trajectory, record=record))
 
     def taken(self, instants: np.ndarray) -> Self:
         contacts, frictions, t = self.trajectory.contacts, self.trajectory.frictions, self.trajectory
@@ -173,39 +175,3 @@ class FloatingMotion(DeformingMotion):
         """Friction force or torque [N or N m]; unknown of single states."""
         record = self.trajectory.frictions
         return np.full(len(self.times), np.nan) if record is None else record.force[:, record.names.index(name)]
-
-    # ---- without axial vibration ------------------------------------------------------------------------------
-
-    @cached_property
-    def quiet(self) -> Self:
-        """The same states with accelerations and reactions without axial vibration of the links.
-
-        Axial shapes are not accelerated, as far as the joints allow: the axial force is then that of the remaining
-        motion, up to the squared ratio of frequencies. The motion is unchanged if masses differ too much for a
-        solution, and at instants at which friction sticks or rigid sides rest on each other.
-        """
-        t, engine = self.trajectory, self.system.engine
-        names = (name.rpartition(".")[2] for name, _ in engine.layout.coordinates)
-        still = [k for k, name in enumerate(names) if engine.shapes[k] and name.startswith("axial")]
-        if not still:
-            return self
-        try:
-            found = self.system.nearby(t.rows, still)
-        except ArithmeticError:
-            return self
-        moving, record = ~self._locked[:, None], t.record.copy()
-        for columns in (t.of.a, t.of.forces):
-            record[:, columns] = np.where(moving, found[:, columns], record[:, columns])
-        return replace(self, trajectory=replace(t, record=record))
-
-    @property
-    def _locked(self) -> np.ndarray:
-        """True at instants with sticking friction, or rigid sides at rest on each other, (n_times,).
-
-        Such a constraint may hold a link's end along its axis, or lock the loops of the rigid bodies: without axial
-        acceleration the link would have to bend violently instead.
-        """
-        engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
-        modes = self.trajectory.rows[:, engine.columns["modes"]][:, ::MODE_SIZE]
-        rigid = len(engine.holds) + np.flatnonzero([contact.law == "newton" for contact in contacts])
-        return (modes == STICKING).any(axis=1) | (modes[:, rigid] != OPEN).any(axis=1)

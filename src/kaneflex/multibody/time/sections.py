@@ -15,6 +15,7 @@ from kaneflex.generated.spatial_shapes import section
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, acceleration, applied, cross, turning, velocity
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame
+from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.scene import Scene
 from kaneflex.support.array_kernels import on_arrays
@@ -114,10 +115,45 @@ class DeformingMotion(RigidMotion, ABC):
         places, speeds = engine.amplitudes(body)
         return found.q[:, places].T, found.u[:, speeds].T, found.du[:, speeds].T
 
-    @property
+    @abstractmethod
+    def recording(self, record: np.ndarray) -> Self:
+        """Motion with another record of its instants."""
+
+    @cached_property
     def quiet(self) -> Self:
-        """The same states without axial vibration of the links; here they are unchanged."""
-        return self
+        """The same states with accelerations and reactions without axial vibration of the links.
+
+        Axial shapes are not accelerated, as far as the joints allow: the axial force is then that of the remaining
+        motion, up to the squared ratio of frequencies. The motion is unchanged if masses differ too much for a
+        solution, and at instants at which friction sticks or rigid sides rest on each other.
+        """
+        engine, of, record = self.system.engine, self.system.record, self.recorded.copy()
+        still = [speed for body, shapes in self.shapes.items()
+                 for speed in engine.amplitudes(body)[1][: shapes.counts[0]].tolist()]  # fmt: skip
+        if not still:
+            return self
+        seen = engine.instants(record)
+        rows = engine.rows_of(self.times, seen.q, seen.u, seen.du)
+        modes = seen.touching[:, :, -at.MODE_SIZE :]
+        rows[:, engine.columns["modes"]] = modes.reshape(len(rows), -1)
+        try:
+            found = self.system.nearby(rows, still)
+        except ArithmeticError:
+            return self
+        for columns in (of.a, of.forces):
+            record[:, columns] = np.where(self._locked(modes[:, :, 0])[:, None], record[:, columns], found[:, columns])
+        return self.recording(record)
+
+    def _locked(self, modes: np.ndarray) -> np.ndarray:
+        """True at instants with sticking friction, or rigid sides at rest on each other, (n_times,), by the modes of
+        frictions and contacts, (n_times, rows).
+
+        Such a constraint may hold a link's end along its axis, or lock the loops of the rigid bodies: without axial
+        acceleration the link would have to bend violently instead.
+        """
+        engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
+        rigid = len(engine.holds) + np.flatnonzero([contact.law == "newton" for contact in contacts])
+        return (modes == at.STICKING).any(axis=1) | (modes[:, rigid] != at.OPEN).any(axis=1)
 
     def link(self, name: str) -> Link:
         """Finite elements of an elastic link."""

@@ -300,6 +300,10 @@ class SpatialMotion(DeformingMotion):
         """Friction force or torque on the second body of a joint [N or N m]."""
         return self[f"{name}.friction"]
 
+    def recording(self, record: np.ndarray) -> SpatialMotion:  # type: ignore[override]
+        moved: SpatialMotion = self.motion.at(self.times, record)
+        return moved
+
     def taken(self, instants: np.ndarray) -> Self:
         record = None if self.record is None else self.record[instants]
         return type(self)(self.motion, self.times[instants], self.values[instants], record)
