@@ -17,7 +17,7 @@ BASELINE = {
     "integrate": 13,
     "mechanism": 2,
     "multibody": 29,
-    "plots": 30,
+    "plots": 29,
     "report": 5,
     "response": 19,
     "scene": 58,

@@ -59,6 +59,7 @@ def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
     if loose.axis:
         parts = {end: (key, (key,)) for end, key in [*ends.items()][:2]}
     turned, right, up, where = _picture(shown, loose)
+    called: dict[str, tuple[str, ...]] = {"force": loose.contacts}
     drawn = [(part, contacts, turned(shown.motion.clearance(key))) for part, (key, contacts) in parts.items()]
     if tilts:
         most = loose.room / (0.5 * loose.length)
@@ -76,9 +77,10 @@ def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
         path.set(xlim=ends_of_axes, ylim=ends_of_axes, aspect="equal")
         path.set(xlabel=f"{right} [{unit}]", ylabel=f"{up} [{unit}]")
         path.set_title(f"Path in the {'bearing' if bearing else 'guide'}, {where}")
-        called = {end: (key,) for end, key in ends.items()} if loose.axis else {"force": loose.contacts}
         if not bearing:
             called = {face: loose.contacts[4 * k : 4 * k + 4] for k, face in enumerate(_FACES)}
+        elif loose.axis:
+            called = {end: (key,) for end, key in ends.items()}
     for (part, contacts, place), colour in zip(drawn, PALETTE[::2], strict=False):
         _path(path, shown, contacts, np.array([scale * place[0], factor * place[1]]), f"of the {part}", colour)
     ratio = eccentricity(shown.solution, name)[shown.instants]
