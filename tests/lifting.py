@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.model.topology import spanning_tree
 from kaneflex.scene import scene_of
 from kaneflex.scene.poses import about
@@ -22,7 +22,7 @@ def lifted(scene, turn=TURN, zero_at_start=False):
     are zero there, for scenes whose drives have no start of their own.
     """
     scene = with_branches(scene)
-    poses = place(scene).poses
+    poses = place(mechanism_of(scene)).poses
     angles = {name: pose[2] for name, pose in poses.items()}
     first = _turned(scene, turn, angles)
     if zero_at_start:
@@ -36,7 +36,7 @@ def _at_zero(scene, deep, angles):
     Such a coordinate is the angle between the x axes of the two bodies, so these are parallel there. Other joints start
     as the scene places them.
     """
-    mechanism, found = spatial_mechanism_of(deep), {GROUND: 0.0}
+    mechanism, found = mechanism_of(deep), {GROUND: 0.0}
     for outer, name, side in spanning_tree(mechanism, rubs=False):
         if name is None:
             found[outer] = angles[outer]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kaneflex.mechanism.closure_continuation import seed_loops
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
@@ -13,7 +14,7 @@ def motion_of(scene: Scene) -> RigidMotion:
     """The rigid motion over two turns of the first drive in steps of 2 degrees."""
     module, _ = find_module(scene, lambda stage: None)
     speed = next(iter(scene.drives.values())).speed
-    p = seed_loops(scene, module, bind_parameters(scene, module), 4 * np.pi / abs(speed))
+    p = seed_loops(mechanism_of(scene), module, bind_parameters(scene, module), 4 * np.pi / abs(speed))
     return RigidKinematics(module, p).at(np.radians(np.arange(0, 720, 2)) / speed)
 
 

@@ -15,6 +15,7 @@ from kaneflex.generated import body as kernels
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
@@ -168,7 +169,7 @@ def moments(found: Model, body: str) -> dict[str, np.ndarray]:
     """ARRAYS of a body under preset coupled."""
     system = found.coupled
     data = link_data(system.shapes[body]) if body in system.shapes else found.scene.bodies[body].modal
-    return body_moments(found.scene, body, data)
+    return body_moments(mechanism_of(found.scene), body, data)
 
 
 def solved(scene: Scene, *settings: str) -> Solution:

@@ -25,12 +25,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from kaneflex import Scene, Solution, UserError, load, read_scene, shipped_scenes, simulate, with_settings
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
 from kaneflex.fem.spatial_joined import held_nodes
 from kaneflex.mechanism.floating_frames import most_modes
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic
-from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.start import Start
 from kaneflex.scene.structure import structure_hash
@@ -357,16 +357,16 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
             options = resolve_options(scene)
             elastic = [name for name, body in scene.bodies.items() if body.elastic]
             if scene.is_spatial:
-                links = [link_of_scene(scene, name, 1) for name in elastic]
-                mechanism = spatial_mechanism_of(scene)
+                links = [make_link(mechanism_of(scene), name, 1) for name in elastic]
+                mechanism = mechanism_of(scene)
                 assert all(held_nodes(mechanism, link) is not None for link in links)
             elif options.dynamics != "rigid" and elastic:
                 check_elastic(scene)
             structure_hash(acting(scene, options))
             for name in () if scene.is_spatial else elastic:
-                most_modes(scene, name)
+                most_modes(mechanism_of(scene), name)
             if placed and scene.joints:
-                place(scene)
+                place(mechanism_of(scene))
     except UserError as error:
         assert all((problem.reason, problem.cure, str(problem)) for problem in error.problems)
         return error

@@ -312,19 +312,18 @@ loads.on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
 @pytest.fixture(scope="module")
 def rod() -> Shapes:
     """Shapes of the elastic rod of a slider-crank."""
-    system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
+    system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None, 3)
     return system.shapes["rod"]
 
 
 def test_the_weight_of_a_rod_is_a_load_spread_over_it(rod):
     """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
-    scene = rod.link.scene
-    blocks = Blocks(scene, {})
+    blocks, own = Blocks(rod.link.mechanism, {}), rod.link.body
     q = np.random.default_rng(4).standard_normal(rod.count) * 1e-2
     gravity, none = np.array([3.0, -9.81]), np.zeros(len(q))
     c, s = np.cos(0.7), np.sin(0.7)
     p, weight = blocks.body("rod", rod), np.zeros(3 + len(q))
-    force = scene.bodies["rod"].rho_A * scene.bodies["rod"].length / 2 * gravity
+    force = own.rho_A * own.length / 2 * gravity
     for weights in ((1.0, 0.0), (0.0, 1.0)):
         share, x, rows, G = rod.spread(*weights)
         x, numbers = x / share, blocks.station(rod, rows / share, G / share)
@@ -338,12 +337,12 @@ def test_the_weight_of_a_rod_is_a_load_spread_over_it(rod):
     stiffness = [*body.inverse(p, 0, q, none, none, 0, c, s, 0.0, 0.0, 0.0, 0.0, shapes[1], 0), *shapes[1]]
     terms = abs(np.array(held)) + abs(np.array(stiffness))
     assert (abs(weight + held - stiffness) <= 1e-12 * terms.max()).all()
-    assert weight[:2] == pytest.approx(scene.bodies["rod"].mass * gravity, rel=1e-12)
+    assert weight[:2] == pytest.approx(own.mass * gravity, rel=1e-12)
 
 
 def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(rod):
     scene = scene_of(LOADED)
-    length, blocks = scene.bodies["crank"].length, Blocks(scene, {"rod": lambda held, freed: rod})
+    length, blocks = scene.bodies["crank"].length, Blocks(mechanism_of(scene), {"rod": lambda held, freed: rod})
     sections = build_tables(mechanism_of(scene), blocks).layout.sections
     assert {Side("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
     middle = blocks.station(rod, *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))

@@ -9,8 +9,9 @@ import sympy as sm
 from scipy.spatial.transform import Rotation
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
 from kaneflex.generated import spatial, spatial_shapes
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
 from kaneflex.scene import scene_of
 
@@ -72,7 +73,7 @@ solve = {preset = "coupled", duration = "1 ms"}
 def test_the_largest_displacement_of_a_shape_is_one():
     """Of twist the rotation is; positive, so that the sign of a shape does not depend on the solver of the modes."""
     scene = scene_of(SHAFT)
-    found = built_shapes(link_of_scene(scene, "shaft", 3), 2, (0.0, 0.0, 0.0))
+    found = built_shapes(make_link(mechanism_of(scene), "shaft", 3), 2, (0.0, 0.0, 0.0))
     moved = found.basis.reshape(-1, 6, found.count)[:, :4]
     assert moved.max(axis=(0, 1)) == pytest.approx(np.ones(found.count), abs=1e-12)
     assert abs(moved).max() == pytest.approx(1.0, abs=1e-12)
@@ -81,7 +82,7 @@ def test_the_largest_displacement_of_a_shape_is_one():
 def test_fibres_of_a_thick_section_go_where_its_rotation_takes_them():
     """Integral of y G and z G dm: the second derivatives of the rotation R(theta), by differences, over y^2 and z^2."""
     scene = scene_of(SHAFT)
-    link = link_of_scene(scene, "shaft", 3)
+    link = make_link(mechanism_of(scene), "shaft", 3)
     found = built_shapes(link, 1, (0.0, 0.0, 0.0))
     h, R = 1e-3, {}
     for theta in itertools.product((-1, 0, 1), repeat=3):
@@ -111,7 +112,7 @@ def test_kinds_of_a_beam_are_what_any_shapes_are(theory, freed):
     """Kernels of a thick link by its kinds, and by the same shapes as those of any body, without the products of third
     order of a pinned link."""
     scene = scene_of(SHAFT.replace("rayleigh", theory))
-    link = link_of_scene(scene, "shaft", 3)
+    link = make_link(mechanism_of(scene), "shaft", 3)
     found, values = built_shapes(link, 2, (0.0, 0.0, 0.0), freed), []
     assert len(found.counts) == 4 and min(found.counts) > 0
     count, random = found.count, np.random.default_rng(5)
@@ -143,7 +144,7 @@ def pinned_rod(theory, place):
     pinned = f"{name} = {{revolute = [{sides}], axis = [0, 0, 1]}}"
     text = ROD.replace(f"{name} = {{weld = [{sides}]}}", pinned) + f"drives.{name}.free = true\n"
     scene = scene_of(text.replace("rayleigh", theory))
-    return built_shapes(link_of_scene(scene, "shaft", 8), 4, (place, 0.0, 0.0), "z")
+    return built_shapes(make_link(mechanism_of(scene), "shaft", 8), 4, (place, 0.0, 0.0), "z")
 
 
 def mass_matrix(shapes, q):

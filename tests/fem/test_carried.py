@@ -14,7 +14,7 @@ from test_spatial_elastic import STEEL, matrices
 
 import kaneflex.scenes
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
-from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.building import reference_modes
 
 SCENE = """
@@ -365,7 +365,7 @@ joints.tip = {weld = ["arm.end", "bob"]}
     raw = tomllib.loads(CANTILEVER.replace("PRESET", "rigid") + aside)
     raw["bodies"]["arm"] |= {"mass": "1 kg", "inertia": [0, 0.1, 0.1]}
     del raw["bodies"]["arm"]["beam"], raw["sensors"]
-    body = spatial_mechanism_of(scene_of(raw)).bodies["arm"]
+    body = mechanism_of(scene_of(raw)).bodies["arm"]
     c, m = body.centre, body.mass
     assert (m, *c) == pytest.approx((3.0, 2.5 / 3, 0.02, 0.08 / 3))
     about_start = [0.004 + 2 * 0.05**2, 0.35 + 0.003 + 2 * (1 + 0.04**2), 0.35 + 0.002 + 2 * (1 + 0.03**2)]

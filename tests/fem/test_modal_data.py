@@ -13,7 +13,8 @@ from runs import alike, solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.held_shapes import held_shapes
 from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.shape_bases import spatial_shapes
@@ -265,7 +266,7 @@ def test_data_fed_back_have_the_same_poles(in_space):
 @pytest.mark.parametrize("held", [0.5, 1.0])
 def test_other_axes_are_those_of_the_same_motion(in_space, plane, held):
     """Data in axes that go along with the rod's start, held elsewhere: as its shapes are there from the beginning."""
-    link = link_of_scene(read_scene(in_space / "beam.toml"), "rod", 4)
+    link = make_link(mechanism_of(read_scene(in_space / "beam.toml")), "rod", 4)
     whole = spatial_shapes(link, 3, (0.0, 0.0, 0.0))
     bent = abs(whole.basis[{"v": 1, "w": 2}[plane] :: 6]).max(axis=0) > 0.0
     data = link_data(replace(whole, basis=whole.basis[:, bent]))

@@ -16,11 +16,12 @@ from kaneflex import SceneError, load, read_scene, scene_of, shipped_scenes, wit
 from kaneflex.fem.spatial_bodies import rigid_part
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
-from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.spatial import SpatialBody
 from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.bound_model import keep_terms
-from kaneflex.multibody.model.module_loading import find_laws_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.tree_layout import COORDINATE, SPEED
 from kaneflex.plots.sensors import grouped
@@ -334,7 +335,7 @@ def test_no_joint_opens(name, preset):
     if name == "crankshaft-torsion" and preset == "stiffened":
         pytest.skip("forces at its journals are statically indeterminate")
     motion = few_steps(name, preset).motion
-    mechanism = spatial_mechanism_of(motion.model.scene)
+    mechanism = mechanism_of(motion.model.scene)
     for joint in mechanism.joints.values():
         moved = []
         for side in joint.sides:
@@ -361,7 +362,7 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
     if name == "crankshaft-torsion" and preset in ("stiffened", "rigid"):
         pytest.skip("forces at its journals are statically indeterminate")
     motion = few_steps(name, preset).motion
-    mechanism, lost = spatial_mechanism_of(motion.model.scene), motion.model.module.open_reactions
+    mechanism, lost = mechanism_of(motion.model.scene), motion.model.module.open_reactions
     found = 0
     for link, body in motion.model.scene.bodies.items():
         for end, x in (("start", 0.0), ("end", body.length)) if body.elastic else ():
@@ -466,7 +467,8 @@ solve.preset = "rigid"
     found = matrices(load(scene_of(f'{elastic}[bodies.stub]\nlength = "1 m"\nrotation.x = [1, 0, 0]\n{stiff}')), t)
     lowest = eig(found["K"], found["M"], right=False).real.min()
     free = scene_of(rigid)
-    system = rigid_system(free, find_laws_module(free, lambda stage: None)[0])
+    module, _ = find_laws_module(free, lambda stage: None)
+    system = rigid_system(mechanism_of(free), module, bind_parameters(free, module))
     start = start_of(system)
     at, speed = (int(system.columns(["hinge"], what)[0]) for what in (COORDINATE, SPEED))
     rates = []

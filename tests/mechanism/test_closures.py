@@ -10,6 +10,7 @@ from newton_euler import imbalance, motion_of, place, turned
 from scipy.linalg import eigvalsh
 
 from kaneflex import Model, Scene, SceneError, load, scene_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place as placed
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
@@ -169,7 +170,8 @@ def test_branch_chooses_the_side(mechanism):
     scene, rigid = mechanism
     for body in scene.bodies:
         for key in ("x", "y", "c", "s"):
-            assert placed(scene)[f"{body}.{key}"] == pytest.approx(rigid[f"{body}.{key}"][0], abs=1e-9), body
+            own = placed(mechanism_of(scene))
+            assert own[f"{body}.{key}"] == pytest.approx(rigid[f"{body}.{key}"][0], abs=1e-9), body
 
     def point(*address: str) -> np.ndarray:
         return place(scene, rigid, Address(*address))
@@ -187,7 +189,7 @@ def test_branch_chooses_the_side(mechanism):
 def test_a_cylinder_whose_ends_keep_their_distance_is_named():
     """Both turn about the same pivot: the eyes of the cylinder stay 0.5 m apart wherever the lever stands."""
     with pytest.raises(SceneError, match=r"barrel, rod, lever can still move together.*cylinder") as refusal:
-        placed(scene_of("""
+        placed(mechanism_of(scene_of("""
 schema = 1
 bodies.barrel = {length = "0.3 m", mass = "5 kg"}
 bodies.rod = {length = "0.4 m", mass = "5 kg"}
@@ -198,7 +200,7 @@ joints.cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]
 joints.eye = {revolute = ["rod.end", "lever.mid"], near = {lever = "60 deg"}}
 drives.cylinder = {law = "0.1"}
 solve = {preset = "rigid", duration = "1 s"}
-"""))
+""")))
     assert refusal.value.key == "joints.eye"
 
 

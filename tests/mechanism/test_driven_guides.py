@@ -8,6 +8,7 @@ from runs import solved
 
 from kaneflex import SceneError, load, read_scene, scene_of
 from kaneflex.cli.scene import configuration
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.report.presentation import at_drive
 
@@ -135,7 +136,7 @@ def test_the_crank_follows_its_piston_and_powers_balance():
             np.testing.assert_allclose(ends[1], wanted[1], atol=1e-12)
         else:
             np.testing.assert_allclose(ends[0], rigid["rod.x"], atol=1e-12)
-    standing = place(scene, {"bore": 0.13})
+    standing = place(mechanism_of(scene), {"bore": 0.13})
     assert standing["crank.s"][0] == pytest.approx(rigid["crank.s"][0], abs=1e-8)
     assert rigid["piston.x"][0] == pytest.approx(0.13)
 

@@ -227,7 +227,7 @@ solve.preset = "rigid"
 def moved(name, *settings: str):
     """A scene with its branches, and where its bodies stand over the run, by numbers alone."""
     scene = with_branches(with_settings(read_scene(name), list(settings)))
-    return scene, followed(scene, place(scene))
+    return scene, followed(mechanism_of(scene), place(mechanism_of(scene)))
 
 
 def found(name, *settings: str):
@@ -305,7 +305,7 @@ def test_rank_counts_what_gruebler_does_not(tmp_path):
     scene = read_scene(tmp_path / "parallel.toml")
     mechanism = mechanism_of(scene)
     assert count_freedom(mechanism).mobility == 0
-    poses = place(with_branches(scene)).poses
+    poses = place(mechanism_of(with_branches(scene))).poses
     assert mobility_by_rank(mechanism, {name: pose[:, None] for name, pose in poses.items()}) == 1
     for name in LOOPS:
         scene, courses = moved(name)
@@ -331,12 +331,12 @@ def test_the_command_line_prints_them(tmp_path):
 def test_strokes_and_ranges_are_those_of_the_closed_forms():
     """A crank slider moves by 2 r about its wrist's asin(r / l); the shaper's lever by 30 degrees to both sides."""
     scene = read_scene("engine")
-    lines = reach_lines(scene, followed(scene, place(scene)))
+    lines = reach_lines(mechanism_of(scene), followed(mechanism_of(scene), place(mechanism_of(scene))))
     assert lines["bore"] == f"97 to {97 + 80} mm, a stroke of 80 mm"
     swing = math.degrees(math.asin(40 / 137))
     assert lines["wrist"] == f"{-swing:.4g} to {swing:.4g} deg" and lines["main"] == "full turns"
     scene = read_scene("quick-return")
-    lines = reach_lines(scene, followed(scene, place(scene)))
+    lines = reach_lines(mechanism_of(scene), followed(mechanism_of(scene), place(mechanism_of(scene))))
     assert lines["foot"] == "60 to 120 deg" and lines["slot"] == "100 to 300 mm, a stroke of 200 mm"
 
 
@@ -345,7 +345,8 @@ def test_numbers_alone_find_what_the_kernels_find(name):
     scene, model = read_scene(name), load(read_scene(name))
     courses = courses_of(mechanism_of(scene), model.motion.at(np.linspace(0.0, min(scene.horizon, 20.0), 721)))
     short = with_settings(scene, ["solve.duration=20 s"]) if name == "spin-up" else scene
-    assert reach_lines(scene, courses) == reach_lines(scene, followed(short, place(scene)))
+    mechanism = mechanism_of(scene)
+    assert reach_lines(mechanism, courses) == reach_lines(mechanism, followed(mechanism_of(short), place(mechanism)))
 
 
 def test_the_command_line_prints_the_range(tmp_path):
@@ -376,15 +377,15 @@ def test_near_chooses_between_the_two_places_of_a_dyad(degrees, branch):
     """A parallelogram's rocker is parallel to the crank, at 60 degrees; crossed it is not."""
     found = with_branches(nearest(f'near = {{rocker = "{degrees:g} deg"}}'))
     assert found.joints["foot"].branch == branch
-    angle = {way: math.degrees(place(nearest(f'branch = "{way}"')).poses["rocker"][2]) for way in "+-"}
+    angle = {way: math.degrees(place(mechanism_of(nearest(f'branch = "{way}"'))).poses["rocker"][2]) for way in "+-"}
     assert math.remainder(angle["+"] - 60.0, 360.0) == pytest.approx(0.0, abs=1e-6)
-    chosen = math.degrees(place(found).poses["rocker"][2])
+    chosen = math.degrees(place(mechanism_of(found)).poses["rocker"][2])
     assert math.remainder(chosen - angle[branch], 360.0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_place_between_both_is_refused_with_both():
     scene = nearest('near = {rocker = "60 deg"}')
-    rocker = [place(nearest(f'branch = "{way}"')).poses["rocker"][2] for way in "+-"]
+    rocker = [place(mechanism_of(nearest(f'branch = "{way}"'))).poses["rocker"][2] for way in "+-"]
     between = math.degrees(sum(rocker) / 2)
     with pytest.raises(SceneError, match="the loop closes in 2 ways at the start"):
         with_branches(with_settings(scene, [f"joints.foot.near.rocker={between} deg"]))
@@ -395,5 +396,6 @@ def test_points_that_lie_on_each_other_are_named():
     text = FOLDED.replace("100 mm", "50 mm").replace("WAY", 'branch = "{way}"')
     for way, expected in (("+", None), ("-", "rocker.end")):
         scene = scene_of(text.replace("{way}", way))
-        meeting = reach_lines(scene, followed(scene, place(scene))).get("coincide", "")
+        mechanism = mechanism_of(scene)
+        meeting = reach_lines(mechanism, followed(mechanism, place(mechanism))).get("coincide", "")
         assert (expected or "") in meeting and bool(meeting) == (expected is not None)

@@ -10,6 +10,7 @@ from runs import solved
 
 from kaneflex import SceneError, scene_of
 from kaneflex.mechanism.closure_continuation import followed
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.report.presentation import parts, printed
 
@@ -119,7 +120,7 @@ def test_loads_by_laws_in_other_joints_are_in_what_the_rigid_mechanism_is_said_t
 def test_a_cylinder_that_dwells_is_followed():
     """At rest the tangent step is zero, and what Newton's method corrects is rounding, not a lock."""
     boom = scene_of(BOOM.replace("WAY", 'near = {boom = "6 deg"}'))
-    courses = followed(boom, place(boom))
+    courses = followed(mechanism_of(boom), place(mechanism_of(boom)))
     eye = 2.5 * np.exp(1j * courses["boom"][2])
     assert abs(eye - (0.6 - 0.4j))[[0, -1]] == pytest.approx([2.0, 2.6], abs=1e-9)
     assert "closes a loop, boom near 6 deg" in printed(boom, parts(boom))
@@ -128,7 +129,7 @@ def test_a_cylinder_that_dwells_is_followed():
 def test_a_loop_of_three_bodies_asks_for_near_where_branch_was_given():
     said = "branch applies to loops of two bodies only. Choose one, like near = {boom = '6 deg'}:\n  boom 6"
     with pytest.raises(SceneError, match=re.escape(said)):
-        place(scene_of(BOOM.replace("WAY", 'branch = "+"')))
+        place(mechanism_of(scene_of(BOOM.replace("WAY", 'branch = "+"'))))
 
 
 def test_the_speed_of_a_joint_is_refused_by_the_name_that_was_written():
@@ -146,4 +147,5 @@ def test_a_point_of_the_users_where_a_joint_is_does_not_lie_there_by_chance():
     machine = scene_of(named)
     from kaneflex.mechanism.closure import reach_lines
 
-    assert "coincide" not in reach_lines(machine, followed(machine, place(machine)))
+    of = mechanism_of(machine)
+    assert "coincide" not in reach_lines(of, followed(of, place(of)))

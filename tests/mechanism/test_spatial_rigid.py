@@ -12,21 +12,27 @@ from runs import solved
 import kaneflex
 from kaneflex import SceneError, load, read_scene, simulate, with_settings
 from kaneflex.generated import spatial as kernels
-from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.body_parameters import SpatialBlocks
 from kaneflex.multibody.model.layout import WHAT
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import curves
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.spatial_loading import find_laws_module, spatial_start
+from kaneflex.solve.spatial_loading import spatial_start
 
 SEED = 20261122
 
 
 def scene_of(text):
     return kaneflex.scene_of("schema = 1\n" + text)
+
+
+def system_of(scene):
+    module, _ = find_laws_module(scene, lambda stage: None)
+    return rigid_system(mechanism_of(scene), module, bind_parameters(scene, module))
 
 
 def test_a_body_asks_for_what_newton_and_euler_say():
@@ -92,11 +98,11 @@ joints.second = {joint}
 {drives}
 solve.duration = 1
 """)
-    mechanism = spatial_mechanism_of(scene)
+    mechanism = mechanism_of(scene)
     tables = build_tables(mechanism, SpatialBlocks(mechanism, RIGID)).tables
     cuts = tables.acts[: tables.ranges[1], WHAT]
     assert sum(len(ANGLES[what]) for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
-    system = rigid_system(scene, find_laws_module(scene, lambda stage: None)[0])
+    system = system_of(scene)
     rng = np.random.default_rng(SEED)
     for _ in range(4):
         q = rng.normal(size=len(system.engine.layout.positions))
@@ -184,7 +190,7 @@ def joint_by_hand(kind, q):
 def test_rows_of_joints_by_hand(kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
     scene = scene_of(GUIDED % (kind, AXES[kind]))
-    system = rigid_system(scene, find_laws_module(scene, lambda stage: None)[0])
+    system = system_of(scene)
     assert len(system.engine.layout.positions) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
         system.place(q)
@@ -445,7 +451,7 @@ def test_a_planar_mechanism_moves_the_same_in_space(name):
     flat = load(planar.model_copy(update={"solve": planar.solve.model_copy(update={"preset": "rigid"})}))
     times = np.linspace(0.0, 0.7 * planar.horizon, 23)
     here, there = model.motion.at(times), flat.motion.at(times)
-    size = spatial_mechanism_of(model.scene).size
+    size = mechanism_of(model.scene).size
     for body in planar.bodies:
         mine, plane = here.frame(body), there.frame(body)
         point = np.array([0.3, 0.1]) * size

@@ -7,6 +7,7 @@ from matplotlib.text import Text
 from runs import solved
 
 from kaneflex import SceneError, scene_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
 from kaneflex.report.presentation import parts, printed
@@ -207,7 +208,7 @@ sensors.twist = {spring_torque = "hinge"}
     scene = scene_of(text + RIGID)
     assert "2000 N/m, 5 N s/m, ground.post to bar.end, free length 100 mm" in printed(scene, parts(scene))
     assert "12 N m/rad, 0 N m s/rad, at pivot" in printed(scene, parts(scene))
-    figure = scheme(scene, place(scene))
+    figure = scheme(scene, place(mechanism_of(scene)))
     said = "\n".join(text.get_text() for text in figure.findobj(Text))
     for name in ("valve", "hinge", "1  spring valve: pull", "2  spring hinge: twist"):
         assert name in said.split("\n"), name

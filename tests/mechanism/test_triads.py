@@ -159,7 +159,8 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
     module = import_file(tmp_path / "newton.py", structure)
     monkeypatch.delitem(sys.modules, module.__name__)
     assert [closing for closing, *_ in module.LOOPS] == ["rocker"]
-    newton = RigidKinematics(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
+    p = bind_parameters(scene, module)
+    newton = RigidKinematics(module, seed_loops(mechanism_of(scene), module, p, scene.period))
     times = np.random.default_rng(1).uniform(0.0, 3 * scene.period, 200)
     here, there = newton.at(times), exact.at(times)
     for name in exact.column:
@@ -235,7 +236,7 @@ def test_the_drive_does_no_work_over_a_turn():
 def test_show_places_the_same_assembly():
     scene = scene_of(MECHANISMS["three rockers"])
     rigid = motion("three rockers").at(0.0)
-    at = place_bodies(scene)
+    at = place_bodies(mechanism_of(scene))
     for name in scene.bodies:
         for key in ("x", "y", "c", "s"):
             assert at[f"{name}.{key}"] == pytest.approx(rigid[f"{name}.{key}"], abs=1e-9)
@@ -266,21 +267,21 @@ def test_damping_leads_most_starts_to_an_assembly():
     scene = scene_of(MECHANISMS["three rockers"])
     group, joints = ("rod", "left_rocker", "platform", "right_rocker"), [*scene.joints][1:]
     constraints = position_analysis.Constraints(mechanism_of(scene), {"main": 0.0}, group, joints)
-    known = {GROUND: np.zeros(3), "crank": place_bodies(scene).poses["crank"]}
+    known = {GROUND: np.zeros(3), "crank": place_bodies(mechanism_of(scene)).poses["crank"]}
     assert sum(1 for _ in position_analysis._assembled(constraints, known, 400)) > 250
 
 
 def test_near_of_a_dyad_names_a_body_of_its_loop():
     text = 'schema = 1\nlike = "four-bar"\njoints.rocker = {branch = "none", near = {crank = "10 deg"}}'
     with pytest.raises(SceneError, match="it is not in the loop of rocker, which moves coupler, follower"):
-        place_bodies(scene_of(text))
+        place_bodies(mechanism_of(scene_of(text)))
 
 
 @pytest.mark.parametrize("turn", [2 * np.pi, -1.0])
 @pytest.mark.parametrize("count", [3, 203])
 def test_far_knots_are_those_that_small_steps_lead_to(turn, count):
     scene = scene_of(MECHANISMS["three rockers"])
-    start, ends = place_bodies(scene), np.array([0.0, turn])
+    start, ends = place_bodies(mechanism_of(scene)), np.array([0.0, turn])
 
     def poses(n: int) -> np.ndarray:
         xs = start.drives["main"] + np.linspace(*ends, n)
@@ -292,7 +293,7 @@ def test_far_knots_are_those_that_small_steps_lead_to(turn, count):
 def test_poses_off_the_tangent_or_on_another_branch_are_not_taken(monkeypatch):
     """Newton's method from a far tangent may close the loop, but elsewhere."""
     scene = scene_of(MECHANISMS["three rockers"])
-    start, xs = place_bodies(scene), np.linspace(0.0, 2 * np.pi, 181)[:, None]
+    start, xs = place_bodies(mechanism_of(scene)), np.linspace(0.0, 2 * np.pi, 181)[:, None]
     constraints = closure_continuation.Constraints(mechanism_of(scene), start.drives)
     here, at = np.concatenate([start.poses[name] for name in constraints.bodies]), np.array([*start.drives.values()])
     poses, good = closure_continuation._from_tangent(constraints, here, at, at + xs)

@@ -16,7 +16,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import rigid_system
-from kaneflex.multibody.model.module_loading import find_laws_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.plots import motion, sensors
@@ -50,7 +50,7 @@ def system_of(scene, *contacts, gravity=(0.0, -G), hinged=False):
     mechanism = replace(mechanism_of(scene), contacts={each.name: each for each in contacts}, gravity=gravity)
     if not hinged:
         mechanism = replace(mechanism, joints={}, drives={})
-    return rigid_system(scene, module, mechanism=mechanism)
+    return rigid_system(mechanism, module, bind_parameters(scene, module))
 
 
 def body(k=0, point="start", at=ZERO):

@@ -12,6 +12,7 @@ import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
 from kaneflex.fem.element_terms import shape_functions
 from kaneflex.generated import body
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.multibody.time.linearisation import prepare
@@ -38,7 +39,7 @@ def moved(engine):
 def inertia_forces(model, q, v, a):
     """M a - f of every body by itself, what holds, damps and weighs it included, by the body's kernel."""
     system, found = model.coupled, np.zeros(model.coupled.size)
-    blocks = Blocks(model.scene, {})
+    blocks = Blocks(mechanism_of(model.scene), {})
     for name, k in system.start.items():
         turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]
         p = blocks.body(name, system.shapes.get(name))

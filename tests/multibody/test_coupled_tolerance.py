@@ -37,7 +37,7 @@ def discs(stiffnesses, torques):
                   for name, torque in zip(names, torques, strict=True)},
         "solve": {"preset": "coupled", "duration": "1 s"},
     }  # fmt: skip
-    return build_system(scene_of(scene), lambda stage: None)[0]
+    return build_system(scene_of(scene), lambda stage: None, 3)[0]
 
 
 def integrated(system, start, times, tolerance, integrator):

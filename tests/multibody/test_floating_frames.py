@@ -10,10 +10,12 @@ from runs import closed, gaps, solved
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.shape_bases import link_shapes
 from kaneflex.scene import read_scene, scene_of, with_settings
+from kaneflex.scene.options import modes_of
 from kaneflex.scene.read import _validated
 
 COUPLED = [
@@ -141,7 +143,7 @@ def test_accelerations_and_reactions_know_no_direction(name):
     scene = read_scene(name)
     turned, links = reversed_links(scene)
     model = kaneflex.load(scene)
-    system, other = model.coupled, build_system(turned, lambda stage: None)[0]
+    system, other = model.coupled, build_system(turned, lambda stage: None, modes_of(turned))[0]
     q, v = moved_state(system, *system.frames(*model.motion.states(system, np.array([T]))), 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
     found, mirrored = closed(system, T, q, v), closed(other, T, there, rates)
@@ -178,7 +180,7 @@ def test_axial_frequencies_converge_with_modes():
     module = kaneflex.load(linear).motion.module
     for modes in (3, 6, 12):
         scene = with_settings(linear, ["solve.preset=coupled", f"solve.modes={modes}"])
-        link = link_of_scene(scene, "rod", 32, module)
+        link = make_link(mechanism_of(scene), "rod", 32, module)
         shapes = link_shapes(link, modes).axial
         K, M = (shapes.T @ link.part.matrices[key].value({}) @ shapes for key in ("K_s", "M"))
         found = np.sqrt(eigh(K, M, eigvals_only=True)) / (2 * np.pi)

@@ -7,7 +7,8 @@ import pytest
 from runs import alike, solved
 
 import kaneflex
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.beams import MATERIALS
@@ -209,7 +210,7 @@ def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     """About this axis alone the section there turns in the link's axes; the joint's point stays where it is."""
     text = STRIP.format(joint=PIN, turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
     scene = scene_of(text)
-    link = link_of_scene(scene, "strip", 4)
+    link = make_link(mechanism_of(scene), "strip", 4)
     basis, M = spatial_shapes(link, 3, (0.0, 0.0, 0.0), "z").basis, link.part.matrices["M"].value({})
     energies, x = np.einsum("aj,ab,bj->j", basis, M, basis), np.array([[node, 0.0, 0.0] for node in link.nodes])
     for axis, unit in zip("xyz", np.eye(3), strict=True):
@@ -226,7 +227,7 @@ def test_shapes_between_two_joints_follow_their_chord(between):
     """On whichever joint the link hangs: no displacement across it at either joint, along it none in the mean; nor does
     a joint between them matter."""
     scene = scene_of(ROD.format(section='circle = "8 mm"', speed=0.0) + between)
-    link = link_of_scene(scene, "rod", 4)
+    link = make_link(mechanism_of(scene), "rod", 4)
     M = link.part.matrices["M"].value({})
     found = [spatial_shapes(link, 3, (x, 0.0, 0.0), "xyz") for x in (0.0, 0.8)]
     for shapes in found:

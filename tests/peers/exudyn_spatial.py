@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.mechanism.meshes import mesh
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.numbers import mesh
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
+from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.scene.sections import properties_of
 from kaneflex_peers.buildable import stiffness_damping
@@ -125,7 +126,7 @@ class _Builder:
         import exudyn.itemInterface as items
 
         self.items, self.built, self.system = items, built, built.system
-        self.model, self.scene, self.mechanism = model, model.scene, spatial_mechanism_of(model.scene)
+        self.model, self.scene, self.mechanism = model, model.scene, mechanism_of(model.scene)
         self.start = model.motion.at(0.0)
         self.state = _State(built, model.motion.module.system)
         self.built.bodies[GROUND] = self.system.AddObject(items.ObjectGround())
@@ -152,7 +153,7 @@ class _Builder:
     def link(self, name: str, count: int) -> None:
         utilities = self.built.exudyn.utilities
         body = self.scene.bodies[name]
-        places = mesh(self.scene, name, count, [at[0] for at in body.points_all.values()])
+        places = mesh(mechanism_of(self.scene), name, count, [at[0] for at in body.points_all.values()])
         stands, turning = self._stands(name), self._vector(name, "omega")
         turned = utilities.RotationMatrix2EulerParameters(stands)
         turns = utilities.AngularVelocity2EulerParameters_t(turning, turned)

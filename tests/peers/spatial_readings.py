@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND, whole_turns
-from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.response.sensors import displacement_of, strain_of
 from kaneflex.scene.quantities import Address
@@ -30,7 +30,7 @@ class SpatialRecorder(Recorder):
     def __init__(self, model: Model, built: Built):
         super().__init__(model, built)
         self.built, items = built, self.items
-        self.mechanism, self.start = spatial_mechanism_of(model.scene), model.motion.at(0.0)
+        self.mechanism, self.start = mechanism_of(model.scene), model.motion.at(0.0)
         self.bodies = {
             (name, variable): self._record(
                 items.SensorBody, variable, bodyNumber=number, localPosition=-self.mechanism.bodies[name].centre

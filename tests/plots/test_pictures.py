@@ -10,6 +10,7 @@ from runs import run, solved
 
 from kaneflex import figures, read_scene, scene_of, show
 from kaneflex.mechanism.joints import axes_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.plots import loads, motion, paths, spectra
@@ -72,7 +73,7 @@ def test_points_beside_the_bodies_are_in_the_pictures():
     seen = curves(path)["coupler.eye"]
     drawing = show(scene).axes[0]
     placed = {name: pose.place(at) for name, at in (("crank", (-0.6, 0.0)), ("coupler", (0.9, 0.5)))
-              for pose in [axes_of(place(scene, {}).poses)[name]]}  # fmt: skip
+              for pose in [axes_of(place(mechanism_of(scene), {}).poses)[name]]}  # fmt: skip
     for axes, points in ((path, seen.T), (drawing, [1e3 * np.array(each) for each in placed.values()])):
         assert all(axes.viewLim.contains(*point) for point in points)
     lines = [line.get_xydata() for line in drawing.get_lines()]

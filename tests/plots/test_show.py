@@ -72,7 +72,7 @@ def test_places_are_those_of_the_generated_motion(name):
         return
     for t in np.linspace(0.0, scene.horizon, 4):
         rigid = found.motion.at(t)
-        placement = place(scene, {drive: float(rigid[f"{drive}.angle"][0]) for drive in scene.drives})
+        placement = place(mechanism_of(scene), {drive: float(rigid[f"{drive}.angle"][0]) for drive in scene.drives})
         for body in scene.bodies:
             for kind in "xycs":
                 expected = rigid[f"{body}.{kind}"][0]
@@ -92,7 +92,8 @@ def test_rates_are_those_of_the_generated_motion(name):
     (drive, moved), *_ = scene.drives.items()
     for t in np.linspace(0.0, scene.horizon, 5):
         rigid = found.motion.at(t)
-        rates = drive_rates(mechanism_of(scene), place(scene, {drive: float(rigid[f"{drive}.angle"][0])}))[drive]
+        mechanism = mechanism_of(scene)
+        rates = drive_rates(mechanism, place(mechanism, {drive: float(rigid[f"{drive}.angle"][0])}))[drive]
         for body in scene.bodies:
             expected = [rigid[f"{body}.{kind}"][0] / moved.speed for kind in ("v_x", "v_y", "omega")]
             assert rates[body] == pytest.approx(expected, abs=1e-9), body
@@ -108,15 +109,16 @@ def test_the_other_branch_is_the_other_way_to_close(name):
     time = 0.7 / scene.drives["main"].speed
     for body in scene.bodies:
         expected = [found.motion.at(time)[f"{body}.{kind}"][0] for kind in "xycs"]
-        assert [place(flipped, at)[f"{body}.{kind}"][0] for kind in "xycs"] == pytest.approx(expected, abs=1e-9)
+        there = place(mechanism_of(flipped), at)
+        assert [there[f"{body}.{kind}"][0] for kind in "xycs"] == pytest.approx(expected, abs=1e-9)
     last = list(scene.bodies)[-1]
-    assert not np.allclose(place(flipped, at).poses[last], place(scene, at).poses[last])
+    assert not np.allclose(place(mechanism_of(flipped), at).poses[last], place(mechanism_of(scene), at).poses[last])
 
 
 @pytest.mark.parametrize("branch", ["+", "-"])
 def test_a_lever_points_at_its_slider_or_away(branch):
     scene = scene_of(QUICK_RETURN.replace("BRANCH", branch))
-    placement = place(scene, {"main": 0.3})
+    placement = place(mechanism_of(scene), {"main": 0.3})
     pin = 0.04 * np.array([math.cos(0.3), math.sin(0.3)])
     along = np.array([placement["arm.c"][0], placement["arm.s"][0]])
     towards = (pin - [0.0, -0.1]) / np.hypot(*(pin - [0.0, -0.1]))
@@ -125,9 +127,9 @@ def test_a_lever_points_at_its_slider_or_away(branch):
 
 
 def test_welds_laws_and_structures_stand_where_they_should():
-    knee = place(scene_of(WELDED)).poses["knee"]
+    knee = place(mechanism_of(scene_of(WELDED))).poses["knee"]
     assert knee == pytest.approx([math.cos(0.5), math.sin(0.5), 0.5 + math.pi / 2], abs=1e-12)
-    gallows = place(scene_of(GALLOWS))
+    gallows = place(mechanism_of(scene_of(GALLOWS)))
     assert gallows.poses["beam"] == pytest.approx([0.0, 1.0, 0.0]) and gallows.drives == {}
 
 
@@ -153,12 +155,12 @@ def test_a_linkage_that_can_not_close_or_is_left_open_is_named():
     engine = with_settings(read_scene("engine"), ["rod.length=30 mm"])
     said = r"joints\.bore\.branch = '\+': the loop cannot close at main = 90 deg: rod, piston"
     with pytest.raises(SceneError, match=said):
-        place(engine, {"main": math.pi / 2})
-    assert place(engine, {"main": 0.0}).poses["rod"] == pytest.approx([0.04, 0.0, 0.0], abs=1e-9)
+        place(mechanism_of(engine), {"main": math.pi / 2})
+    assert place(mechanism_of(engine), {"main": 0.0}).poses["rod"] == pytest.approx([0.04, 0.0, 0.0], abs=1e-9)
     open_chain = scene_of(WELDED.replace("seam = {weld", "seam = {revolute").replace(
         ', relative_angle = "90 deg"', ""))  # fmt: skip
     with pytest.raises(SceneError, match="the position of knee is not determined"):
-        place(open_chain)
+        place(mechanism_of(open_chain))
 
 
 # ---- freedoms -----------------------------------------------------------------------------------------------------
@@ -191,7 +193,7 @@ def test_counts_and_verdicts():
 
 def texts(scene) -> list[str]:
     with styled():
-        figure = scheme(scene, place(scene))
+        figure = scheme(scene, place(mechanism_of(scene)))
     return [text.get_text() for text in [*figure.texts, *figure.axes[0].texts, figure.axes[0].title]]
 
 
@@ -238,7 +240,7 @@ def test_links_in_space_are_drawn_where_their_points_are():
 def test_labels_cover_neither_each_other_nor_leave_the_picture():
     scene = read_scene("engine")
     with styled():
-        figure = scheme(scene, place(scene, {"main": 1.0}))
+        figure = scheme(scene, place(mechanism_of(scene), {"main": 1.0}))
         figure.canvas.draw()
         axes = figure.axes[0]
         frame = axes.get_window_extent()
@@ -252,7 +254,7 @@ def test_labels_cover_neither_each_other_nor_leave_the_picture():
 def test_the_same_scene_gives_the_same_bytes():
     scene = read_scene("four-bar")
     for kind in ("png", "svg", "pdf"):
-        one, other = (picture(lambda: scheme(scene, place(scene)), kind) for _ in range(2))
+        one, other = (picture(lambda: scheme(scene, place(mechanism_of(scene))), kind) for _ in range(2))
         assert one == other
 
 
@@ -338,7 +340,7 @@ def test_a_barrel_is_drawn_no_longer_than_it_is():
     """A rail that a body carries ends where the body does, as far as its rider leaves it there."""
     page = (DOCS / "scene/drives.md").read_text(encoding="utf-8")
     scene = scene_of(page.partition("# boom.toml\n")[2].partition("```")[0])
-    placement = place(scene)
+    placement = place(mechanism_of(scene))
     fixed = rigid_scenery(scene, placement)
     np.testing.assert_allclose(fixed.guides["cylinder"], [[0.0, 0.0], [1.5, 0.0]], atol=1e-12)
     (bar,) = rigid_outline(scene, placement, fixed).bars["barrel"]
@@ -372,13 +374,13 @@ def test_all_closures_of_the_loops_are_found_and_drawn(name, count, entry):
     """A Stephenson III closes in six ways at most (Primrose, Freudenstein and Roth 1967): here in all six."""
     scene = read_scene(name)
     at = {"main": math.pi / 3} if name == "six-bar" else {}
-    ways = closures(scene, at)
+    ways = closures(mechanism_of(scene), at)
     assert len(ways) == count and entry in " ".join(told for told, _ in ways)
-    own = place(scene, at)
+    own = place(mechanism_of(scene), at)
     assert all(ways[0][1].poses[body] == pytest.approx(own.poses[body], abs=1e-6) for body in scene.bodies)
     for told, placed in ways[1:]:
         if "branch" in told:
-            there = place(with_settings(scene, told.split()), at)
+            there = place(mechanism_of(with_settings(scene, told.split())), at)
             for body in scene.bodies:
                 assert np.cos(there.poses[body][2]) == pytest.approx(np.cos(placed.poses[body][2]))
     with styled():

@@ -24,6 +24,7 @@ from numba.core.types.functions import BaseFunction
 
 from kaneflex import load, read_scene
 from kaneflex.generated.tables import table
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody import engine
 from kaneflex.multibody.model.assembly import build_system
@@ -174,10 +175,10 @@ def test_parts_are_linked_once_by_what_encloses_them():
 def test_a_rigid_reference_has_no_library_of_its_own(monkeypatch):
     """It uses that of its mechanism, though it has none of the contacts: a second one takes as long to compile."""
     scene = read_scene("slider-crank-clearance")
-    system, _ = build_system(scene, lambda stage: None)
+    system, _ = build_system(scene, lambda stage: None, 3)
     asked = []
     monkeypatch.setattr(engine, "library", lambda kind, integrates: asked.append(kind))
-    rigid = rigid_reference(system, place(scene)).module
+    rigid = rigid_reference(system, place(mechanism_of(scene))).module
     for each in (system.engine, rigid.engine, pickle.loads(pickle.dumps(rigid.engine))):
         each._library  # noqa: B018 - which asks for the library
     assert len(asked) == 3

@@ -109,26 +109,27 @@ def _in_plane(scene: Scene, at: Mapping[str, float], blocks: Blocks, notes: list
     blocks |= mobility(count, elastic)
     scene = as_it_starts(scene)
     mechanism = mechanism_of(scene)
-    placement = place(scene, at)
+    placement = place(mechanism, at)
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
-    courses = here if at else followed(scene, placement)
+    courses = here if at else followed(mechanism, placement)
     if not scene.is_frame:
         blocks |= mobility(count, elastic, mobility_by_rank(mechanism, courses))
         several = len(next(iter(courses.values()))[0]) > 1
         found = closings(mechanism, courses)
-        blocks["over the run" if several else "as shown"] = reach_lines(scene, courses) | closing_lines(found)
+        blocks["over the run" if several else "as shown"] = reach_lines(mechanism, courses) | closing_lines(found)
         notes += [each.note for each in found if each.note]
     return lambda: scheme(scene, placement)
 
 
 def _all_branches(scene: Scene, at: Mapping[str, float]) -> Callable[[], Figure]:
     """Picture of all closures of the loops of a mechanism in the plane."""
+    from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import closures
     from kaneflex.mechanism.tight_start import as_it_starts
     from kaneflex.plots.scheme import branches
 
     scene = as_it_starts(scene)
-    ways = closures(scene, at)
+    ways = closures(mechanism_of(scene), at)
     return lambda: branches(scene, ways)
 
 

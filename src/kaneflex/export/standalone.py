@@ -10,6 +10,7 @@ from kaneflex.export.standalone_numbers import ELSE, LINE, assigned, data, fille
 from kaneflex.export.standalone_points import Points
 from kaneflex.export.standalone_sensors import sensor_text
 from kaneflex.integrate.system import Trajectory
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene import Scene
@@ -118,7 +119,7 @@ def _check_model(model: Model) -> None:
     jumps = sorted(name for name in known if ".link.jump_" in name)
     if jumps:
         raise SceneError("loads", jumps[0], "the file does not support axial forces between a link's ends", ELSE)
-    for (body, _), joint, _ in carried_bodies(model.scene):
+    for (body, _), joint, _ in carried_bodies(mechanism_of(model.scene)):
         if not joint or model.scene.joints[joint].kind != "prismatic":
             raise SceneError(f"bodies.{body}", None, "the file has no rigid bodies carried without guide", ELSE)
 

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from kaneflex.mechanism.affine import as_array
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import FIXED, carried_bodies
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.quantities import Address
@@ -46,7 +47,7 @@ class Points:
     def guided(self) -> dict[str, tuple[str, Pair, int]]:
         """Guided body -> body that carries the guide, direction in its axes, element of z."""
         found = {}
-        for (body, _), joint, _ in carried_bodies(self.scene):
+        for (body, _), joint, _ in carried_bodies(mechanism_of(self.scene)):
             guide = self.scene.joints[joint]
             column = int(np.flatnonzero(as_array(self.frame.bodies[body].pattern()).sum(axis=0))[0])
             found[body] = guide.addresses[0].body, pair(guide.direction), column

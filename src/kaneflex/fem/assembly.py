@@ -121,14 +121,13 @@ def _count_of_modes(options: Options, link: str, limit: int) -> int:
 
 def _loaded_rows(link: Link) -> set[int]:
     """Rows of nodes with lumped masses, springs or torques, which a reduction keeps."""
-    scene = link.scene
-    addresses = [mass.at for mass in scene.masses.values()]
-    addresses += [end for spring in scene.springs.values() for end in spring.ends]
-    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
-    torques = [load.torque_at for load in scene.loads.values()], [each.torsional_at for each in scene.springs.values()]
-    turned = {joint for joints in torques for joint in joints if joint is not None}
-    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
-    nodes = [cast(int, link.node_at(scene.point(each)[0])) for each in addresses if each.body == link.name]
+    mechanism = link.mechanism
+    sides = [mass.point for mass in mechanism.masses.values()]
+    sides += [end for spring in mechanism.springs.values() for end in spring.ends]
+    sides += [side for contact in mechanism.contacts.values() for side in contact.sides]
+    turned = {each.joint for of in (mechanism.loads, mechanism.springs) for each in of.values()} - {None}
+    sides += [side for joint in sorted(turned) for side in mechanism.joints[joint].sides]
+    nodes = [cast(int, link.node_at(side.at[0])) for side in sides if side.body == link.name]
     return {row for node in nodes for row in link.part.place[node]}
 
 
@@ -138,20 +137,20 @@ def load_on_link(part: Part, link: Link) -> Part:
         return with_pushes(part, {f"push_{node}_{axis}": part.place[node][k]
                                   for node in pushed_nodes(link) for k, axis in enumerate("xyz")})  # fmt: skip
     total = part.matrices["F"]
-    for name, load in link.scene.forces.items():
-        if load.force_on.body == part.name:
+    for name, load in link.mechanism.loads.items():
+        if load.point is not None and load.point.body == part.name:
             direction = Affine.term((name,), np.array(load.direction)[:, None])
-            local = to_link_axes(part.name) @ direction if load.axes == "global" else direction
+            local = direction if load.in_body else to_link_axes(part.name) @ direction
             spread = np.zeros((part.size, 2))
-            spread[part.place[link.node_at(link.scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
+            spread[part.place[link.node_at(load.point.at[0])][:2], (0, 1)] = 1.0
             total = total + Affine.constant(spread) @ local
     return replace(part, matrices={**part.matrices, "F": total})
 
 
 def pushed_nodes(link: Link) -> list[int]:
     """Nodes of a link on which loads act."""
-    on = [load.force_on for load in link.scene.forces.values()]
-    nodes = {link.node_at(link.scene.point(at)[0]) for at in on if at is not None and at.body == link.name}
+    on = [load.point for load in link.mechanism.loads.values()]
+    nodes = {link.node_at(side.at[0]) for side in on if side is not None and side.body == link.name}
     return sorted(node for node in nodes if node is not None)
 
 

@@ -16,14 +16,12 @@ import numpy as np
 
 from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, from_entries
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Vector
 from kaneflex.mechanism.rigid_bodies import FIXED, Site, Tie, carried_bodies, prescribed_bodies, spanning_tree
 
 if TYPE_CHECKING:
+    from kaneflex.mechanism.mechanism import NumericMechanism
     from kaneflex.mechanism.parts import Joint, Mechanism
-    from kaneflex.scene import Scene
-    from kaneflex.scene.quantities import Address
 
 WHOLE, SHIFT, TURN = (Affine.constant(np.eye(3)[rows]) for rows in ([0, 1, 2], [0, 1], [2]))
 """Matrices that take all, the displacement, or the rotation from global displacements and a rotation."""
@@ -59,7 +57,9 @@ class Interfaces:
                 for row in part.place[site[1]][: None if site in sharing else 2]}  # fmt: skip
 
 
-def find_interfaces(scene: Scene, links: Mapping[str, Link], weld_pins: bool, free_drives: bool) -> Interfaces:
+def find_interfaces(
+    mechanism: NumericMechanism, links: Mapping[str, Link], weld_pins: bool, free_drives: bool
+) -> Interfaces:
     """Tie the nodes of the elastic links and the rigid bodies together.
 
     ``weld_pins`` shares the rotation of elastic links at every revolute joint, and ``free_drives`` lets the elastic
@@ -70,27 +70,27 @@ def find_interfaces(scene: Scene, links: Mapping[str, Link], weld_pins: bool, fr
     SceneError
         If a joint lies off the nodes of a link, or for rigid bodies as :func:`carried_bodies`.
     """
-    carried_bodies(scene)
-    prescribed = prescribed_bodies(mechanism_of(scene))
+    carried_bodies(mechanism)
+    prescribed = prescribed_bodies(mechanism)
 
-    def site_of(address: Address) -> Site:
-        if address.body in links:
-            return address.body, links[address.body].node_of_joint(scene.point(address), str(address))
-        return FIXED if address.body in prescribed else (address.body, None)
+    def site_of(side: BodyPoint) -> Site:
+        if side.body in links:
+            return side.body, links[side.body].node_of_joint(side.at, f"{side.body}.{side.name}")
+        return FIXED if side.body in prescribed else (side.body, None)
 
     sides: dict[str, tuple[Site, Site]] = {}
     shared: set[str] = set()
-    for name, joint in scene.joints.items():
-        first, second = map(site_of, joint.addresses)
+    for name, joint in mechanism.joints.items():
+        first, second = map(site_of, joint.sides)
         sides[name] = first, second
-        elastic, drive = (first[1] is not None) + (second[1] is not None), scene.drives.get(name)
+        elastic, drive = (first[1] is not None) + (second[1] is not None), mechanism.drives.get(name)
         keeps = drive is not None and (not elastic or (drive.rotation == "held" and not free_drives))
-        if keeps or joint.kind != "revolute" or joint.rotation == "shared" or (weld_pins and elastic == 2):
+        if keeps or joint.kind != "revolute" or name in mechanism.shared or (weld_pins and elastic == 2):
             shared.add(name)
     nodes: dict[Site, str] = {}
     for name, ends in sides.items():
         nodes |= {site: name for site in ends if site[1] is not None and site not in nodes}
-    rigid = [(name, None) for name, body in scene.bodies.items() if not body.elastic and name not in prescribed]
+    rigid = [(name, None) for name, body in mechanism.bodies.items() if not body.elastic and name not in prescribed]
     firm = sorted(sides, key=lambda name: name not in shared)
     ties, _ = spanning_tree({name: sides[name] for name in firm}, [*rigid, *nodes])
     displaced, turned = {FIXED: FIXED}, {FIXED: FIXED}

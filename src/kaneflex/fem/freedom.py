@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.mechanism.joints import Constraints, normalised
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
-from kaneflex.mechanism.parts import Mechanism
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -67,7 +66,7 @@ class Freedom(NamedTuple):
         return "forces drive the free joints" if self.free or self.floating else "the drives determine the motion"
 
 
-def count_freedom(mechanism: Mechanism) -> Freedom:
+def count_freedom(mechanism: NumericMechanism) -> Freedom:
     """Count the degrees of freedom of a rigid mechanism."""
     return Freedom(
         len(mechanism.bodies),
@@ -99,7 +98,7 @@ _IN_WORDS = {
 }  # fmt: skip
 
 
-def in_words(mechanism: Mechanism, spare: Sequence[str], loose: Sequence[str]) -> tuple[str, str]:
+def in_words(mechanism: NumericMechanism, spare: Sequence[str], loose: Sequence[str]) -> tuple[str, str]:
     """Reason and advice from redundant rows "<joint>.<row>" and bodies with undetermined motion."""
     reasons, cures = [], []
     if spare:
@@ -149,26 +148,26 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     from kaneflex.mechanism.rigid_bodies import check_elastic
     from kaneflex.scene.options import resolve_options
 
-    options = resolve_options(scene)
+    options, mechanism = resolve_options(scene), mechanism_of(scene)
     if options.dynamics == "rigid":
         return ()
     check_elastic(scene)
-    given = shapes_given(scene) if options.dynamics == "coupled" else ()
+    given = shapes_given(mechanism.deforming) if options.dynamics == "coupled" else ()
     links = {
-        name: _mesh_of(scene, name, options.elements or body.beam.elements)
-        for name, body in scene.bodies.items()
+        name: _mesh_of(mechanism, name, options.elements or body.beam.elements)
+        for name, body in mechanism.deforming.items()
         if body.elastic
     }
-    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
-    sites = Sites(mechanism_of(scene), links, {name: link.part for name, link in links.items()}, interfaces)
+    interfaces = find_interfaces(mechanism, links, options.weld_pins, options.free_drives)
+    sites = Sites(mechanism, links, {name: link.part for name, link in links.items()}, interfaces)
     return (*sites.names, *given)
 
 
-def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
+def _mesh_of(mechanism: NumericMechanism, name: str, elements: int) -> Link:
     """Link with only nodes and coordinates, since matrices need the derived element."""
     from kaneflex.fem.links import Link, Part, node_coordinates
-    from kaneflex.mechanism.meshes import mesh
+    from kaneflex.mechanism.numbers import mesh
 
-    nodes = mesh(scene, name, elements)
-    coordinates, place = node_coordinates(name, len(nodes), scene.bodies[name].beam.axially_rigid)
-    return Link(scene, name, nodes, {}, (), Part(name, coordinates, {}, place))
+    nodes = mesh(mechanism, name, elements)
+    coordinates, place = node_coordinates(name, len(nodes), mechanism.deforming[name].beam.axially_rigid)
+    return Link(mechanism, name, nodes, {}, (), Part(name, coordinates, {}, place))

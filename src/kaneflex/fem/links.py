@@ -14,14 +14,13 @@ import numpy as np
 
 from kaneflex.fem.element_terms import chain, shape_functions, spatial_shape_functions, terms_of_elements
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, solve
-from kaneflex.mechanism.meshes import forced_points, mesh
+from kaneflex.mechanism.numbers import forced_points, mesh
 from kaneflex.support.contract import SPATIAL_NODE, beam_module
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.scene import Scene
+    from kaneflex.mechanism.parts import Load
     from kaneflex.scene.bodies import Body
-    from kaneflex.scene.parts import Load
 
 SAME = 1e-9
 """Distance below which points coincide, as a share of a link's length."""
@@ -66,7 +65,7 @@ class Link:
 
     Attributes
     ----------
-    scene : Scene
+    mechanism : NumericMechanism or SpatialMechanism
         With the body of this ``name``.
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m].
@@ -86,7 +85,7 @@ class Link:
         Parameters: mass per length, rotary inertia of the fibres at y, in space also of those at z.
     """
 
-    scene: Scene
+    mechanism: Any
     name: str
     nodes: np.ndarray
     parameters: Mapping[str, np.ndarray]
@@ -101,7 +100,8 @@ class Link:
 
     @property
     def body(self) -> Body:
-        return self.scene.bodies[self.name]
+        body: Body = self.mechanism.deforming[self.name]
+        return body
 
     @property
     def length(self) -> float:
@@ -193,37 +193,37 @@ class SpatialLink(Link):
         return spatial_shape_functions(x, of["length"], (of["phi_y"], of["phi_z"]), growth, of["I_p_A"] ** 0.5)
 
 
-def link_of_scene(
-    scene: Scene, name: str, elements: int, module: ModuleType | None = None, stretches: bool = False
+def make_link(
+    mechanism: Any, name: str, elements: int, module: ModuleType | None = None, stretches: bool = False
 ) -> Link:
-    """Link of an elastic body: in the plane with the element kernels of the scene's ``module``, in space without.
+    """Link of an elastic body: in the plane with the element kernels of the mechanism's ``module``, in space without.
 
     ``stretches``: with all axial coordinates, also of an axially rigid beam. In space the axial force is higher by
     ``name.link.jump_NODE`` beyond a node where joints or loads act.
     """
-    body, nodes = scene.bodies[name], mesh(scene, name, elements)
+    body, nodes = mechanism.deforming[name], mesh(mechanism, name, elements)
     assert body.beam is not None  # as of any elastic body
     profile, kind = body.profile, Link
     if module is None:
         kind, parameters = SpatialLink, profile.elements(nodes)
         beam = beam_module(profile.rotary, profile.shear, profile.varying)
-        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), jumps(scene, name, nodes)
+        module, beyond = import_module(f"kaneflex.generated.spatial_{beam}"), jumps(mechanism, name, nodes)
     else:
         parameters, known = profile.planar_elements(nodes), {scalar for scalar, *_ in module.SCALARS}
         # no jump where there is no axial load
-        beyond = {k: x for k, x in forced_points(scene, name).items() if f"{name}.link.jump_{k}" in known}
-    terms = terms_of_link(scene, name, parameters, module, kind)
-    return build_link(scene, kind, name, nodes, parameters, terms, beyond, body.beam.axially_rigid and not stretches)
+        beyond = {k: x for k, x in forced_points(mechanism, name).items() if f"{name}.link.jump_{k}" in known}
+    terms, rigid = terms_of_link(mechanism, name, parameters, module, kind), body.beam.axially_rigid and not stretches
+    return build_link(mechanism, kind, name, nodes, parameters, terms, beyond, rigid)
 
 
-def jumps(scene: Scene, name: str, nodes: np.ndarray) -> dict[str, float]:
+def jumps(mechanism: Any, name: str, nodes: np.ndarray) -> dict[str, float]:
     """Nodes between a link's ends at which joints or loads act, by their numbers, and their places [m]."""
-    places = set(forced_points(scene, name).values())
+    places = set(forced_points(mechanism, name).values())
     return {str(k): x for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - at) <= SAME * nodes[-1] for at in places)}
 
 
 def build_link(
-    scene: Scene, kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray],
+    mechanism: Any, kind: type[Link], name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray],
     terms: Iterable[tuple[tuple[str, Monomial], np.ndarray]], jumps: Mapping[str, float] = MappingProxyType({}),
     axially_rigid: bool = False,
 ) -> Link:  # fmt: skip
@@ -254,7 +254,7 @@ def build_link(
     coordinates, place = node_coordinates(name, len(nodes), axially_rigid, kind.names)
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
     part = Part(name, coordinates, chain(sums.items(), place, len(coordinates)), place)
-    return kind(scene, name, nodes, parameters, element_terms, part)
+    return kind(mechanism, name, nodes, parameters, element_terms, part)
 
 
 def at_gauss(
@@ -267,43 +267,43 @@ def at_gauss(
 
 
 def spread_terms(
-    scene: Scene, name: str, parameters: Mapping[str, np.ndarray], link: type[Link]
+    mechanism: Any, name: str, parameters: Mapping[str, np.ndarray], link: type[Link]
 ) -> Iterator[tuple[str, Load, np.ndarray, np.ndarray]]:
     """Distributed loads of a link: name, load, and for unit loads along each axis the elements' nodal loads.
 
     The last one, (axes, elements, n, 1), is int N^T p dx with the element's own shape functions; then K_g (elements, n,
     n) of the axial force P(X) = -int_0^X p dX of a load along the link.
     """
-    for load_name, load in scene.spreads.items():
-        if load.spread_on == name:
+    for load_name, load in mechanism.loads.items():
+        if load.spread is not None and load.spread[0].body == name:
             X, weights, rows = at_gauss(link.functions, parameters)
-            first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / scene.bodies[name].length
+            first, rise = load.spread[2], (load.spread[3] - load.spread[2]) / mechanism.deforming[name].length
             F = np.einsum("eg,egan->aen", weights * (first + rise * X), rows[:, :, : link.dofs // 3 + 1])
             slopes, pull = rows[:, :, link.shortening], weights * (first * X + rise * X**2 / 2)
             yield load_name, load, F[..., None], -np.einsum("eg,egan,egam->enm", pull, slopes, slopes)
 
 
 def terms_of_link(
-    scene: Scene, link: str, parameters: Mapping[str, np.ndarray], module: ModuleType, kind: type[Link]
+    mechanism: Any, link: str, parameters: Mapping[str, np.ndarray], module: ModuleType, kind: type[Link]
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
     """Terms of a link's elements and of the loads distributed along it, with a matrix for each element.
 
     K_g holds the growth of the axial force by the load; a fixed structure has no known P_0, and no such growth.
     """
-    viscous = None if scene.damping is None else scene.damping.viscous
+    viscous = None if mechanism.damping is None else mechanism.damping.viscous
     mu = None if viscous is None else viscous.mu
     yield from terms_of_elements(module, parameters, lambda factor: _scalar(link, factor), mu)
-    for name, load, F, K_g in spread_terms(scene, link, parameters, kind):
+    for name, load, F, K_g in spread_terms(mechanism, link, parameters, kind):
         x, y, *_ = load.direction or ()
         parts: dict[Monomial, tuple[float, ...]] = {(name,): (x, y)}
         if kind.dofs == 6:
             parts = {(spread_scalar(link, name, axis),): tuple(e) for axis, e in zip("xyz", np.eye(3), strict=True)}
-        elif load.axes == "global":
+        elif not load.in_body:
             parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}
         for factors, components in parts.items():
             monomial = tuple(sorted(factors))
             yield ("F", monomial), sum(part * along for part, along in zip(components, F, strict=True))
-            if components[0] and not scene.is_frame:
+            if components[0] and not mechanism.frame:
                 yield ("K_g", monomial), components[0] * K_g
 
 

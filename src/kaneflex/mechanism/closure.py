@@ -9,10 +9,10 @@ from itertools import combinations
 import numpy as np
 
 from kaneflex.mechanism.joints import axes_of, course
-from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.numbers import Given
+from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -24,12 +24,12 @@ _SINGULAR = 1e-14
 """Margin of rounding, a hundred times that of a squared length."""
 
 
-def check_closure(mechanism: Mechanism, motion: RigidKinematics, horizon: float) -> None:
+def check_closure(mechanism: NumericMechanism, motion: RigidKinematics, horizon: float) -> None:
     """Raise SceneError unless every loop closes with a margin over the drives' range up to ``horizon`` [s]."""
     check_loops(mechanism, motion.at(np.linspace(0.0, horizon, SWEEP + 1)))
 
 
-def check_loops(mechanism: Mechanism, rigid: RigidMotion) -> None:
+def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
     """Raise SceneError unless every loop closes at all instants of a rigid motion, up to rounding."""
     for name in (name for name in rigid.motion.column if name.endswith(".gap")):
         size = max(abs(rigid[f"{body}.{axis}"]).max() for body in mechanism.bodies for axis in "xy")
@@ -82,12 +82,12 @@ def margins_of(rigid: RigidMotion) -> list[str]:
     return [name for name in rigid.motion.column if name.endswith(".closure")]
 
 
-def drive_positions(mechanism: Mechanism, rigid: RigidMotion, index: int = 0) -> str:
+def drive_positions(mechanism: NumericMechanism, rigid: RigidMotion, index: int = 0) -> str:
     """Positions of the first three drives at an instant, like "main = 90 deg"."""
     return mechanism.written({name: rigid[f"{name}.angle"][index] for name in list(mechanism.drives)[:3]})
 
 
-def _elsewhere(mechanism: Mechanism) -> str:
+def _elsewhere(mechanism: NumericMechanism) -> str:
     free = mechanism.free_joints
     return f"let {', '.join(free)} start elsewhere" if free else "limit the drive's range"
 
@@ -102,7 +102,7 @@ _SAME = 1e-6
 """Distance below which points coincide, as a share of the mechanism's size."""
 
 
-def courses_of(mechanism: Mechanism, rigid: RigidMotion) -> Courses:
+def courses_of(mechanism: NumericMechanism, rigid: RigidMotion) -> Courses:
     """Poses of a rigid motion."""
     found = {}
     for name in mechanism.bodies:
@@ -111,11 +111,12 @@ def courses_of(mechanism: Mechanism, rigid: RigidMotion) -> Courses:
     return found
 
 
-def instants(scene: Scene) -> np.ndarray:
+def instants(mechanism: NumericMechanism) -> np.ndarray:
     """Times [s] at which the reach of a run is sampled: of one turn if the motion repeats, so that samples do not fall
     on the same positions again."""
-    drives, horizon = scene.drives, scene.horizon
-    turning = [abs(drive.speed) for name, drive in drives.items() if drive.speed and not scene.slides(name)]
+    drives, horizon, joints = mechanism.drives, mechanism.horizon, mechanism.joints
+    assert horizon is not None  # checked with the scene
+    turning = [abs(drive.speed) for name, drive in drives.items() if drive.speed and joints[name].kind != "prismatic"]
     slowest = min(turning, default=0.0)
     steady = all(drive.kind == "constant speed" for drive in drives.values()) and len(turning) == len(drives) > 0
     if steady and all(math.isclose(speed / slowest, round(speed / slowest)) for speed in turning):
@@ -124,27 +125,27 @@ def instants(scene: Scene) -> np.ndarray:
     return np.linspace(0.0, horizon, min(_MOST, max(_TURN, math.ceil(_TURN * turns))) + 1)
 
 
-def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
+def reach_lines(mechanism: NumericMechanism, courses: Courses) -> dict[str, str]:
     """Range of each joint as text, and under "coincide" the points that coincide at the start without a joint."""
     found = {}
-    for name, joint in mechanism_of(scene).joints.items():
+    for name, joint in mechanism.joints.items():
         if joint.kind == "weld":
             continue
-        values = without_rounding(scene, joint_course(joint, courses), joint.slides)
+        values = without_rounding(mechanism, joint_course(joint, courses), joint.slides)
         if joint.slides:
             stroke = f", a stroke of {1e3 * np.ptp(values):.4g} mm" if len(values) > 1 else ""
             found[name] = f"{_range(1e3 * values)} mm{stroke}"
         else:
             found[name] = "full turns" if turns_around(values) else f"{_range(np.degrees(values))} deg"
-    meeting = _meeting(scene, courses)
+    meeting = _meeting(mechanism, courses)
     return found | ({"coincide": "; ".join(meeting)} if meeting else {})
 
 
-def without_rounding(scene: Scene, course: np.ndarray, slides: bool) -> np.ndarray:
+def without_rounding(mechanism: Given, course: np.ndarray, slides: bool) -> np.ndarray:
     """Coordinate of a joint over the motion [rad or m], (n,), without differences from zero or from its start
     below 1e-9 of a turn or of the mechanism's size."""
-    points = [scene.point(Address(name, point)) for name, body in scene.bodies.items() for point in body.points_all]
-    size = max([abs(np.array(each)).max() for each in [*points, *scene.ground.values()]], default=0.0) or 1.0
+    points = [at for own in mechanism.points.values() for at in own.values()]
+    size = max(abs(np.array(each)).max() for each in points) or 1.0
     least = _OPEN * (max(size, abs(course).max()) if slides else math.tau)
     return np.where(abs(course) < least, 0.0, np.where(abs(course - course[0]) < least, course[0], course))
 
@@ -165,15 +166,15 @@ def _range(course: np.ndarray) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _meeting(scene: Scene, courses: Courses) -> list[str]:
+def _meeting(mechanism: NumericMechanism, courses: Courses) -> list[str]:
     """Points of two bodies that coincide at the start without a joint."""
-    points = [Address(name, point) for name, body in scene.bodies.items() for point in body.points_all]
+    points = [Address(name, point) for name in mechanism.bodies for point in mechanism.points[name]]
     start = axes_of({name: poses[:, 0] for name, poses in courses.items()})
-    places = {address: np.array(start[address.body].place(scene.point(address))) for address in points}
+    places = {address: np.array(start[address.body].place(mechanism.point(address))) for address in points}
     size = max([abs(place).max() for place in places.values()], default=0.0) or 1.0
 
     def spot(address: Address) -> tuple[str, tuple[float, ...]]:
-        return address.body, tuple(scene.point(address))
+        return address.body, mechanism.point(address)
 
     def joined(one: Address, other: Address) -> bool:
         """True if joints at these points connect them, also through other bodies; a point may have several names."""
@@ -182,7 +183,7 @@ def _meeting(scene: Scene, courses: Courses) -> list[str]:
             reached |= more
         return spot(other) in reached
 
-    pins = [{*map(spot, joint.addresses)} for joint in scene.joints.values()]
+    pins = [{(side.body, side.at) for side in joint.sides} for joint in mechanism.joints.values()]
     return [
         f"{one} and {other}"
         for one, other in combinations(points, 2)

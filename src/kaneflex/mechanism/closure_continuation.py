@@ -16,10 +16,9 @@ import numpy as np
 
 from kaneflex.mechanism.closure import Courses, instants
 from kaneflex.mechanism.joints import Constraints, axes_of, course
-from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.position_analysis import Placement, is_same, place
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
 from kaneflex.support.errors import SceneError
 
@@ -38,7 +37,9 @@ _ITERATIONS, _CLOSED = 12, 1e-12
 """Most steps of Newton's method, and the last step, in rad or sizes of the mechanism, with which a loop is closed."""
 
 
-def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:
+def seed_loops(
+    mechanism: NumericMechanism, module: ModuleType, parameters: np.ndarray, horizon: float
+) -> np.ndarray:
     """Argument p of the kernels with the tables of starting values appended; unchanged without such loops.
 
     Raises
@@ -50,11 +51,11 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     loops = getattr(module, "LOOPS", ())
     if not loops:
         return parameters
-    sweep = _swept(scene, module, parameters, horizon)
+    sweep = _swept(mechanism, module, parameters, horizon)
     columns, axes = dict[str, np.ndarray](), axes_of(sweep.courses)
     for _, _, turning, sliding in loops:
         columns |= {f"bodies.{body}.seed_{key}": getattr(axes[body], key) for body in turning for key in "cs"}
-        columns |= {f"joints.{joint}.seed_slide": course(mechanism_of(scene).joints[joint], sweep.courses)
+        columns |= {f"joints.{joint}.seed_slide": course(mechanism.joints[joint], sweep.courses)
                     for joint in sliding}  # fmt: skip
     blocks = {path: Table(sweep.x, column).coefficients(sweep.period) for path, column in columns.items()}
     p, places = with_tables(module, parameters, blocks), _places(module)
@@ -89,10 +90,9 @@ class _Sweep:
     period: float | None = None
 
 
-def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
+def _swept(mechanism: NumericMechanism, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
     """Assembly over a whole turn of the only drive if it rotates fully, else over the drives' range."""
-    mechanism, placement = mechanism_of(scene), place(scene)
-    motion, drives = RigidKinematics(module, parameters), list(mechanism.drives)
+    placement, motion, drives = place(mechanism), RigidKinematics(module, parameters), list(mechanism.drives)
 
     def at_time(times: np.ndarray) -> np.ndarray:
         rigid = motion.at(times)
@@ -135,16 +135,16 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     return _Sweep(x, {name: course[:, first] for name, course in both.items()})
 
 
-def followed(scene: Scene, placement: Placement) -> Courses:
+def followed(mechanism: NumericMechanism, placement: Placement) -> Courses:
     """Poses of the run by position analysis; only of the start if a joint is free, the motion is not determined by
     joints and drives, or the linkage locks."""
     at_start = {name: pose[:, None] for name, pose in placement.poses.items()}
-    mechanism, drives = mechanism_of(scene), scene.drives.values()
+    drives = mechanism.drives.values()
     held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
-    if scene.is_frame or not drives or scene.free_joints or held != 3 * len(mechanism.bodies):
+    if mechanism.frame or not drives or mechanism.free_joints or held != 3 * len(mechanism.bodies):
         return at_start
     try:
-        path = [[drive.coordinate(t) for drive in drives] for t in instants(scene)]
+        path = [[drive.coordinate(t) for drive in drives] for t in instants(mechanism)]
         return follow(mechanism, placement, np.array(path))
     except SceneError:
         return at_start  # loading reports the position

@@ -5,16 +5,17 @@ Both follow from the positions of joints, loads and masses, before any number of
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.meshes import SAME, mesh
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.numbers import SAME, mesh
 from kaneflex.mechanism.rigid_bodies import prescribed_bodies
-from kaneflex.scene.options import modes_of
-from kaneflex.scene.quantities import Address
-from kaneflex.scene.scene import Scene
 from kaneflex.support.kept import Kept
+
+if TYPE_CHECKING:
+    from kaneflex.scene.bodies import Body
 
 IN_THE_MEAN = ("chord", "free")
 """Kinds of frames in which a link has no mean axial displacement, weighted by mass."""
@@ -38,49 +39,45 @@ class Station:
     clamped: bool = False
 
 
-_STATIONS: Kept[Scene, dict[str, list[Station]]] = Kept()
+_STATIONS: Kept[NumericMechanism, dict[str, list[Station]]] = Kept()
 
 
-def stations(scene: Scene, link: str) -> list[Station]:
+def stations(mechanism: NumericMechanism, link: str) -> list[Station]:
     """Stations of a link from its start to its end."""
-    known = _STATIONS.of(scene, dict)
+    known = _STATIONS.of(mechanism, dict)
     if link not in known:
-        known[link] = _stations(scene, link)
+        known[link] = _stations(mechanism, link)
     return known[link]
 
 
-def _stations(scene: Scene, link: str) -> list[Station]:
+def _stations(mechanism: NumericMechanism, link: str) -> list[Station]:
     found: list[Station] = []
-    length = scene.bodies[link].length
-    placed = prescribed_bodies(mechanism_of(scene))
+    length, placed = mechanism.points[link]["end"][0], prescribed_bodies(mechanism)
 
-    def at(address: Address) -> Station:
-        x = scene.point(address)[0]
+    def at(x: float) -> Station:
         for station in found:
             if abs(station.x - x) <= SAME * length:
                 return station
         found.append(Station(x))
         return found[-1]
 
-    torques = {load.torque_at for load in scene.torques.values()}
-    torques |= {spring.torsional_at for spring in scene.springs.values()}
-    for name, joint in scene.joints.items():
-        driven = name in scene.drives and scene.drives[name].kind != "free"
-        stiff = joint.kind != "revolute" or driven
-        for own, other in (joint.addresses, joint.addresses[::-1]):
+    torques = {each.joint for of in (mechanism.loads, mechanism.springs) for each in of.values()}
+    for name, joint in mechanism.joints.items():
+        stiff = joint.kind != "revolute" or name in mechanism.prescribed
+        for own, other in (joint.sides, joint.sides[::-1]):
             if own.body == link:
-                station = at(own)
+                station = at(own.at[0])
                 station.joined = True
-                station.turned |= stiff or name in torques or joint.has_backlash
+                station.turned |= stiff or name in torques or name in mechanism.backlash
                 station.clamped |= stiff and other.body in placed
-    for address in scene.acting_on(link):
-        at(address)
-    for mass in scene.masses.values():
-        if mass.at.body == link:
-            at(mass.at).turned |= bool(mass.inertia)
+    for side in mechanism.acting_on(link):
+        at(side.at[0])
+    for mass in mechanism.masses.values():
+        if mass.point.body == link:
+            at(mass.point.at[0]).turned |= bool(mass.inertia)
     if not any(station.joined for station in found):
-        at(Address(link, "start"))
-        at(Address(link, "end"))
+        at(0.0)
+        at(length)
     return sorted(found, key=lambda station: station.x)
 
 
@@ -119,25 +116,26 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
     return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
 
 
-def most_modes(scene: Scene, name: str) -> int:
+def most_modes(mechanism: NumericMechanism, name: str) -> int:
     """Number of fixed-interface modes that a link's elements have."""
-    beam = scene.bodies[name].beam
+    beam = mechanism.deforming[name].beam
     assert beam is not None
-    found = stations(scene, name)
+    found = stations(mechanism, name)
     frame = frame_of(found)
     away = [station for station in found if station.x not in (frame.at, frame.to)]
     static = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
     # a mean frame replaces one static shape, if there are any, by the rotation of the undeformed link
-    return 2 * len(mesh(scene, name, beam.elements)) - 2 - static + (frame.kind == "mean" and static > 0)
+    return 2 * len(mesh(mechanism, name, beam.elements)) - 2 - static + (frame.kind == "mean" and static > 0)
 
 
-def link_modes(scene: Scene, name: str) -> int:
-    """Number of fixed-interface modes of a link in the coupled equations; at most the number that its elements have."""
-    asked, beam = modes_of(scene), scene.bodies[name].beam
+def link_modes(mechanism: NumericMechanism, name: str, modes: int, limited: bool) -> int:
+    """Number of fixed-interface modes of a link in the coupled equations, ``limited`` to those that its elements have.
+    """
+    beam = mechanism.deforming[name].beam
+    if not limited:
+        return modes
     assert beam is not None
-    if scene.solve.modes != "all" and "modes" in scene.solve.model_fields_set:
-        return asked
-    return min(asked, most_modes(scene, name) if beam.shapes == "craig-bampton" else beam.elements)
+    return min(modes, most_modes(mechanism, name) if beam.shapes == "craig-bampton" else beam.elements)
 
 
 def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
@@ -145,11 +143,11 @@ def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
     return min(-(-modes // 3), max(0, elements + 1 - stations_of_link))
 
 
-def shapes_given(scene: Scene) -> tuple[str, ...]:
+def shapes_given(deforming: Mapping[str, Body]) -> tuple[str, ...]:
     """Names of the shape coordinates of bodies with modal data in the coupled equations."""
     return tuple(
         f"{name}.{kind}_{k}"
-        for name, body in scene.bodies.items()
+        for name, body in deforming.items()
         if body.modal is not None
         for kind, count in zip(("axial", "transverse"), body.modal.counts, strict=True)
         for k in range(count)

@@ -5,7 +5,6 @@ In a derivation a number is a symbol, or exactly 0, 1 or -1; in a run it is a fl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -28,10 +27,7 @@ def floating_coordinates(body: str) -> tuple[str, str, str]:
 
 
 class Body(NamedTuple):
-    """Body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose in a fixed structure.
-
-    ``free``: initial pose [m, m, rad] of a free body; only for numerical values.
-    """
+    """Body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose in a fixed structure."""
 
     name: str
     elastic: bool
@@ -39,7 +35,6 @@ class Body(NamedTuple):
     centre: Vector
     inertia: Number
     pose: tuple[Number, Number, Number] | None = None
-    free: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -96,10 +91,6 @@ class Joint:
     @property
     def written_branch(self) -> str:
         return "+" if self.branch > 0 else "-"
-
-    def written(self, value: float) -> str:
-        """Text of a coordinate [rad or m], like "90 deg" or "12.5 mm"."""
-        return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value) + 0.0:.6g} deg"
 
 
 class Drive(NamedTuple):
@@ -201,28 +192,9 @@ class Mechanism:
     viscous: bool
 
     @property
-    def floating(self) -> tuple[str, ...]:
-        """Free bodies."""
-        return tuple(name for name, body in self.bodies.items() if body.free is not None)
-
-    @property
-    def free_joints(self) -> tuple[str, ...]:
-        """Joints with a free drive."""
-        return tuple(name for name, drive in self.drives.items() if drive.free)
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Free joints, then the coordinates of free bodies."""
-        return self.free_joints + tuple(name for body in self.floating for name in floating_coordinates(body))
-
-    @property
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: earlier joints already connect their two bodies."""
         return tuple(name for name, joint in self.joints.items() if joint.closes_loop)
-
-    def written(self, drives: Mapping[str, float]) -> str:
-        """Text of coordinates of drives [rad or m], like "main = 90 deg, bore = 12.5 mm"."""
-        return ", ".join(f"{name} = {self.joints[name].written(float(value))}" for name, value in drives.items())
 
     def joints_of(self, placed: Collection[str], group: Collection[str]) -> list[Joint]:
         """Joints between bodies of a group, or between the group and placed bodies or the ground."""

@@ -68,7 +68,7 @@ class Placement:
         return np.array([{"x": x, "y": y, "c": math.cos(phi), "s": math.sin(phi)}[kind]])
 
 
-def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
+def place(mechanism: NumericMechanism, at: Mapping[str, float] | None = None) -> Placement:
     """Place the bodies, with drives at the start of the run or at the coordinates [rad or m] in ``at``.
 
     Raises
@@ -76,26 +76,24 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     SceneError
         If the linkage can't close there, or if the drives do not determine a body's position.
     """
-    if scene.is_frame:
-        return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
-    drives = {name: float(drive.coordinate(0.0)) for name, drive in scene.drives.items()} | dict(at or {})
-    mechanism = mechanism_of(scene)
+    if mechanism.frame:
+        return Placement({name: np.array(body.pose) for name, body in mechanism.bodies.items()}, {})
+    drives = {name: float(drive.coordinate(0.0)) for name, drive in mechanism.drives.items()} | dict(at or {})
     poses = _standing(mechanism)
     for group in closing_groups(mechanism):
         poses |= _closed(group.constraints(mechanism, drives), poses, group)
     return Placement(poses, drives)
 
 
-def closures(scene: Scene, at: Mapping[str, float] | None = None) -> list[tuple[str, Placement]]:
-    """All placements at which a scene's loops close, its own one first, each with the entries that choose it.
+def closures(mechanism: NumericMechanism, at: Mapping[str, float] | None = None) -> list[tuple[str, Placement]]:
+    """All placements at which a mechanism's loops close, its own one first, each with the entries that choose it.
 
     Raises
     ------
     SceneError
         If the scene's own linkage can't close there.
     """
-    own = place(scene, at)
-    mechanism = mechanism_of(scene)
+    own = place(mechanism, at)
     ways = [("", _standing(mechanism))]
     for group in closing_groups(mechanism):
         found, constraints = [], group.constraints(mechanism, own.drives)
@@ -124,7 +122,7 @@ def with_branches(scene: Scene) -> Scene:
     for group in closing_groups(mechanism):
         closing = group.closing
         if closing and closing.near and not group.is_larger:
-            poses = poses or place(scene).poses
+            poses = poses or place(mechanism).poses
             branch = "-" if (group.side(poses) or 0.0) < 0.0 else "+"
             joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": branch})
     return scene.model_copy(update={"joints": joints})
@@ -144,7 +142,7 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
 
 def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
     """Poses of free bodies, which no joint determines."""
-    return {name: np.array(mechanism.bodies[name].free) for name in mechanism.floating}
+    return {name: np.array(free.place) for name, free in mechanism.frees.items()}
 
 
 def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:

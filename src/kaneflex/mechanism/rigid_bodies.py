@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.parts import Mechanism
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
@@ -56,7 +55,7 @@ def spanning_tree(joints: Mapping[str, tuple[Site, Site]], roots: Iterable[Site]
     return list(found.values())[1:], closing
 
 
-def prescribed_bodies(mechanism: Mechanism) -> set[str]:
+def prescribed_bodies(mechanism: NumericMechanism) -> set[str]:
     """Rigid bodies with prescribed or free motion, found group by group from joints between rigid bodies."""
     rigid = [name for name, body in mechanism.bodies.items() if not body.elastic]
     placed = {GROUND, *(name for name in mechanism.floating if name in rigid)}
@@ -65,7 +64,7 @@ def prescribed_bodies(mechanism: Mechanism) -> set[str]:
     return placed
 
 
-def carried_bodies(scene: Scene) -> list[Tie]:
+def carried_bodies(mechanism: NumericMechanism) -> list[Tie]:
     """Ties of the rigid bodies that move with the deformation by joints between rigid bodies, holders first.
 
     Raises
@@ -73,8 +72,8 @@ def carried_bodies(scene: Scene) -> list[Tie]:
     SceneError
         For a rigid body with redundant constraints by other rigid bodies, or on the guide of a carried body.
     """
-    mechanism = mechanism_of(scene)
-    prescribed, rigid = prescribed_bodies(mechanism), [name for name, body in scene.bodies.items() if not body.elastic]
+    prescribed = prescribed_bodies(mechanism)
+    rigid = [name for name, body in mechanism.bodies.items() if not body.elastic]
     sites: dict[str, Site] = {name: FIXED if name in prescribed else (name, None) for name in (GROUND, *rigid)}
     sides = {}
     for name, joint in mechanism.joints.items():
@@ -107,7 +106,7 @@ def check_elastic(scene: Scene) -> None:
     A guide can hold rigid bodies only. Loads, springs and lumped masses on a link must lie on its axis, where its
     nodes are.
     """
-    carried_bodies(scene)  # raises if they can't follow the links
+    carried_bodies(mechanism_of(scene))  # raises if they can't follow the links
     check_on_axes(scene)
 
 

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.mechanism.force_parts import Contact, Friction, Spring
-from kaneflex.mechanism.mechanism import frictions_of, way_of
+from kaneflex.mechanism.force_parts import Contact, Spring
+from kaneflex.mechanism.numbers import Given, acting_parts, given_numbers
 from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.clearances import ClearanceContact
 from kaneflex.scene.quantities import Address
-from kaneflex.support.kept import Kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,30 +114,34 @@ def across(axis: np.ndarray) -> list[np.ndarray]:
     return [first, np.cross(axis, first)]
 
 
-@dataclass(frozen=True, eq=False)
-class SpatialMechanism:
-    """Parts of a mechanism; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpatialMechanism(Given):
+    """Parts of a mechanism in space.
 
     A lumped mass is part of its rigid body; on a deforming one it is a separate body, welded to it: one of ``lumped``.
 
-    ``asked``: joints whose coordinate a drive, a law or a spring uses; ``prescribed``: those with a prescribed
-    coordinate; ``read``: those of sensors.
+    ``observed``: joints without a drive whose coordinates or speeds enter laws of loads; ``read``: those of sensors.
     """
 
+    d: ClassVar[int] = 6
+    """Components of a twist."""
+    frame: ClassVar[bool] = False
+    masses: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     bodies: Mapping[str, SpatialBody]
     joints: Mapping[str, SpatialJoint]
     loads: Mapping[str, Load]
     springs: Mapping[str, Spring]
     contacts: Mapping[str, Contact]
-    frictions: Mapping[str, Friction]
-    floating: tuple[str, ...]
-    deforming: frozenset[str]
+    observed: tuple[str, ...]
     lumped: frozenset[str]
-    asked: frozenset[str]
-    prescribed: frozenset[str]
     read: frozenset[str]
     gravity: np.ndarray
-    size: float
+
+    @cached_property
+    def asked(self) -> frozenset[str | None]:
+        """Joints whose coordinate a drive, a law, a spring or a contact uses."""
+        acting: tuple[Any, ...] = (*self.springs.values(), *self.contacts.values())
+        return frozenset((*self.drives, *self.observed, *(each.joint for each in acting)))
 
     def stands(self, body: str) -> np.ndarray:
         """Axes of a body at zero joint coordinates, (3, 3)."""
@@ -151,19 +158,13 @@ def stands(bodies: Mapping[str, SpatialBody], body: str) -> np.ndarray:
     return np.eye(3) if body == GROUND else bodies[body].rotation
 
 
-def spatial_mechanism_of(scene: Scene) -> SpatialMechanism:
-    """Mechanism of a spatial scene; made once, since scenes are immutable."""
-    return _MADE.of(scene, lambda: _made(scene))
+def spatial_mechanism(scene: Scene) -> SpatialMechanism:
+    """Make the mechanism of a spatial scene."""
 
-
-_MADE: Kept[Scene, SpatialMechanism] = Kept()
-
-
-def _made(scene: Scene) -> SpatialMechanism:
     def side(address: Address) -> Side:
         return Side(address.body, scene.point(address))
 
-    bodies = {name: _body(scene, name) for name in scene.bodies}
+    bodies = {name: _body(body) for name, body in scene.bodies.items()}
     joints = {}
     for name, joint in scene.joints.items():
         first, second = (side(address) for address in joint.addresses)
@@ -181,49 +182,26 @@ def _made(scene: Scene) -> SpatialMechanism:
             joints[name] = SpatialJoint(name, "weld", (section, Side(name, (0.0,) * 3)), ())
         else:
             bodies[mass.at.body] = _with_mass(on, mass.mass, np.array([x, y, z]), six)
-    loads, springs, contacts = dict[str, Load](), dict[str, Spring](), dict[str, Contact]()
-    for name, load in scene.loads.items():
-        point = None if load.force_on is None else side(load.force_on)
-        ends = [side(Address(load.spread_on, end)) for end in ("start", "end")] if load.spread_on else []
-        of_kind = load.direction, load.axes, load.torque_at, load.kind, load.against, load.law
-        loads[name] = Load(name, point, *of_kind, (ends[0], ends[1], *load.profile) if ends else None)
-    for name, spring in scene.springs.items():
-        free, at = spring.length if spring.torsional_at is None else spring.angle, spring.torsional_at
-        one, other = map(side, spring.ends) if at is None else joints[at].sides
-        springs[name] = Spring(name, one, other, at, spring.stiffness, spring.damping, free)
-        if spring.bushing:
-            springs[name] = Spring(name, one, other, at, spring.stiffnesses, spring.dampings)
-    for name, contact in scene.contacts.items():
-        one, other = map(side, contact.sides)
-        if isinstance(contact, ClearanceContact) and contact.offset:
-            turn = stands(bodies, other.body).T @ stands(bodies, one.body)
-            arm, centre = turn @ contact.offset, np.array(other.at)
-            deforms = other.body != GROUND and scene.bodies[other.body].deforms
-            other = Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(centre + arm))
-        keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
-        numbers = {key: contact.number(key) for key in keys}
-        contacts[name] = Contact(
-            name, one, other, contact.kind, contact.direction, **numbers, law=contact.law, joint=contact.joint
-        )
-    reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
-    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or way_of(scene) or 1.0
-    asked = {*scene.drives, *scene.observed, *(spring.joint for spring in springs.values())}
-    asked |= {contact.joint for contact in contacts.values()}
-    prescribed = {name for name, drive in scene.drives.items() if drive.kind != "free"}
+
+    def touched(contact: Contact, name: str, one: Side, other: Side) -> Side:
+        if not (isinstance(contact, ClearanceContact) and contact.offset):
+            return other
+        turn = stands(bodies, other.body).T @ stands(bodies, one.body)
+        arm, centre = turn @ contact.offset, np.array(other.at)
+        deforms = other.body != GROUND and scene.bodies[other.body].deforms
+        return Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(centre + arm))
+
+    reach = [float(np.linalg.norm(end.at)) for joint in joints.values() for end in joint.sides]
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
-    gravity = np.asarray(scene.vector(scene.gravity))
-    deforming = frozenset(name for name, body in scene.bodies.items() if body.deforms)
     return SpatialMechanism(
-        bodies, joints, loads, springs, contacts, frictions_of(scene), tuple(scene.floating), deforming,
-        frozenset(bodies.keys() - scene.bodies.keys()),
-        frozenset(joints.keys() & asked), frozenset(joints.keys() & prescribed), frozenset(joints.keys() & read),
-        gravity, float(size),
+        bodies=bodies, joints=joints, observed=scene.observed, lumped=frozenset(bodies.keys() - scene.bodies.keys()),
+        read=frozenset(read), gravity=np.asarray(scene.vector(scene.gravity)),
+        **acting_parts(scene, joints, side, touched), **given_numbers(scene, reach),
     )  # fmt: skip
 
 
-def _body(scene: Scene, name: str) -> SpatialBody:
+def _body(body: Body) -> SpatialBody:
     """Make a body; the default inertia is that of a thin bar along x, for elastic ones with the sections' own."""
-    body = scene.bodies[name]
     given = body.inertia if isinstance(body.inertia, tuple) else (0.0, body.inertia, body.inertia)
     if body.beam is not None:
         of = body.profile.inertia(body.profile.length)
@@ -232,7 +210,7 @@ def _body(scene: Scene, name: str) -> SpatialBody:
         given = (about_x, slender + about_y * body.beam.rotary, slender + about_z * body.beam.rotary)
     inertia = np.array([*given, *np.zeros(6 - len(given))])
     rotation = np.eye(3) if body.rotation is None else body.rotation.matrix
-    return SpatialBody(body.mass, np.asarray(scene.vector(body.centre)), inertia, rotation)
+    return SpatialBody(body.mass, np.array([*body.centre, 0.0][:3]), inertia, rotation)
 
 
 def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarray) -> SpatialBody:

@@ -48,7 +48,7 @@ def tight_start(scene: Scene) -> Scene:
     tight = scene.seen(bodies=scene.bodies | held, joints=joints, drives=drives, contacts=contacts)
     mechanism = mechanism_of(tight)
     try:
-        placement = place(tight)
+        placement = place(mechanism)
     except SceneError:
         return scene
     rates = dict.fromkeys(scene.bodies, np.zeros(3))

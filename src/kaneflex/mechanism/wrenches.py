@@ -10,11 +10,10 @@ import numpy as np
 
 from kaneflex.mechanism import planar
 from kaneflex.mechanism.body_frame import BodyFrame, cross, normal
-from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import CIRCLES
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.scene import Scene
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.spatial import Side, SpatialMechanism
@@ -44,15 +43,6 @@ class Wrench(NamedTuple):
     def about_start(self) -> np.ndarray:
         """Force and its moment about the body's start, (3 or 6, n_times)."""
         return np.vstack([self.force, moment_of(self.at, self.force) + self.moment])
-
-
-def parts_of(scene: Scene) -> Parts:
-    """Mechanism of a scene in the plane or in space."""
-    if not scene.is_spatial:
-        return mechanism_of(scene)
-    from kaneflex.mechanism.spatial import spatial_mechanism_of
-
-    return spatial_mechanism_of(scene)
 
 
 def joint_force(mechanism: Parts, motion: RigidMotion, name: str, reaction: Reactions) -> np.ndarray:

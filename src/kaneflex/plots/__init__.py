@@ -165,11 +165,12 @@ def show(scene: SceneLike, at: Mapping[str, float] | None = None) -> Figure:
 
             refuse_places(at or {})
             return scheme(scene, spatial_start(scene)[2])
+        from kaneflex.mechanism.mechanism import mechanism_of
         from kaneflex.mechanism.position_analysis import place
         from kaneflex.mechanism.tight_start import as_it_starts
 
         scene = as_it_starts(scene)
-        return scheme(scene, place(scene, at or {}))
+        return scheme(scene, place(mechanism_of(scene), at or {}))
 
 
 @overload

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from kaneflex.fem.links import mesh
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import (
@@ -325,7 +326,7 @@ class _Parts:
 def _mark_nodes(axes: Axes, stand: Standing, name: str) -> None:
     """The nodes of an elastic link between its ends."""
     scene = stand.scene
-    nodes = mesh(scene, name, scene.bodies[name].beam.elements)[1:-1]
+    nodes = mesh(mechanism_of(scene), name, scene.bodies[name].beam.elements)[1:-1]
     points = np.array([stand.point(name, scene.vector((float(x), 0.0))) for x in nodes]).reshape(-1, 2)
     style: dict[str, Any] = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
     axes.plot(*points.T, linestyle="none", zorder=3.3, **style)

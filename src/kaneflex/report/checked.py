@@ -93,7 +93,7 @@ def _over_the_run(model: Model) -> tuple[NumericMechanism, Courses]:
 
 
 def _times(model: Model) -> np.ndarray:
-    return instants(model.scene) if is_followed(model) else np.zeros(1)
+    return instants(mechanism_of(model.scene)) if is_followed(model) else np.zeros(1)
 
 
 def _mobility(model: Model) -> Blocks:
@@ -106,7 +106,7 @@ def _mobility(model: Model) -> Blocks:
         assert isinstance(model.motion, SpatialKinematics)
         system = model.motion.module.system
         if system.engine.shapes.any():  # shapes are no freedoms of joints
-            system = rigid_system(system.scene, system.module)
+            system = rigid_system(system.mechanism, system.module, system.parameters)
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
         (start,) = system.engine.instants(model.motion.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))

@@ -71,10 +71,11 @@ def _reach(model: Model) -> dict[str, str]:
     """Ranges of the joints in the rigid mechanism."""
     if model.scene.is_frame:
         return {}
-    times = model.motion.begin + (instants(model.scene) if is_followed(model) else np.zeros(1))
+    mechanism = mechanism_of(model.scene)
+    times = model.motion.begin + (instants(mechanism) if is_followed(model) else np.zeros(1))
     if model.in_space is not None:
         return _ranges(model, model.in_space.bare.at(times))
-    return reach_lines(model.scene, courses_of(mechanism_of(model.scene), model.motion.at(times)))
+    return reach_lines(mechanism, courses_of(mechanism, model.motion.at(times)))
 
 
 def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
@@ -82,7 +83,7 @@ def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     joints, found = model.scene.joints, {}
     for name in model.module.coordinates:
         sliding = joints[name].kind == "prismatic"
-        course = without_rounding(model.scene, rigid[f"{name}.angle"], sliding)
+        course = without_rounding(mechanism_of(model.scene), rigid[f"{name}.angle"], sliding)
         low, high = course.min(), course.max()
         ends = [f"{1e3 * x:.6g} mm" if sliding else f"{np.degrees(x):.6g} deg" for x in (low, high)]
         found[name] = " to ".join(dict.fromkeys(ends))
@@ -94,7 +95,7 @@ def spatial_mobility(system: System, choice: Choice) -> Blocks:
     left, tied = len(choice.independent), len(choice.dependent)
     rows, speeds = len(system.work.row_measure), system.engine.size
     spare = rows - tied
-    free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
+    free = ", ".join(system.mechanism.free_joints)
     return {"degrees of freedom": {
         "joints": f"{speeds} at {', '.join([*system.layout.tree, *system.mechanism.floating])}",
         "closing": f"{rows} constraints at {', '.join(system.layout.cuts) or 'no joint'}"

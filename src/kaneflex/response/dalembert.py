@@ -84,7 +84,7 @@ class Balance:
 
     def _at(self, x: float) -> Deformed:
         """Motion of the axis at x [m] from the start."""
-        at = np.array(self.motion.scene.vector((x, 0.0)))
+        at = np.array([x, 0.0, 0.0][: len(self.motion.mechanism.gravity)])
         return deformed(self.motion.shapes[self.link], at, self._amplitudes)
 
     @cached_property
@@ -94,7 +94,7 @@ class Balance:
 
     @cached_property
     def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return carried(self.motion.scene, self.motion, self.link)
+        return carried(self.motion.mechanism, self.motion, self.link)
 
     def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Slice of an element at x [m] from the start: place, acceleration less gravity, and rate of the moment of
@@ -107,7 +107,7 @@ class Balance:
             share = (x - own.nodes[e]) / own.length_of(e) - 0.5
             rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
             return place, force, rotary * (epsilon + faster)
-        profile = self.motion.scene.bodies[self.link].profile
+        profile = self.motion.mechanism.deforming[self.link].profile
         about_y, about_z = profile.at(x)[1:3]
         I = np.array([[about_y + about_z], [about_y * profile.rotary], [about_z * profile.rotary]])
         to_section = part.turned.swapaxes(0, 1)
@@ -119,7 +119,7 @@ class Balance:
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Distributed loads in the link's axes: load at its start [N/m], and its slope [N/m^2]."""
         to_body = partial(applied, self._at(0.0).turned)
-        return list(spread_loads(self.motion.scene, self.motion, self.link, to_body))
+        return list(spread_loads(self.motion.mechanism, self.motion, self.link, to_body))
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Section forces: axial force N [N, tension positive], shear force V [N] and bending moment M [N m], or N, V_y,
@@ -172,10 +172,8 @@ class Balanced:
     def _stops(self) -> np.ndarray:
         """Positions of the ends, and of joints and contacts between them [m]."""
         motion, link = self.loud.motion, self.loud.link
-        scene = motion.scene
-        acting = [address for joint in scene.joints.values() for address in joint.addresses]
-        acting += [side for contact in scene.contacts.values() for side in contact.sides]
-        places = [scene.point(address)[0] for address in acting if address.body == link]
+        acting = [*motion.mechanism.joints.values(), *motion.mechanism.contacts.values()]
+        places = [side.at[0] for each in acting for side in each.sides if side.body == link]
         return np.unique([0.0, motion.link(link).length, *places])
 
     @cached_property
@@ -197,6 +195,6 @@ def balanced(motion: DeformingMotion) -> dict[str, Balance] | dict[str, Balanced
 
 def _balances(motion: DeformingMotion) -> dict[str, Balance]:
     """Equilibria of the elastic links with all forces on them."""
-    forces = LinkForces(motion.scene, motion)
-    links = [name for name in motion.shapes if motion.scene.bodies[name].elastic]
+    forces = LinkForces(motion.mechanism, motion)
+    links = [name for name in motion.shapes if motion.mechanism.deforming[name].elastic]
     return {name: Balance(motion, name, partial(forces.wrenches, name)) for name in links}

@@ -14,6 +14,7 @@ from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates, acceleration
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model, keep_terms
@@ -148,10 +149,10 @@ class Deformation:
 
     def _needed(self, e: int, reach: float) -> np.ndarray:
         """Force, and moment about its end, that an element of the rigid link needs up to `reach` [m] from its node."""
-        specific_force, omega, epsilon = carried(self.model.scene, self.rigid, self.link.name)
+        specific_force, omega, epsilon = carried(mechanism_of(self.model.scene), self.rigid, self.link.name)
         along = np.eye(len(specific_force))[0]
         grows = acceleration(omega, epsilon, along[:, None])
-        spread = list(spread_loads(self.model.scene, self.rigid, self.link.name))
+        spread = list(spread_loads(mechanism_of(self.model.scene), self.rigid, self.link.name))
 
         def sliced(x: float) -> tuple[np.ndarray, np.ndarray]:
             return (x - self.link.nodes[e] - reach) * along, specific_force + grows * x

@@ -73,9 +73,9 @@ class FloatingMotion(DeformingMotion):
         owner, _, key = name.rpartition(".")
         if name in self.reactions:
             return self.reactions[name]
-        if owner in self.scene.springs:
+        if owner in self.mechanism.springs:
             return self._spring(owner, key)
-        if owner in self.scene.contacts:  # of single states it counts as open
+        if owner in self.mechanism.contacts:  # of single states it counts as open
             return self.contact(owner)[1] if self.trajectory.contacts else np.zeros(len(self.times))
         if owner in self.system.start and key in _FRAME:
             order, row = _FRAME[key]
@@ -84,7 +84,7 @@ class FloatingMotion(DeformingMotion):
             return (np.cos if key == "c" else np.sin)(self.body(owner)[0][2])
         body, _, link = owner.rpartition(".")
         if link == "link" and key in ("a_x", "a_y"):
-            specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.scene.gravity)[:, None]
+            specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.mechanism.gravity)[:, None]
             return self.frame(body).to_body(specific_force)["xy".index(key[-1])]
         return self._load_sizes[name] if name in self._load_sizes else self.rigid[name]
 
@@ -93,8 +93,8 @@ class FloatingMotion(DeformingMotion):
         """Reactions of all joints and forces or torques of drives, zero for free ones; series (n_times,)."""
         found = dict(zip(self.system.constraints, self.trajectory.multipliers.T, strict=True))
         none = np.zeros(len(self.times))
-        rubbing = {f"{name}.friction": self.friction(name) for name in self.scene.frictions}
-        return {f"{name}.drive": none for name in self.scene.drives} | found | rubbing
+        rubbing = {f"{name}.friction": self.friction(name) for name in self.mechanism.frictions}
+        return {f"{name}.drive": none for name in self.mechanism.drives} | found | rubbing
 
     def _spring(self, name: str, key: str) -> np.ndarray:
         """Torque of a torsional spring, tension of another one, or a component of its force on its second point."""
@@ -131,7 +131,7 @@ class FloatingMotion(DeformingMotion):
 
     def joined(self, address: Address) -> Rates:
         """Position and section angle of a point of a body or the ground with rates, (3, n_times) each."""
-        return self.moving_place(address.body, self.scene.point(address))
+        return self.moving_place(address.body, self.mechanism.point(address))
 
     def coordinate(self, joint: str) -> Rates:
         """Coordinate of a joint between the deformed bodies [rad, or m along its guide] with its rates; or of a freely
@@ -154,7 +154,7 @@ class FloatingMotion(DeformingMotion):
 
     def clearance(self, name: str) -> np.ndarray:
         """Position of a pin or block in its joint, see :meth:`kaneflex.response.motion.Motion.clearance`."""
-        loose = self.scene.loose[name]
+        loose = self.mechanism.loose[name]
         first, second = (self.joined(side)[0] for side in loose.sides)
         x, y, angle = second - first
         if loose.direction is None:

@@ -11,9 +11,8 @@ import numpy as np
 
 from kaneflex.fem.imported.recovery import IN_PLANE, padded, section_forces
 from kaneflex.fem.links import Link
-from kaneflex.multibody.model.assembly import bound_system, build_system
+from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.inertia_integrals import link_data
-from kaneflex.multibody.model.module_loading import find_laws_module
 from kaneflex.response.stresses import section_at
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
@@ -25,12 +24,8 @@ from kaneflex.support.files import refuse_existing
 
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:
     """Modal data of every elastic link of a scene, in the plane or in space."""
-    if scene.is_spatial:
-        module, _ = find_laws_module(scene, progress)
-        options = resolve_options(scene)._replace(modes=modes_of(scene))
-        shapes = bound_system(scene, module, options).shapes
-    else:
-        shapes = build_system(scene, progress)[0].shapes
+    elements = resolve_options(scene).elements if scene.is_spatial else None
+    shapes = build_system(scene, progress, modes_of(scene), elements)[0].shapes
     return {name: recovering(each.link, each.basis, link_data(each)) for name, each in shapes.items()}
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
@@ -129,11 +130,11 @@ class Motion(ABC):
 
     @cached_property
     def _link_forces(self) -> LinkForces:
-        return LinkForces(self.model.scene, self.scalars)
+        return LinkForces(mechanism_of(self.model.scene), self.scalars)
 
     @cached_property
     def _rigid_link_forces(self) -> LinkForces:
-        return LinkForces(self.model.scene, self.rigid_forces)
+        return LinkForces(mechanism_of(self.model.scene), self.rigid_forces)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], continuous over turns."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,15 @@ from kaneflex.fem.links import GAUSS, Link
 from kaneflex.mechanism.body_frame import acceleration
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.mechanism.wrenches import Wrench, moment_of, parts_of, wrenches_on
-from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
+from kaneflex.mechanism.wrenches import Wrench, moment_of, wrenches_on
 from kaneflex.scene.sections import Inertia
 
 
 class LinkForces:
-    """Forces on the links of a scene in the rigid motion ``rigid``, by the names of its scalars."""
+    """Forces on the links of a mechanism in the rigid motion ``rigid``, by the names of its scalars."""
 
-    def __init__(self, scene: Scene, rigid: RigidMotion):
-        self.scene, self.rigid = scene, rigid
+    def __init__(self, mechanism: Any, rigid: RigidMotion):
+        self.mechanism, self.rigid = mechanism, rigid
 
     def section(self, name: str, x: float, after: bool = False) -> np.ndarray:
         """Section forces of the rigid link at x, from the equilibrium of the part before x under inertia, weight and
@@ -29,16 +28,17 @@ class LinkForces:
         ``after``: whether forces at x count as before the section; at the start they do, at the end they don't. Signs
         as in `Deformation.section`.
         """
-        body, before = self.scene.bodies[name], self.scene.bodies[name].profile.inertia(x)
+        body = self.mechanism.deforming[name]
+        before = body.profile.inertia(x)
         assert body.beam is not None and body.length is not None  # only beams have sections
-        specific_force, omega, epsilon = carried(self.scene, self.rigid, name)
+        specific_force, omega, epsilon = carried(self.mechanism, self.rigid, name)
         along = np.eye(len(specific_force))[0]
         grows = acceleration(omega, epsilon, along[:, None])
         force = before.mass * specific_force + before.first * grows
         first, second = before.first - x * before.mass, before.second - x * before.first  # about x
         moment = moment_of(along, first * specific_force + second * grows)
         moment = moment + _of_sections(before, body.beam.rotary, omega, epsilon)
-        for start, rise in spread_loads(self.scene, self.rigid, name):
+        for start, rise in spread_loads(self.mechanism, self.rigid, name):
             # int_0^x q and int_0^x (x - X) q of the linear profile
             force = force - (start * x + rise * x**2 / 2)
             moment = moment + moment_of(along, start * x**2 / 2 + rise * x**3 / 6)
@@ -51,26 +51,25 @@ class LinkForces:
 
     def wrenches(self, link: str) -> Iterator[Wrench]:
         """All that acts at points of a link, lumped masses of the plane included; in space these are bodies."""
-        scene, rigid = self.scene, self.rigid
-        for each in wrenches_on(parts_of(scene), rigid, link):
-            if each.by not in scene.spreads:
-                yield each
-        for name, mass in scene.masses.items() if not scene.is_spatial else ():
-            if mass.at.body == link:
-                x, y, epsilon = self.specific_force(mass.at)
-                side, frame = BodyPoint(link, mass.at.point, scene.point(mass.at)), rigid.frame(link)
-                axes, there = rigid.section_frame(side)
+        mechanism, rigid = self.mechanism, self.rigid
+        spread = {name for name, load in mechanism.loads.items() if load.spread is not None}
+        yield from (each for each in wrenches_on(mechanism, rigid, link) if each.by not in spread)
+        for name, mass in mechanism.masses.items():
+            if mass.point.body == link:
+                x, y, epsilon = self.specific_force(mass.point)
+                axes, there = rigid.section_frame(mass.point)
+                frame = rigid.frame(link)
                 at = frame.to_body(axes.place(there.at) - frame.origin)
                 force = -mass.mass * frame.to_body(np.array([x, y]))
-                yield Wrench(name, side.at, at, force, -mass.inertia * epsilon)
+                yield Wrench(name, mass.point.at, at, force, -mass.inertia * epsilon)
 
-    def specific_force(self, address: Address) -> np.ndarray:
+    def specific_force(self, point: BodyPoint) -> np.ndarray:
         """Acceleration a - g of a planar point, global, and angular acceleration, (3, n_times)."""
-        axes, there = self.rigid.section_frame(BodyPoint(address.body, address.point, self.scene.point(address)))
-        return np.vstack([axes.acceleration(there.at) - np.array(self.scene.gravity)[:, None], axes.epsilon])
+        axes, there = self.rigid.section_frame(point)
+        return np.vstack([axes.acceleration(there.at) - np.array(self.mechanism.gravity)[:, None], axes.epsilon])
 
 
-def carried(scene: Scene, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def carried(mechanism: Any, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Acceleration of a link's start less gravity, angular velocity and acceleration, in its axes."""
     if rigid.freedoms == 3:
         specific_force = np.array([rigid[f"{link}.link.a_x"], rigid[f"{link}.link.a_y"]])
@@ -79,7 +78,7 @@ def carried(scene: Scene, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np
         a, omega, epsilon = (np.array([rigid[f"{link}.link.{kind}_{axis}"] for axis in "xyz"])
                              for kind in ("a", "omega", "epsilon"))  # fmt: skip
         return a, omega, epsilon
-    frame, gravity = rigid.frame(link), np.reshape(scene.vector(scene.gravity), (3, 1))
+    frame, gravity = rigid.frame(link), np.reshape(mechanism.gravity, (3, 1))
     of = frame.acceleration(np.zeros(3)) - gravity, frame.omega, frame.epsilon
     return frame.to_body(of[0]), frame.to_body(of[1]), frame.to_body(of[2])
 
@@ -114,15 +113,15 @@ def _of_sections(before: Inertia, rotary: bool, omega: np.ndarray, epsilon: np.n
 
 
 def spread_loads(
-    scene: Scene, rigid: RigidMotion, link: str, carry: Callable[[np.ndarray], np.ndarray] = np.asarray
+    mechanism: Any, rigid: RigidMotion, link: str, carry: Callable[[np.ndarray], np.ndarray] = np.asarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Distributed loads of a link, in its axes: load at the start [N/m], and its slope [N/m^2]; (2 or 3, n_times).
 
     ``carry``: from the axes that loads in ``body`` axes follow to the link's.
     """
-    for name, load in scene.spreads.items():
-        if load.spread_on == link:
+    for name, load in mechanism.loads.items():
+        if load.spread is not None and load.spread[0].body == link:
             direction = np.outer(load.direction, rigid[name])
-            push = carry(direction) if load.axes == "body" else rigid.frame(link).to_body(direction)
-            first, last = load.profile
-            yield first * push, (last - first) / scene.bodies[link].length * push
+            push = carry(direction) if load.in_body else rigid.frame(link).to_body(direction)
+            _, end, first, last = load.spread
+            yield first * push, (last - first) / end.at[0] * push

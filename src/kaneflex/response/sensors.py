@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, applied, turning
-from kaneflex.mechanism.wrenches import joint_force, joint_moment, parts_of
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.wrenches import joint_force, joint_moment
 from kaneflex.response.motion import Motion, Section
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -210,11 +211,10 @@ class Reader:
 
     def _joint(self, sensor: Sensor) -> Rates:
         """Angle of a joint in space, continuous over turns [rad], or its slide [m], with its rates."""
-        from kaneflex.mechanism.spatial import spatial_mechanism_of
         from kaneflex.mechanism.spatial_frame import slide_of, turn_rates
 
         name = address_of(sensor).body
-        joint = spatial_mechanism_of(self.scene).joints[name]
+        joint = mechanism_of(self.scene).joints[name]
         scalars = cast("SpatialMotion", self.motion.scalars)
         joint, first, second = scalars.joined_frames(joint)
         if sensor.component != "angle":
@@ -314,7 +314,7 @@ class Reader:
 
     def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
         """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
-        name, mechanism = str(sensor.joint_force), parts_of(self.scene)
+        name, mechanism = str(sensor.joint_force), mechanism_of(self.scene)
         if sensor.component.startswith("angle"):
             return joint_moment(mechanism, name, reaction)
         return joint_force(mechanism, self.rigid if of_rigid else self.motion.scalars, name, reaction)

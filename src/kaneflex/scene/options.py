@@ -280,6 +280,11 @@ def modes_of(scene: Scene) -> int:
     return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes
 
 
+def limits_modes(scene: Scene) -> bool:
+    """True if the elements of a link limit the number of its modes, as a user gives none."""
+    return scene.solve.modes == "all" or "modes" not in scene.solve.model_fields_set
+
+
 _STATELESS = {
     "rigid": "nothing deforms, so there is no initial deformation",
     "quasistatic": "preset quasistatic solves each instant separately",

@@ -114,7 +114,7 @@ def along(model: Model, run: Run) -> SpatialKinematics:
     motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
     reached = model.options._replace(duration=float(run.here[0]) - run.start.t)
     if module.FREE:
-        motion = with_open_reactions(motion, reached)
+        motion = with_open_reactions(motion, model.scene.sensors, reached)
         check_laws(replace(model, motion=motion, options=reached))
     return motion
 
@@ -160,7 +160,7 @@ def _beginning_in_space(model: Model) -> State:
     start = start_of(system)
     if options.start == "quasistatic":
         return slow_state(Equations(system, start.choice), start, options.duration)
-    return given_state(system, start) if options.start == "given" else start
+    return given_state(system, given_start(model.scene), start) if options.start == "given" else start
 
 
 def _given(model: Model, start: State) -> State:
@@ -174,7 +174,8 @@ def _given(model: Model, start: State) -> State:
     laid, engine = laid_state(tables, system, start), system.engine
     before, _ = system.frames(laid)
     q = unwrapped(system, before, model.module.start.drives, system.start)
-    check_turns_kept(system, before, q)
+    laws = [law for law in map(model.scene.law, model.scene.loads) if law is not None]
+    check_turns_kept(system, laws, before, q)
     frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
     was, now = system.undeformed(np.full(2, laid.t), frames, 0.0 * frames)
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))

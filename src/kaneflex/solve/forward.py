@@ -77,10 +77,10 @@ def at_start(system: System, motion: RigidKinematics) -> StartKinematics:
     Raises SceneError if it can't start: the linkage can't close, the mass matrix is singular, or forces are not finite.
     """
     module, given, mechanism, none = motion.module, motion.parameters, system.mechanism, np.zeros(1)
-    starts = np.array([[system.scene.drives[name].start for name in module.FREE]])
+    starts = np.array([[mechanism.drives[name].start for name in module.FREE]])
     rigid = _started(motion, given, Courses(none, starts, 0.0 * starts, 0.0 * starts)).at(0.0)
     check_loops(mechanism, rigid)
-    placement = place(system.scene)
+    placement = place(mechanism)
     check_freedoms(system, placement)
     (start,) = rigid_reference(system, placement).states(system, none)
     try:

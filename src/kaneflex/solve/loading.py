@@ -20,7 +20,16 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
 from kaneflex.scene import Scene
-from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, modes_of, resolve_options, without_poses
+from kaneflex.scene.options import (
+    UNUSED_TERMS,
+    Options,
+    acting,
+    has_term,
+    limits_modes,
+    modes_of,
+    resolve_options,
+    without_poses,
+)
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
@@ -104,19 +113,19 @@ def _bind_one_way(
         check_elastic(scene)
     (module, derived), compiled = find_module(scene, progress), 0.0
     ignored, scene = ignored_of(scene, options), acting(scene, options)
-    check_memory(scene, options, len(module.SCALARS))
+    check_memory(mechanism_of(scene), options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))
     if getattr(module, "LOOPS", ()):
         from kaneflex.mechanism.closure_continuation import seed_loops
 
         progress("following the linkage over its drive's range")
-        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
+        motion = RigidKinematics(module, seed_loops(mechanism_of(scene), module, motion.parameters, options.duration))
     if module.FREE:
         from kaneflex.multibody.model.assembly import rigid_system
         from kaneflex.solve.forward import at_start
 
         laws, more = find_laws_module(scene, progress)
-        system = rigid_system(scene, laws)
+        system = rigid_system(mechanism_of(scene), laws, bind_parameters(scene, laws))
         derived, compiled = derived + more, compiled_by(progress, system.engine.compile)
         motion = at_start(system, motion)
     else:
@@ -196,14 +205,15 @@ def _bind_coupled(
     check_on_axes(scene)
     bare, scene = not has_elastic_stage(scene), _as_it_starts(scene)
     ignored, scene = ignored_of(scene, options), acting(scene, options)
-    check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
-    placement = place(scene)
-    _check_poses(posed, placement)
+    mechanism = mechanism_of(scene)
+    check_memory(mechanism, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
+    placement = place(mechanism)
+    _check_poses(posed, mechanism.size, placement)
     if spare:
         from kaneflex.fem.freedom import check_held_twice
 
         check_held_twice(mechanism, placement, spare)
-    coupled, derived = build_system(scene, progress)
+    coupled, derived = build_system(scene, progress, modes_of(scene))
     motion = rigid_reference(coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
@@ -214,15 +224,14 @@ def _bind_coupled(
     model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
-        check_sensors(coupled, open_rows)
+        check_sensors(coupled, scene.sensors, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     seconds = {"derive": derived, "compile": compiled}
     return replace(model, coupled=coupled), (*ignored, *_all_modes(scene)), seconds
 
 
-def _check_poses(scene: Scene, placement: Placement) -> None:
+def _check_poses(scene: Scene, size: float, placement: Placement) -> None:
     """Raise SceneError if a structure's welds contradict the pose of a body."""
-    size = mechanism_of(scene).size
     for name, body in scene.bodies.items():
         x, y, _ = placement.poses[name]
         if body.pose is not None and math.hypot(x - body.pose.at[0], y - body.pose.at[1]) > _POSED * size:
@@ -234,10 +243,12 @@ def _all_modes(scene: Scene) -> list[str]:
     """Notes on links whose elements have fewer modes than the default number."""
     from kaneflex.mechanism.floating_frames import link_modes
 
-    most, links = modes_of(scene), [name for name, body in scene.bodies.items() if body.elastic]
+    mechanism, most = mechanism_of(scene), modes_of(scene)
+    links = [name for name, body in mechanism.deforming.items() if body.elastic]
     return [
         f"{name} has only {count} of the default's {most} modes; more elements give more"
-        for name, count in ((each, link_modes(scene, each)) for each in links) if count < most
+        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(scene))) for each in links)
+        if count < most
     ]  # fmt: skip
 
 
@@ -280,8 +291,10 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     from kaneflex.multibody.time.rigid_reference import rigid_reference
 
     own = model.coupled
-    system = bound_system(scene, own.module, like=own if alike else None, frozen=frozen)
-    motion = rigid_reference(system, place(scene))
+    mechanism, p = mechanism_of(scene), bind_parameters(scene, own.module)
+    modes, like_own = (modes_of(scene), limits_modes(scene)), own if alike else None
+    system = bound_system(mechanism, own.module, p, *modes, None, like_own, frozen)
+    motion = rigid_reference(system, place(mechanism))
     found = build_model(scene, options, motion, like, bare=model.bare)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))
 
@@ -301,7 +314,7 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
         return model.motion
     from kaneflex.mechanism.closure_continuation import seed_loops
 
-    return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
+    return RigidKinematics(module, seed_loops(mechanism_of(scene), module, parameters, duration))
 
 
 def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:

@@ -10,7 +10,6 @@ import numpy as np
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 from kaneflex.support.machine import gib, installed
@@ -180,7 +179,7 @@ def _check_springs(model: Model) -> None:
         raise points_meet(name, spring.between, at)
 
 
-def check_memory(scene: Scene, options: Options, scalars: int) -> None:
+def check_memory(mechanism: Any, options: Options, scalars: int) -> None:
     """Raise SceneError if a run's tables and dense matrices exceed the machine's memory.
 
     ``scalars``: numbers of the rigid motion at an instant. Counted are the tables of the stored instants; that of the
@@ -195,9 +194,9 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     there = installed()
     if there is None:
         return
-    dofs = 6 if scene.is_spatial else 3
-    elastic = {name: body.beam for name, body in scene.bodies.items() if body.elastic}
-    links = {name: dofs * (options.elements or beam.elements) for name, beam in elastic.items()}
+    d = mechanism.d
+    elastic = {name: body.beam for name, body in mechanism.deforming.items() if body.elastic}
+    links = {name: d * (options.elements or beam.elements) for name, beam in elastic.items()}
     size, coupled = sum(links.values()), options.dynamics == "coupled"
     few = coupled and not isinstance(options.modes, int)  # default shapes of preset coupled
     count = _SHAPES if few else _count(options.modes, size)
@@ -217,19 +216,19 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     matrices = 0
     if options.dynamics == "dynamic" and options.start == "periodic":
         matrices = _NUMBER * _MONODROMY * kept**2
-    if coupled and not scene.is_spatial:
+    if coupled and d == 3:
         from kaneflex.mechanism.floating_frames import frame_of, stations
 
-        floating = (size for name, size in links.items() if frame_of(stations(scene, name)).kind in ("mean", "free"))
+        floating = [links[name] for name in links if frame_of(stations(mechanism, name)).kind in ("mean", "free")]
         matrices = max(matrices, _NUMBER * 4 * max(floating, default=0) ** 2)
-    matrices += size * _ASSEMBLED[scene.is_spatial]
+    matrices += size * _ASSEMBLED[d == 6]
     if instants + matrices <= there:
         return
     needs = f"the run needs {gib(instants + matrices)}, and this machine has {gib(there)}"
     if matrices > instants:
         largest = max(links, key=links.__getitem__)
         cure = "Use fewer elements" + (", reduce them to modes, or start from zero" if not coupled else "")
-        raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // dofs, needs, cure)
+        raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // d, needs, cure)
     raise SceneError("solve.steps", options.steps, needs, f"Use at most {there // (2 * row):,}")
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.fem.links import link_of_scene
+from kaneflex.fem.links import make_link
 from kaneflex.mechanism.floating_frames import link_modes, most_modes
-from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.meshes import mesh
-from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.numbers import mesh
+from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.body_parameters import Blocks, PointShapes, SpatialBlocks
@@ -37,88 +37,89 @@ from kaneflex.multibody.model.tree_layout import (
     Place,
 )  # fmt: skip
 from kaneflex.scene import Scene
-from kaneflex.scene.options import Options
+from kaneflex.scene.options import limits_modes
 from kaneflex.support.errors import SceneError
 
 
-def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[System, float]:
-    """Find or derive the module of a planar scene's laws, and bind its numbers.
+def build_system(
+    scene: Scene, progress: Callable[[str], None], modes: int, elements: int | None = None
+) -> tuple[System, float]:
+    """Find or derive the module of a scene's laws, and bind its numbers; see :func:`bound_system`.
 
     Returns the system and the seconds spent on deriving its module.
     """
-    for name, body in scene.bodies.items():
+    mechanism, limited = mechanism_of(scene), limits_modes(scene)
+    for name, body in mechanism.deforming.items() if mechanism.d == 3 else ():
         if body.elastic:
-            check_modes(scene, name)
+            check_modes(mechanism, name, modes, limited)
     module, seconds = find_laws_module(scene, progress)
-    return bound_system(scene, module), seconds
+    return bound_system(mechanism, module, bind_parameters(scene, module), modes, limited, elements), seconds
 
 
 def bound_system(
-    scene: Scene, module: ModuleType, options: Options | None = None, like: System | None = None, frozen: bool = False
-) -> System:
-    """System of a scene with its module, with deforming bodies.
+    mechanism: AnyMechanism, module: ModuleType, p: np.ndarray, modes: int, limited: bool = False,
+    elements: int | None = None, like: System | None = None, frozen: bool = False,
+) -> System:  # fmt: skip
+    """System of a mechanism with deforming bodies, its module of laws, and this one's parameters.
 
-    ``options``: in space, of its links' elements and modes; ``like``: system of a scene that differs in numbers only,
-    and whose links' shapes have the same signs and scales; ``frozen`` keeps the space spanned by them.
+    ``modes``: of each link, in the plane ``limited`` to those that its elements have; ``elements``: of each link, by
+    default its own; ``like``: system of a scene that differs in numbers only, and whose links' shapes have the same
+    signs and scales; ``frozen`` keeps the space spanned by them.
     """
+    space = isinstance(mechanism, SpatialMechanism)
 
     def shapes(name: str, held: Place | None, freed: str) -> Any:
-        body, before = scene.bodies[name], None if like is None else like.shapes.get(name)
-        if body.modal is not None and options is None:
+        body, before = mechanism.deforming[name], None if like is None else like.shapes.get(name)
+        if body.modal is not None and not space:
             return PointShapes(body.modal)
         if body.modal is not None:  # a local import lets others start faster
             from kaneflex.multibody.model.held_shapes import held_shapes
 
             return held_shapes(body.modal, held, freed)
         assert body.beam is not None
-        if options is None:
-            link = link_of_scene(scene, name, body.beam.elements, element_of(scene), stretches=True)
-        else:
-            link = link_of_scene(scene, name, options.elements or body.beam.elements)
+        element = None if space else element_of(mechanism.deforming.values())
+        link = make_link(mechanism, name, elements or body.beam.elements, element, stretches=not space)
         if frozen and before is not None:
-            return alike(spanned(before, link, held[0] if options and held else None), before)
-        if options is None:
-            found = link_shapes(link, link_modes(scene, name))
+            return alike(spanned(before, link, held[0] if space and held else None), before)
+        if isinstance(mechanism, SpatialMechanism):
+            found = spatial_shapes(link, modes, held, freed)
         else:
-            found = spatial_shapes(link, int(options.modes), held, freed)
+            found = link_shapes(link, link_modes(mechanism, name, modes, limited))
         return found if before is None else alike(found, before)
 
-    flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
-    if options is not None:
-        return _system(scene, module, flexible)
+    flexible = {name: partial(shapes, name) for name in mechanism.deforming}
+    if space:
+        return _system(mechanism, module, p, flexible)
     made = {name: each(None, "") for name, each in flexible.items()}  # wherever the tree holds them
-    return _system(scene, module, {name: partial(_as_made, each) for name, each in made.items() if each.count}, made)
+    held = {name: partial(_as_made, each) for name, each in made.items() if each.count}
+    return _system(mechanism, module, p, held, made)
 
 
 def rigid_system(
-    scene: Scene, module: ModuleType, coupled: bool = False, rubs: bool = True, mechanism: AnyMechanism | None = None
+    mechanism: AnyMechanism, module: ModuleType, p: np.ndarray, coupled: bool = False, rubs: bool = True
 ) -> System:
-    """System of a scene with its module whose bodies are all rigid.
+    """System of a mechanism whose bodies are all rigid, with its module of laws and this one's parameters.
 
-    ``coupled``: see :class:`System`; ``rubs``: with friction; ``mechanism``: if other than the scene's.
+    ``coupled``: see :class:`System`; ``rubs``: with friction.
     """
-    return _system(scene, module, {}, {}, coupled, rubs, mechanism)
+    return _system(mechanism, module, p, {}, {}, coupled, rubs)
 
 
 def _system(
-    scene: Scene, module: ModuleType, flexible: Flexible, made: Mapping[str, Deformable] | None = None,
-    coupled: bool = True, rubs: bool = True, mechanism: AnyMechanism | None = None,
+    mechanism: AnyMechanism, module: ModuleType, p: np.ndarray, flexible: Flexible,
+    made: Mapping[str, Deformable] | None = None, coupled: bool = True, rubs: bool = True,
 ) -> System:  # fmt: skip
-    """System of a scene with the shapes of its deforming bodies; ``made``: those that do not depend on the tree."""
-    if mechanism is None:
-        mechanism = spatial_mechanism_of(scene) if scene.is_spatial else mechanism_of(scene)
+    """System with the shapes of its deforming bodies; ``made``: those that do not depend on the tree."""
     space, switches = isinstance(mechanism, SpatialMechanism), len(getattr(module, "SWITCHES", ()))
-    of: Any = scene if space else mechanism
-    in_laws, free = (*of.drives, *of.observed), [name for name, drive in of.drives.items() if drive.kind == "free"]
-    driven = [name for name in of.drives if name not in free]
-    integrates = coupled or not space or bool(free or mechanism.floating)
-    numbers = SpatialBlocks(mechanism, flexible) if isinstance(mechanism, SpatialMechanism) else Blocks(scene, flexible)
-    built = build_tables(mechanism, numbers, in_laws, driven, switches, rubs)
+    in_laws = (*mechanism.drives, *mechanism.observed)
+    integrates = coupled or not space or bool(mechanism.free_joints or mechanism.floating)
+    blocks: Any = SpatialBlocks if space else Blocks
+    built = build_tables(mechanism, blocks(mechanism, flexible), in_laws, mechanism.prescribed, switches, rubs)
     kind = _kind(mechanism, switches, coupled or (integrates and has_slopes(mechanism, in_laws)))
-    engine = engine_of(built, module, bind_parameters(scene, module), kind=kind, integrates=integrates)
+    engine = engine_of(built, module, p, kind=kind, integrates=integrates)
     shapes = engine.layout.shapes if made is None else made
     links = {name: each for name, each in shapes.items() if isinstance(each, Shapes)}
-    return System(scene, module, mechanism, engine, links, coupled)
+    return System(module, mechanism, engine, links, coupled)
 
 
 def _as_made(shapes: Deformable, held: Place | None, freed: str) -> Deformable:
@@ -140,10 +141,11 @@ def _kind(mechanism: AnyMechanism, switches: int, stiff: bool) -> Kind:
     return Kind.CONTACTS if mechanism.contacts or switches else Kind.PLAIN
 
 
-def check_modes(scene: Scene, name: str) -> None:
+def check_modes(mechanism: NumericMechanism, name: str, asked: int, limited: bool) -> None:
     """Check that a link's elements have the requested modes, before deriving equations."""
-    modes, limit = link_modes(scene, name), most_modes(scene, name)
-    check_family(scene, name, len(mesh(scene, name, scene.bodies[name].beam.elements)) - 1)
+    modes, limit = link_modes(mechanism, name, asked, limited), most_modes(mechanism, name)
+    nodes = mesh(mechanism, name, mechanism.deforming[name].beam.elements)
+    check_family(mechanism, name, len(nodes) - 1, modes)
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",

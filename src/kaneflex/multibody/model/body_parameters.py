@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaneflex.generated.body import BODY, POINT
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.model.inertia_integrals import body_moments, link_data
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names, Place
-from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
 
 Arrays = Mapping[str, Any]
@@ -23,7 +23,7 @@ _LIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Numbers of a scene's bodies in the plane and their sections.
+    """Numbers of a mechanism's bodies in the plane and their sections.
 
     Attributes
     ----------
@@ -32,13 +32,14 @@ class Blocks:
     """
 
     d: ClassVar[int] = 3
-    scene: Scene
+    mechanism: NumericMechanism
     flexible: Flexible
 
     def body(self, name: str, shapes: Deformable | None = None) -> np.ndarray:
         """Numbers of a body."""
-        data = link_data(shapes) if isinstance(shapes, Shapes) else self.scene.bodies[name].modal
-        return body_block(body_moments(self.scene, name, data), *_counts(shapes))
+        given = self.mechanism.deforming.get(name)
+        data = link_data(shapes) if isinstance(shapes, Shapes) else given and given.modal
+        return body_block(body_moments(self.mechanism, name, data), *_counts(shapes))
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""

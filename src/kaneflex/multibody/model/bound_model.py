@@ -211,7 +211,7 @@ class Model:
             return ()
         from kaneflex.mechanism.floating_frames import shapes_given
 
-        return shapes_given(self.scene)
+        return shapes_given(mechanism_of(self.scene).deforming)
 
     @property
     def reference_coordinates(self) -> dict[str, float]:

@@ -18,7 +18,7 @@ from kaneflex.fem.assembly import (
     place_torques,
 )
 from kaneflex.fem.coordinate_map import Frame, Placed, Sites, find_interfaces
-from kaneflex.fem.links import Link, link_of_scene, with_rayleigh
+from kaneflex.fem.links import Link, make_link, with_rayleigh
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
@@ -101,19 +101,20 @@ def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
 
 def _links(model: Model) -> Mapping[str, Link]:
     """Elastic links of a planar mechanism; under preset coupled those of its equations."""
+    mechanism = mechanism_of(model.scene)
     return getattr(model.module, "links", None) or {
-        name: link_of_scene(model.scene, name, model.options.elements or body.beam.elements, model.module)
-        for name, body in model.scene.bodies.items()
+        name: make_link(mechanism, name, model.options.elements or body.beam.elements, model.module)
+        for name, body in mechanism.deforming.items()
         if body.elastic
     }
 
 
 def _planar_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     """Meshed links and coordinates of a planar mechanism; ``frozen``: bases of reductions."""
-    scene, options, links = model.scene, model.options, _links(model)
-    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
+    mechanism, options, links = mechanism_of(model.scene), model.options, _links(model)
+    interfaces = find_interfaces(mechanism, links, options.weld_pins, options.free_drives)
     parts, bases = parts_of_links(options, links, interfaces, frozen)
-    sites = Sites(mechanism_of(scene), links, parts, interfaces)
+    sites = Sites(mechanism, links, parts, interfaces)
     frame = sites.frame
     placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]

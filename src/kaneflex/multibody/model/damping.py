@@ -16,7 +16,7 @@ from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients, symmetric_
 from kaneflex.mechanism.affine import Matrix
 from kaneflex.mechanism.floating_frames import stations
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism
 
 _FREE = 0.5 + 1e-9
 """Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
@@ -28,7 +28,7 @@ sign where the link turns about it."""
 def shape_damping(link: Link, basis: np.ndarray) -> np.ndarray:
     """Damping of modal coordinates [N s/m], (count, count), of shapes ``basis``, (dofs n_nodes, count)."""
     K, M = (link.part.matrices[name].value({}) for name in ("K_s", "M"))
-    if link.scene.damping is None or link.dofs == 3:  # planar shapes are modes in these axes already
+    if link.mechanism.damping is None or link.dofs == 3:  # planar shapes are modes in these axes already
         return modal_damping(link, basis, M)
     apart = against_axes(link, basis, M)
     mass = apart.T @ M @ apart
@@ -40,7 +40,7 @@ def shape_damping(link: Link, basis: np.ndarray) -> np.ndarray:
 
 def modal_damping(link: Link, modal: np.ndarray, M: Matrix) -> np.ndarray:
     """Damping matrix of the modal coordinates [N s/m]; a modal ratio applies to the link's own modes."""
-    damping = link.scene.damping
+    damping = link.mechanism.damping
     if damping is None:
         return np.zeros((modal.shape[1],) * 2)
     K, mass = modal.T @ link.part.matrices["K_s"].value({}) @ modal, modal.T @ M @ modal
@@ -104,9 +104,9 @@ def _joined(link: Link, hung: float | None) -> tuple[list[float], dict[str, floa
     """Distances from a link's start [m] of its joints, and of the section that the axes follow about each axis that a
     single joint holds."""
     if link.dofs == 3:
-        clamped = {each.x: "z" * each.clamped for each in stations(link.scene, link.name) if each.joined}
+        clamped = {each.x: "z" * each.clamped for each in stations(link.mechanism, link.name) if each.joined}
     else:
-        clamped = clamps(spatial_mechanism_of(link.scene), link.name)
+        clamped = clamps(link.mechanism, link.name)
     places = {axis: [x for x, held in clamped.items() if axis in held] for axis in "xyz"}
     alone = {axis: of[0] for axis, of in places.items() if len(of) == 1 and hung in (None, of[0])}
     return sorted(clamped), alone
@@ -146,11 +146,11 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
 
 def _placed(mechanism: SpatialMechanism) -> set[str]:
     """The ground, rigid free bodies, and bodies connected to these by drives and welds alone."""
-    placed, count = {GROUND, *mechanism.floating} - mechanism.deforming, 0
+    placed, count = {GROUND, *mechanism.floating} - mechanism.deforming.keys(), 0
     while count < len(placed):
         count = len(placed)
         for name, joint in mechanism.joints.items():
             bodies = {side.body for side in joint.sides}
             if bodies & placed and (joint.freedoms == 0 or (joint.freedoms == 1 and name in mechanism.prescribed)):
-                placed |= bodies - mechanism.deforming
+                placed |= bodies - mechanism.deforming.keys()
     return placed

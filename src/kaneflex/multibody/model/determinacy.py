@@ -131,7 +131,8 @@ def _of_body(system: System, sensor: Sensor) -> Iterator[str]:
 
 
 def check_sensors(
-    system: System, open_rows: Collection[str], sections: Callable[[System, Sensor], Iterator[str]] | None = _of_body
+    system: System, sensors: Mapping[str, Sensor], open_rows: Collection[str],
+    sections: Callable[[System, Sensor], Iterator[str]] | None = _of_body
 ) -> None:
     """Check that no sensor reads a statically indeterminate reaction, JOINT.force_x and the like.
 
@@ -142,7 +143,7 @@ def check_sensors(
     SceneError
         Names the sensor, the reaction, and the redundant joints.
     """
-    for name, sensor in system.scene.sensors.items():
+    for name, sensor in sensors.items():
         of_section = sections is not None and sensor.kind in SECTION_KINDS and isinstance(sensor.target, Address)
         parts = tuple(sections(system, sensor) if sections and of_section else _of_joint(sensor))
         read = [row for row in sorted(open_rows) if row.startswith(parts)]

@@ -20,7 +20,7 @@ def given_speeds(system: System) -> dict[int, float]:
     """Initial speeds of free joints and bodies from the scene, by their numbers, at the position of ``work``."""
     found: dict[int, float] = {}
     number = {name: k for k, name in enumerate(system.layout.speeds)}
-    for name, drive in system.scene.drives.items():
+    for name, drive in system.mechanism.drives.items():
         if drive.kind != "free":
             continue
         joint = system.mechanism.joints[name]
@@ -30,10 +30,10 @@ def given_speeds(system: System) -> dict[int, float]:
             values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
             given = {f"{name}.{move}": value for (move, _), value in zip(joint.moves, values, strict=False)}
             found |= {number[each]: value for each, value in given.items() if each in number}
-    for body in system.mechanism.floating:
-        free, R = system.scene.floating[body], system.mechanism.bodies[body].rotation
+    for body, free in system.mechanism.frees.items():
+        R = system.mechanism.bodies[body].rotation
         turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
-        found |= dict(zip(system.speeds_of(body), [*system.scene.vector(free.velocity), *turn], strict=True))
+        found |= dict(zip(system.speeds_of(body), [*[*free.velocity, 0.0][:3], *turn], strict=True))
     return found
 
 
@@ -56,8 +56,8 @@ def _standing(system: System, joint: SpatialJoint) -> list[np.ndarray]:
 
 def named_speeds(system: System) -> list[int]:
     """Numbers of the speeds of free joints, free bodies and shapes."""
-    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
-    return [*(k for name in (*free, *system.mechanism.floating) for k in system.speeds_of(name)),
+    free = *system.mechanism.free_joints, *system.mechanism.floating
+    return [*(k for name in free for k in system.speeds_of(name)),
             *system.engine.modal[1].tolist()]  # fmt: skip
 
 

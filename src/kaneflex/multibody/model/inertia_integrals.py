@@ -8,26 +8,25 @@ from functools import reduce
 import numpy as np
 
 from kaneflex.fem.spatial_bodies import second_moments
-from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, spatial_modal_data, symmetrised
 
 
-def body_moments(scene: Scene, name: str, data: ModalData | None) -> dict[str, np.ndarray]:
+def body_moments(mechanism: NumericMechanism, name: str, data: ModalData | None) -> dict[str, np.ndarray]:
     """Inertia moments ARRAYS of a body with its lumped masses.
 
     A rigid body has mass [kg], first [kg m] and second moments [kg m^2] and inertia only; it may have mass off the
     axis: mass_Y, mass_X_Y, mass_Y_Y.
     """
-    body = scene.bodies[name]
-    lumped = [mass for mass in scene.masses.values() if mass.at.body == name]
+    body = mechanism.bodies[name]
+    lumped = [mass for mass in mechanism.masses.values() if mass.point.body == name]
     if data is not None:
         found = {key: data.arrays[key] for key in ARRAYS}
-        slices = [(mass.mass, mass.inertia, data.at_point(mass.at.point)) for mass in lumped]
+        slices = [(mass.mass, mass.inertia, data.at_point(mass.point.name)) for mass in lumped]
     else:
         found = dict.fromkeys(_RIGID, np.zeros(()))
-        slices = [(mass.mass, mass.inertia, scene.point(mass.at)) for mass in lumped]
+        slices = [(mass.mass, mass.inertia, mass.point.at) for mass in lumped]
         slices = [(body.mass, body.inertia, body.centre), *slices]
         slices = [(mass, inertia, dict(zip("XY", at, strict=True))) for mass, inertia, at in slices]
     for key in found:
@@ -45,8 +44,7 @@ _RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inert
 def link_data(shapes: Shapes) -> ModalData:
     """Modal data of a link's finite elements without lumped masses, in its axes, with the points on its axis."""
     link = shapes.link
-    points = {name: link.scene.vector(at) for name, at in link.body.points_all.items()}
-    places = {name: at for name, at in points.items() if not any(at[1:])}
+    places = {name: at for name, at in link.mechanism.points[link.name].items() if not any(at[1:])}
     of_points = [shapes.at(at) for at in places.values()]
     r, N, G = (np.array(each) for each in (list(places.values()), *zip(*of_points, strict=True)))
     if link.dofs == 6:
@@ -80,7 +78,7 @@ def _planar_moments(shapes: Shapes, s: slice, w: slice) -> dict[str, np.ndarray]
 
 def _spatial_data(shapes: Shapes, points: tuple[str, ...], of_points: Mapping[str, np.ndarray]) -> ModalData:
     """Modal data in space from SPATIAL_POINT_ARRAYS."""
-    m, body = shapes.moments, spatial_mechanism_of(shapes.link.scene).bodies[shapes.link.name]
+    m, body = shapes.moments, shapes.link.mechanism.bodies[shapes.link.name]
     return spatial_modal_data(shapes.link.length, points, {
         "mass": np.array(body.mass), "mass_r": body.mass * body.centre,
         "mass_r_r": second_moments(body) + body.mass * np.outer(body.centre, body.centre),

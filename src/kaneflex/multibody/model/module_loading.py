@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -17,6 +17,7 @@ import numpy as np
 
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.structure import laws_hash, number_at, pruned_hash, structure_hash
 from kaneflex.support.contract import COURSES, LAWS_ATTRIBUTES, REQUIRED_ATTRIBUTES, beam_module
@@ -45,9 +46,9 @@ def laws_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     return generate_laws(scene, progress)
 
 
-def element_of(scene: Scene) -> Any:
-    """Leanest element that serves every elastic link of a planar scene, without scalars of a motion."""
-    profiles = [body.profile for body in scene.bodies.values() if body.elastic]
+def element_of(bodies: Iterable[Body]) -> Any:
+    """Leanest element that serves every elastic link among planar bodies, without scalars of a motion."""
+    profiles = [body.profile for body in bodies if body.elastic]
     has = {of: any(getattr(profile, of) for profile in profiles) for of in ("rotary", "shear", "varying")}
     beam = beam_module(has["rotary"] or has["shear"], has["shear"], has["varying"])
     return SimpleNamespace(**vars(importlib.import_module(f"kaneflex.generated.{beam}")), SCALARS=())

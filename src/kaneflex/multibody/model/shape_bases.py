@@ -15,7 +15,7 @@ from kaneflex.fem.links import Link, static_shapes
 from kaneflex.fem.modes import lowest_modes, symmetric_modes
 from kaneflex.mechanism.affine import Matrix, as_array, solve
 from kaneflex.mechanism.floating_frames import IN_THE_MEAN, axial_modes, frame_of, stations
-from kaneflex.mechanism.spatial import Side, SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial import Side, SpatialMechanism
 from kaneflex.multibody.model.damping import against_axes, axial_place, node_of
 from kaneflex.multibody.model.shape_families import family
 from kaneflex.multibody.model.shapes import Shapes
@@ -40,7 +40,7 @@ def link_shapes(link: Link, modes: int) -> Shapes:
     The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
     by forces at those points and by the link's own inertia.
     """
-    found = stations(link.scene, link.name)
+    found = stations(link.mechanism, link.name)
     frame = frame_of(found)
     points = {node_of(link, station.x): "z" * station.turned for station in found}
     first, freed = None if frame.kind == "free" else node_of(link, frame.at), "z" * (frame.kind != "tangent")
@@ -187,7 +187,7 @@ def spatial_shapes(link: Link, modes: int, held: Place | None, freed: str = "") 
     """
     x = None if held is None else held[0]
     first = None if x is None else node_of(link, x)
-    mechanism = spatial_mechanism_of(link.scene)
+    mechanism = link.mechanism
     joints, pushed = points_of(mechanism, link.name)
     points = dict.fromkeys([node_of(link, at) for at in pushed], "")
     points |= {node_of(link, at): _twisted(mechanism, link.name, at) if first is not None else "xyz" for at in joints}
@@ -217,7 +217,7 @@ def _twisted(mechanism: SpatialMechanism, body: str, x: float | None) -> str:
     turned = {load.joint for load in mechanism.loads.values()} | {each.joint for each in mechanism.springs.values()}
     turned |= {contact.joint for contact in mechanism.contacts.values()}
     firm = any(joint.kind in ("weld", "prismatic") for joint, _ in here.values())
-    if firm or here.keys() & (turned | mechanism.prescribed):
+    if firm or here.keys() & {*turned, *mechanism.prescribed}:
         return "xyz"
     for joint, number in here.values():
         if joint.axes:

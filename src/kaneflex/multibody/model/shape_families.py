@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Station, frame_of, link_modes, stations
-from kaneflex.scene import Scene
+from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Station, frame_of, stations
+from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.support.errors import SceneError
 
 _SAME = 1e-9
 """Share of a link's length within which a point is its end."""
 
 
-def check_family(scene: Scene, name: str, elements: int) -> None:
+def check_family(mechanism: NumericMechanism, name: str, elements: int, modes: int) -> None:
     """Check that a link's family of shapes suits its theory and joints, and is resolved by its ``elements``.
 
     Raises
@@ -20,16 +20,15 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
     SceneError
         It names the link's ``beam.shapes``.
     """
-    beam, length = scene.bodies[name].beam, scene.bodies[name].length
+    beam, length = mechanism.deforming[name].beam, mechanism.deforming[name].length
     if beam.shapes == "craig-bampton":
         return
-    modes = link_modes(scene, name)
     if beam.theory == "timoshenko":
         reason, cure = "these functions have no shear, unlike a Timoshenko beam", "Use craig-bampton, or another theory"
-    elif beam.shapes == "sine" and not _between_ends(stations(scene, name), length):
+    elif beam.shapes == "sine" and not _between_ends(stations(mechanism, name), length):
         reason = "sines vanish at both ends of the link, and one of them is not pinned"
         cure = "Use craig-bampton or polynomial"
-    elif beam.shapes == "clamped-free" and not _held_at_an_end(stations(scene, name), length):
+    elif beam.shapes == "clamped-free" and not _held_at_an_end(stations(mechanism, name), length):
         reason, cure = "these shapes are clamped at one end, but this link is pinned", "Use craig-bampton or polynomial"
     elif modes > elements:
         reason = f"{modes} of them need at least {modes} elements, the link has {elements}"

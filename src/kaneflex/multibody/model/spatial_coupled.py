@@ -55,7 +55,7 @@ class CoupledKinematics(SpatialKinematics):
 def before_run(module: SpatialModule, first: State) -> CoupledKinematics:
     """Motion of a coupled system, at ``first`` at the start, as far as it is known before a run."""
     system = module.system
-    alone = rigid_system(system.scene, system.module, coupled=True)
+    alone = rigid_system(system.mechanism, system.module, system.parameters, coupled=True)
     start = start_of(alone)
     rigid = SpatialKinematics(SpatialModule(alone), alone.parameters, Followed(alone, start))
     if not module.FREE:

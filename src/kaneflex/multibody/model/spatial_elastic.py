@@ -17,11 +17,12 @@ from kaneflex.fem.assembly import (
     with_pushes,
 )
 from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
-from kaneflex.fem.links import Link, Part, jumps, link_of_scene, spread_scalar
+from kaneflex.fem.links import Link, Part, jumps, make_link, spread_scalar
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
 from kaneflex.fem.spatial_joined import Joined, held_nodes
 from kaneflex.fem.spatial_map import SpatialMap, map_of
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism
@@ -69,7 +70,7 @@ class Deforming:
             found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
             if name in self.links:
                 found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
-                          for node in jumps(self.links[name].scene, name, self.links[name].nodes)]  # fmt: skip
+                          for node in jumps(self.mechanism, name, self.links[name].nodes)]  # fmt: skip
                 for node in pushed_nodes(self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
                 for load in spread_on(self.mechanism, name):
@@ -101,7 +102,7 @@ class Deforming:
                 link, spread = self.links[name], spread_on(self.mechanism, name)
                 acting = [each for each in acting if each.by not in spread]
                 at = [link.node_at(each.on[0]) for each in acting]
-                for node in (0, *map(int, jumps(link.scene, name, link.nodes))):
+                for node in (0, *map(int, jumps(self.mechanism, name, link.nodes))):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
                     found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
                 for node in pushed_nodes(link):
@@ -156,16 +157,16 @@ def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     SceneError
         For entries that elastic bodies in space do not support, and for undetermined motions.
     """
-    scene, options, motion = model.scene, model.options, model.in_space
+    options, motion = model.options, model.in_space
     assert motion is not None
-    mechanism = motion.module.system.mechanism
+    mechanism, own = motion.module.system.mechanism, mechanism_of(model.scene)  # whose elements may differ
     for name, spring in mechanism.springs.items():
         if spring.is_bushing:
             reason = "with elastic bodies only preset coupled supports bushings"
             raise SceneError(f"springs.{name}.bushing", None, reason, "Use preset coupled, or rigid")
     motion = SpatialKinematics(replace(motion.module, more=()), motion.parameters, motion.curve)
-    links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
-             for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip
+    links = {name: make_link(own, name, options.elements or body.beam.elements)
+             for name, body in own.deforming.items() if body.beam is not None}  # fmt: skip
     held = {name: held_nodes(mechanism, link) for name, link in links.items()}
     ties = tuple(Tie((name, node), on[0]) for name, at in held.items() for node, on in at.items())
     own = {tie.site: tie.site for tie in ties}
@@ -173,9 +174,9 @@ def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     elastic, bases = parts_of_links(options, links, interfaces, frozen)
     parts = {name: elastic[name] if name in links else with_pushes(rigid_part(name, body), _ON_RIGID)
              for name, body in mechanism.bodies.items()}  # fmt: skip
-    held_too = [name for name, drive in scene.drives.items()
+    held_too = [name for name, drive in mechanism.drives.items()
                 if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
-    held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
+    held_too += [name for name in mechanism.joints if name in mechanism.shared]
     times = np.append(0.0, options.duration * (np.arange(_SAMPLES) + _IRREGULAR) / _SAMPLES)
     times = times[:1] if motion.is_start else times
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))

@@ -46,11 +46,11 @@ def start_of(system: System) -> State:
     try:
         state = system.project(0.0, q, u, choice)
     except ArithmeticError as reason:
-        check_inertia(system.engine, choice, system.mechanism.floating, system.scene.drives)
+        check_inertia(system.engine, choice, system.mechanism.floating, system.mechanism.drives)
         raise SceneError(
             "drives", None, f"at the start {reason}", "Start at another position, or check the laws of loads"
         ) from None
-    check_inertia(system.engine, choice, system.mechanism.floating, system.scene.drives)
+    check_inertia(system.engine, choice, system.mechanism.floating, system.mechanism.drives)
     _check_speeds(system, state)
     return state
 
@@ -59,7 +59,7 @@ def _in_loops(system: System) -> State:
     """The same with joints with friction, which close loops, from the state where they are joints of the tree."""
     from scipy.spatial.transform import Rotation
 
-    other = rigid_system(system.scene, system.module, coupled=system.coupled, rubs=False)
+    other = rigid_system(system.mechanism, system.module, system.parameters, coupled=system.coupled, rubs=False)
     state, work, (own, known) = start_of(other), other.work, (system.layout, other.layout)
     positions = dict(zip((name for name, _ in known.positions), state.q.tolist(), strict=True))
     speeds = dict(zip(known.speeds, state.u.tolist(), strict=True))
@@ -112,7 +112,7 @@ def _check_closing(system: System, q: np.ndarray) -> None:
 
 def _check_free(system: System, q: np.ndarray) -> None:
     """Check that free joints start at their given coordinates."""
-    for name, drive in system.scene.drives.items():
+    for name, drive in system.mechanism.drives.items():
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
         if drive.kind != "free" or field is None:
             continue
@@ -126,19 +126,20 @@ def _check_free(system: System, q: np.ndarray) -> None:
 
 def _check_springs(system: System) -> None:
     """Check that springs with a direction have one, at the position of ``work``."""
-    between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
+    springs = {name: spring for name, spring in system.mechanism.springs.items()
+               if spring.joint is None and not spring.is_bushing}  # fmt: skip
     acts, (first, end) = system.engine.tables.acts, map(system.engine.count, (at.SPRINGS, at.CONTACTS))
     straight = (row for row in acts[first:end] if row[at.WHAT] == at.STRAIGHT)
-    for (name, spring), (_, first, second, *_) in zip(between.items(), straight, strict=True):
+    for (name, spring), (_, first, second, *_) in zip(springs.items(), straight, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
-        if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:
-            raise points_meet(name, spring.ends, " at the start")
+        if spring.is_directed and apart < 1e-9 * system.mechanism.size:
+            raise points_meet(name, [*map(system.mechanism.address, spring.sides)], " at the start")
 
 
 def _check_named(system: System, choice: Choice) -> None:
     """Check that every freedom is driven or free."""
     named = np.array(named_speeds(system), int)
-    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    free = system.mechanism.free_joints
     if free and not len(choice.independent):
         raise SceneError(
             f"drives.{free[0]}", "free", "joints and drives leave the mechanism no degree of freedom",

@@ -20,7 +20,6 @@ from kaneflex.multibody.model.codes import DONE, ON_LOOPS, check
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SIGN, SPEED, Layout, leading
-from kaneflex.scene import Scene
 
 BODY = 3
 """Coordinates x, y, phi of every body in the plane, before its modal ones."""
@@ -49,7 +48,6 @@ class System:
         In the plane names among ``constraints`` of statically indeterminate reactions, which are NaN.
     """
 
-    scene: Scene
     module: ModuleType
     mechanism: Any
     engine: Engine
@@ -84,7 +82,7 @@ class System:
     @property
     def freedom(self) -> str:
         """Entry of the scene that lets the mechanism move by forces."""
-        free, floating = self.scene.free_joints, self.mechanism.floating
+        free, floating = self.mechanism.free_joints, self.mechanism.floating
         return f"drives.{free[0]}" if free else f"bodies.{floating[0]}.free" if floating else "solve.preset"
 
     @property
@@ -149,7 +147,7 @@ class System:
     def counts(self) -> dict[str, tuple[int, ...]]:
         """Body -> numbers of its axial and transverse shapes."""
         shapes = self.layout.shapes
-        return {name: shapes[name].counts if name in shapes else (0, 0) for name in self.scene.bodies}
+        return {name: shapes[name].counts if name in shapes else (0, 0) for name in self.mechanism.bodies}
 
     @property
     def size(self) -> int:
@@ -170,8 +168,7 @@ class System:
         """Name, unit and meaning of joint forces, then of forces and torques of prescribed drives."""
         joints = self.mechanism.joints
         found = [row for joint in joints.values() for row in reactions(joint)]
-        driven = [name for name, drive in self.mechanism.drives.items() if not drive.free]
-        return (*found, *(drive_reaction(joints[name]) for name in driven))
+        return (*found, *(drive_reaction(joints[name]) for name in self.mechanism.prescribed))
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -261,7 +258,7 @@ class System:
     @cached_property
     def known_joints(self) -> tuple[str, ...]:
         """Joints whose coordinates and speeds may occur in laws."""
-        return (*self.scene.drives, *self.scene.observed)
+        return (*self.mechanism.drives, *self.mechanism.observed)
 
     def node(self, joint: str) -> int:
         """Number of the node with a joint's first coordinate; of a cylindrical joint, its rotation."""
@@ -302,13 +299,13 @@ class System:
         q = np.zeros(len(self.layout.positions))
         nodes = self.engine.parts["nodes"]
         q[nodes[nodes[:, KIND] == BALL, COORDINATE]] = 1.0
-        for name, drive in self.scene.drives.items():
+        for name, drive in self.mechanism.drives.items():
             if drive.kind == "free" and self.mechanism.joints[name].freedoms == 1 and name in self.layout.tree:
                 q[self.columns([name], COORDINATE)[0]] = drive.start
-        for body in self.mechanism.floating:
+        for body, free in self.mechanism.frees.items():
             first = self.speeds_of(body)[0]
             place = nodes[:, COORDINATE][nodes[:, SPEED] == first][0]
-            q[place : place + 3] = self.scene.vector(self.scene.floating[body].at)
+            q[place : place + 3] = [*free.at, 0.0][:3]
         return q
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:

@@ -107,7 +107,7 @@ class Followed(Curve):
         courses = self.system.engine.courses(times).reshape(len(times), len(driven), 3)
         for k, drive in np.argwhere(~np.isfinite(courses).all(axis=2))[:1].tolist():
             raise SceneError(
-                f"drives.{driven[drive]}", self.system.scene.drives[driven[drive]].law,
+                f"drives.{driven[drive]}", self.system.mechanism.drives[driven[drive]].law,
                 f"the motion or a derivative of it has no finite value at t = {times[k]:.6g} s",
                 "Give a law that is finite over the run, or another duration",
             )  # fmt: skip
@@ -116,13 +116,13 @@ class Followed(Curve):
 
     def _open(self, t: float, reason: str) -> SceneError:
         """Error for loops that don't close at t [s]. Raises another one where they can't close in the plane at all."""
-        scene, driven = self.system.scene, self.system.driven
+        mechanism, driven = self.system.mechanism, self.system.driven
         places = dict(zip(driven, self.system.courses(t)[:, 0].tolist(), strict=True))
         if not self.system.in_space:
             from kaneflex.mechanism.position_analysis import place
 
-            place(scene, places)
-        at = " and ".join(f"{name} = {scene.written_coordinate(name, where)}" for name, where in places.items())
+            place(mechanism, places)
+        at = " and ".join(f"{name} = {mechanism.written_coordinate(name, where)}" for name, where in places.items())
         return SceneError(
             "joints", ", ".join(driven) or "joints", f"{reason}, at t = {t:.6g} s" + (f", where {at}" if at else ""),
             "Change the lengths, or limit the drives' range",
@@ -136,7 +136,7 @@ class Followed(Curve):
         for drive in np.flatnonzero(far > _MOST_PLACES)[:1].tolist():
             name = self.system.driven[drive]
             raise SceneError(
-                f"drives.{name}", self.system.scene.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
+                f"drives.{name}", self.system.mechanism.drives[name].law, f"its motion is unbounded at t = {t:.6g} s",
                 "Give a law that is bounded and smooth over the run, or another duration",
             )  # fmt: skip
 

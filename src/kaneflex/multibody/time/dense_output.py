@@ -232,7 +232,7 @@ class RunCurve(Curve):
         found, works, held = self.engine.instants(record), rows[:, self.engine.columns["works"]], len(self.engine.holds)
         touching, names = found.touching.copy(), tuple(self.system.mechanism.frictions)
         for k, name in enumerate(names, start=held - len(names)):
-            if self.engine.in_space and len(rows) and self.system.scene.turns_at(name):
+            if self.engine.in_space and len(rows) and self.system.mechanism.turns_at(name):
                 touching[:, k, 0] = np.unwrap(touching[:, k, 0])  # whole turns of a pin since the instant before
                 touching[:, k, 0] -= whole_turns(touching[0, k, 0])
         lost = works[:, works.shape[1] - touching.shape[1] :] - (touching[:, :, at.STORED_AT] - self.stored)

@@ -9,6 +9,7 @@ import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.system import System
+from kaneflex.scene.laws import Law
 from kaneflex.support.errors import SceneError
 
 _FAR = 1.0
@@ -31,12 +32,11 @@ def unwrapped(
     return q
 
 
-def check_turns_kept(system: System, before: np.ndarray, q: np.ndarray) -> None:
-    """Raise SceneError if springs and laws have other turns in q than in the given state ``before``."""
+def check_turns_kept(system: System, laws: Collection[Law], before: np.ndarray, q: np.ndarray) -> None:
+    """Raise SceneError if springs and laws of loads have other turns in q than in the given state ``before``."""
     was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
     now = _between(system, now, system.start)
     sprung = {spring.joint for spring in system.mechanism.springs.values()}
-    laws = [law for law in map(system.scene.law, system.scene.loads) if law is not None]
     for name, turned in _between(system, was, system.start).items():
         knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
         if knows and round((turned - now[name]) / math.tau):
@@ -68,18 +68,19 @@ def _counted(
 
     ``drives``: coordinates of the drives.
     """
-    scene = system.scene
+    mechanism = system.mechanism
     counted, angle = {"ground"}, {"ground": 0.0, **angles}
-    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
-    turning = {name: drive.kind for name, drive in scene.drives.items() if scene.joints[name].kind == "revolute"}
+    pins = {name for name, joint in mechanism.joints.items() if joint.kind == "revolute"}
+    turns = {name: joint.angle for name, joint in mechanism.joints.items() if name not in pins}
+    turning = {name: drive.kind for name, drive in mechanism.drives.items() if name in pins}
     turns |= {name: drives[name] for name, kind in turning.items() if kind != "free"}
-    near = {name: 0.0 for name in scene.observed if scene.joints[name].kind == "revolute"}
-    near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
-    near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
+    near = {name: 0.0 for name in mechanism.observed if name in pins}
+    near |= {spring.joint: spring.free for spring in mechanism.springs.values() if spring.joint is not None}
+    near |= mechanism.backlash
     near = {name: drives[name] for name in turning} | {name: at for name, at in near.items() if name not in turning}
     near |= kept
     turns |= {name: angle for name, angle in near.items() if name not in turns}  # prescribed ones take precedence
-    ends = [(*(address.body for address in scene.joints[name].addresses), turn) for name, turn in turns.items()]
+    ends = [(*mechanism.joints[name].bodies, turn) for name, turn in turns.items()]
     ways = [way for first, second, turn in ends for way in ((first, second, turn), (second, first, -turn))]
     while len(counted) < len(angle):
         leading = [way for way in ways if way[0] in counted and way[1] not in counted]

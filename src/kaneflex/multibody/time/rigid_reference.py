@@ -211,16 +211,17 @@ class _Placed(LaterMotion):
 def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     """Motion of a system's rigid mechanism from the initial position of its bodies, with its free joints and bodies at
     their initial speeds."""
-    scene, mechanism = system.scene, system.mechanism
-    undeformed = rigid_system(scene, system.module, mechanism=replace(mechanism, contacts={}, frictions={}))
+    mechanism = system.mechanism
+    alone = replace(mechanism, contacts={}, frictions={})
+    undeformed = rigid_system(alone, system.module, system.parameters)
     # one library for both: compiling another takes as long again
     undeformed = replace(undeformed, engine=replace(undeformed.engine, kind=system.engine.kind))
-    frames = np.array([start.poses[body] for body in scene.bodies])
+    frames = np.array([start.poses[body] for body in mechanism.bodies])
     frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
     frames = unwrapped(undeformed, frames.ravel(), start.drives)
-    poses = dict(zip(scene.bodies, frames.reshape(-1, BODY), strict=True))
-    places = {name: (start.drives[name], drive.initial_speed, 0.0) for name, drive in scene.drives.items()}
-    for body, free in scene.floating.items():
+    poses = dict(zip(mechanism.bodies, frames.reshape(-1, BODY), strict=True))
+    places = {name: (start.drives[name], drive.initial_speed, 0.0) for name, drive in mechanism.drives.items()}
+    for body, free in mechanism.frees.items():
         moves = zip(poses[body], free.rates, np.zeros(BODY), strict=True)
         places |= dict(zip(floating_coordinates(body), moves, strict=True))
     none = Courses(*(np.zeros((1, undeformed.engine.size)) for _ in Courses._fields))

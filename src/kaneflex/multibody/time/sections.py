@@ -17,7 +17,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.coordinate_rates import rates_of
-from kaneflex.scene import Scene
 from kaneflex.support.array_kernels import on_arrays
 
 
@@ -84,9 +83,9 @@ class DeformingMotion(RigidMotion, ABC):
     system: Any
 
     @property
-    def scene(self) -> Scene:
-        scene: Scene = self.system.scene
-        return scene
+    def mechanism(self) -> Any:
+        """NumericMechanism or SpatialMechanism."""
+        return self.system.mechanism
 
     @property
     @abstractmethod

@@ -62,18 +62,17 @@ class SpatialModule(ComputedModule):
     @cached_property
     def FREE(self) -> tuple[str, ...]:
         """Free joints and free bodies."""
-        drives = self.system.scene.drives
-        return (*(name for name, drive in drives.items() if drive.kind == "free"), *self.system.mechanism.floating)
+        return (*self.system.mechanism.free_joints, *self.system.mechanism.floating)
 
     @cached_property
     def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
         """Name, unit and meaning of the tabulated scalars."""
-        mechanism, scene = self.system.mechanism, self.system.scene
+        mechanism = self.system.mechanism
         found = []
         for name in self.coordinates:
             unit = "m" if mechanism.joints[name].kind == "prismatic" else "rad"
             found.append((f"{name}.angle", unit, "coordinate of the joint"))
-        found += [(name, load.si_unit, "magnitude of the load") for name, load in scene.loads.items()]
+        found += [(name, load.unit, "magnitude of the load") for name, load in mechanism.loads.items()]
         for body in mechanism.bodies:
             found += [(f"{body}.{head}{tail}", unit, meaning) for head, tail, unit, meaning in _BODY]
         for name, joint in mechanism.joints.items():
@@ -88,7 +87,7 @@ class SpatialModule(ComputedModule):
             units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
             found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
         for name in mechanism.frictions:
-            unit = "N m" if scene.turns_at(name) else "N"
+            unit = "N m" if mechanism.turns_at(name) else "N"
             found.append((f"{name}.friction", unit, "of friction on its second body"))
         for name in mechanism.frictions:
             if name in mechanism.contacts:
@@ -103,7 +102,7 @@ class SpatialModule(ComputedModule):
         from 0 to pi.
         """
         mechanism, tree = self.system.mechanism, self.system.layout.tree
-        known = {*self.system.scene.drives, *mechanism.read}
+        known = {*mechanism.drives, *mechanism.read}
         return tuple(
             name
             for name, joint in mechanism.joints.items()
@@ -209,7 +208,7 @@ class SpatialKinematics(RigidKinematics):
 
         known = self.curve.turned or {}
         angles = np.array([known.get(name, np.nan) for name in self._turning])
-        return Counts(at, self.module.system.scene.horizon / _STEPS, self.begin, angles)
+        return Counts(at, self.module.system.mechanism.horizon / _STEPS, self.begin, angles)
 
     def turned(self, t: float) -> dict[str, tuple[float, float]]:
         """Angle with whole turns and its rate of the joints whose turns are counted, at t [s], by their names."""
@@ -291,7 +290,7 @@ class SpatialMotion(DeformingMotion):
     def clearance(self, name: str) -> np.ndarray:
         """Position of the second side of a joint with clearance, or of a contact, from the first, global [m],
         (3, n_times)."""
-        loose, contacts, point = self.scene.loose, self.system.mechanism.contacts, self.scene.point
+        loose, contacts, point = self.mechanism.loose, self.mechanism.contacts, self.mechanism.point
         sides = [Side(at.body, point(at)) for at in loose[name].sides] if name in loose else contacts[name].sides
         (first, one), (second, other) = (self.section_frame(side) for side in sides)
         return second.place(other.at) - first.place(one.at)
@@ -330,8 +329,8 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     rows = motion.curve.rows(times)
     values = least_singular_values(system, system.engine.instants(rows).q)
     at = motion.bare.at(times[[values.argmin()]])
-    told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
-    stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
+    told = {name: float(at[f"{name}.angle"][0]) for name in system.mechanism.drives if f"{name}.angle" in motion.column}
+    stand = ", ".join(f"{name} = {system.mechanism.written_coordinate(name, value)}" for name, value in told.items())
     return [Closing(", ".join(system.layout.cuts), False, values, stand)]
 
 

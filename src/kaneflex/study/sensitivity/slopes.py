@@ -14,6 +14,7 @@ import numpy as np
 
 from kaneflex.fem.links import mesh
 from kaneflex.integrate.system import Outcome
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
@@ -92,7 +93,8 @@ def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool
             "Choose another value: the equations change at this one",
         )  # fmt: skip
     elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.meshes}
-    if any(len(mesh(scene, name, elements[name])) != len(link.nodes) for name, link in model.meshes.items()):
+    of = mechanism_of(scene)
+    if any(len(mesh(of, name, elements[name])) != len(link.nodes) for name, link in model.meshes.items()):
         raise SceneError(
             parameter.name, parameter.value, "a small change of it changes the mesh",
             "Choose another value: the number of elements changes at this one",

@@ -77,7 +77,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
     A tight joint removes freedoms: as many free drives are removed, the last ones first, such that the mechanism is
     statically determinate. Loops of tight pins close near the initial position; flanks without play are welds.
     """
-    poses, settings = place(tight_start(scene)).poses, list[str]()
+    poses, settings = place(mechanism_of(tight_start(scene))).poses, list[str]()
     held, welded = 0, list[str]()
     for name in names:
         made = next(c for c in scene.contacts.values() if isinstance(c, ClearanceContact) and c.of == name)
@@ -99,8 +99,10 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
         found = (*settings, *ways, *(f"drives.{name}=none" for name in dropped))
         try:
             tight = with_settings(scene, found)
-            check_determined(mechanism_of(tight), twice=True)
-            turned = max(abs(math.remainder(pose[2] - poses[k][2], math.tau)) for k, pose in place(tight).poses.items())
+            mechanism = mechanism_of(tight)
+            check_determined(mechanism, twice=True)
+            found_poses = place(mechanism).poses.items()
+            turned = max(abs(math.remainder(pose[2] - poses[k][2], math.tau)) for k, pose in found_poses)
             if turned < _ALIKE:
                 return found
             reason = "its loops close in another position"
@@ -111,7 +113,8 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
 
 def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Settings that close the loops of tight joints near the initial position, if they close any."""
-    angles = {body: f"{body}={float(pose[2])!r}" for body, pose in place(tight_start(scene)).poses.items()}
+    poses = place(mechanism_of(tight_start(scene))).poses
+    angles = {body: f"{body}={float(pose[2])!r}" for body, pose in poses.items()}
     sides = {name: [side.body for side in scene.loose[name].sides if side.body in angles] for name in names}
     for bodies in ({name: list(angles) for name in names}, sides):
         yield tuple(f"joints.{name}.near={{{', '.join(angles[body] for body in bodies[name])}}}" for name in names)
