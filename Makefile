@@ -47,10 +47,10 @@ run: $(READY)  ## run the reference engine; results, summary and pictures in .bu
 # rigid and elastic contacts and without either; motions in space and elements there, without and with bodies that
 # deform, with loads that jump, and the loops of linear equations.
 SLOW_PLANAR := stick-slip bouncing-bar,contacts.stop.contact.law=newton,contacts.stop.contact.materials=none \
-	bouncing-bar elastic-double-pendulum
+	bouncing-bar elastic-double-pendulum CONTACT_SPACE
 SLOW_SPATIAL := spinning-top spatial-slider-crank-elastic spatial-slider-crank-elastic,solve.preset=coupled \
 	rotating-blade,solve.preset=coupled,solve.start=zero,solve.duration=0.01,loads.push.value=none,loads.push.law=step(t) \
-	engine
+	engine HOLD_SPACE
 
 # One thread a process, since the tests run one process a core. The kernels are compiled before these start, each once:
 # two that fill numba's cache at the same time would both compile them, and can overwrite each other's entries. Each

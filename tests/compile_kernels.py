@@ -1,4 +1,4 @@
-"""Compile what tests would wait for: python tests/compile_kernels.py SCENE[,SETTING ...] ...
+"""Compile what tests would wait for: python tests/compile_kernels.py SCENE[,SETTING ...]|KIND ...
 
 All in one process: what several of these kernels call is typed and lowered once, where every process would do it anew.
 """
@@ -7,11 +7,16 @@ import sys
 import warnings
 
 import kaneflex
+from kaneflex.multibody.compile.callables import library
+from kaneflex.multibody.model.layout import Kind
 
 
 def main(scenes: list[str]) -> None:
     warnings.simplefilter("ignore", kaneflex.ValidityWarning)
     for each in scenes:
+        if each in Kind.__members__:  # of mechanisms that no shipped scene has
+            library(Kind[each])
+            continue
         name, *settings = each.split(",")
         kaneflex.simulate(kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(name), settings)))
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from interpreted import interpreted
 
 from kaneflex import read_scene, scene_of
 from kaneflex.derive.bodies import kinds
@@ -56,6 +57,8 @@ def printed(module):
 
 
 PLANE, SPACE = printed(body), printed(spatial_shapes).rpartition("\n\n@njit")[0]
+# Numba takes nine seconds to compile them for arrays of these types.
+body, spatial, spatial_shapes = map(interpreted, (body, spatial, spatial_shapes))
 PROOFS = {"plane": (PLANE, kinds.PLANE), "space": (SPACE, kinds.SPACE)}
 
 

@@ -8,12 +8,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import closed_forms as by_hand
 import numpy as np
 import pytest
 import sympy as sm
+from interpreted import interpreted
 from numba import njit
 from runs import model, shipped, short, solved
 
@@ -319,13 +320,9 @@ def test_tabulate_is_motion():
         assert (s == row).all()
 
 
-def interpreted_element(wrong: str = "") -> ModuleType:
+def interpreted_element(wrong: str = "") -> SimpleNamespace:
     """The engine's element as Python runs it, one of its kernels twice as large as it ought to be."""
-    text = (FOLDER / "beam_euler_bernoulli.py").read_text(encoding="utf-8")
-    decorator = "def njit(**options):\n    return lambda kernel: kernel"
-    text = text.replace("from kaneflex.generated.compiling import njit", decorator)
-    found = ModuleType("element")
-    exec(compile(text, "element", "exec"), found.__dict__)
+    found = interpreted(module("beam_euler_bernoulli"))
     if wrong:
         right = getattr(found, wrong)
 

@@ -16,6 +16,7 @@ import pytest
 import sympy as sm
 import tomlkit
 from command_line import cli, refused
+from interpreted import interpreted
 from lifting import lifted
 from numba.types import float64, int64
 from runs import model
@@ -67,11 +68,6 @@ def distance(one: np.ndarray, other: np.ndarray, scale: np.ndarray) -> float:
     return float((abs(one - other) / np.spacing(scale)).max())
 
 
-def interpreted(module: types.ModuleType) -> dict[str, object]:
-    """The names of a module, its own functions and those that it imports as Python executes them."""
-    return {name: getattr(value, "py_func", value) for name, value in vars(module).items()}
-
-
 # A table, loops that Newton's method closes, free joints with their courses and inverse dynamics.
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["engine", "six-bar", "double-pendulum"])
@@ -88,7 +84,7 @@ def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
         called(library, f"{prefix}_motion", float(t), p, row)
     # numba may add up in another order, and what cancels is then off by units of what it is the difference of. As the
     # kernels are written, operation by operation, nothing differs.
-    as_written = types.FunctionType(module.motion.py_func.__code__, interpreted(module))
+    as_written = interpreted(module).motion
     written = np.zeros_like(expected)
     for t, row in zip(times, written, strict=True):
         as_written(float(t), p, row)

@@ -30,7 +30,7 @@ def hand(compiler, tmp_path_factory):
     return peers.library(tmp_path_factory.mktemp("hand"), compiler)
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 @pytest.mark.parametrize("name", TASKS)
 def test_hand_written_c_and_lambdify_agree_with_the_generated_kernels(name, hand):
     task = TASKS[name]()
@@ -50,7 +50,7 @@ def test_what_is_called_in_a_loop_is_what_was_found_to_agree(hand):
         np.testing.assert_allclose(arrays[name], matrix, rtol=0.0, atol=AGREEMENT * abs(matrix).max())
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 @pytest.mark.parametrize("name", TASKS)
 def test_all_programs_that_are_installed_agree(name, hand, compiler, tmp_path):
     task = TASKS[name]()
@@ -140,7 +140,7 @@ def test_single_kernels_are_compared_with_c(hand):
     assert [row.ratio is None for row in found] == [True, False] * 6
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 def test_kernels_in_space_are_compared_with_c_that_agrees(monkeypatch, compiler, tmp_path):
     hand = spatial_peers.library(tmp_path, compiler)
     assert spatial_peers.disagreement(hand) < AGREEMENT
@@ -153,7 +153,7 @@ def test_kernels_in_space_are_compared_with_c_that_agrees(monkeypatch, compiler,
         next(in_space(hand, 1, 0.0))
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 def test_right_hand_sides_of_solve_ivp_are_the_equations_that_are_integrated():
     """Lambdified and jitted slopes against the model's own matrices, at a state and time of no symmetry."""
     model = load(with_settings(read_scene("engine"), ["solve.start=zero", "solve.modes=2"]))
@@ -230,7 +230,7 @@ def test_benchmarks_page_is_what_its_data_say():
         assert csv_tables.read(f"benchmarks-{name}") == report.table(section.rows)[1:]
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 def test_cycles_by_harmonics_are_nearer_to_the_answer_than_by_newmark(monkeypatch):
     for name, value in {"SPEEDS": 4, "STEPS": 360, "FINER": 8, "ROUNDS": 1}.items():
         monkeypatch.setattr(cycles, name, value)
@@ -259,7 +259,7 @@ def test_a_mass_on_a_stop_falls_alike_in_both_programs_and_by_its_closed_form(pe
     assert errors[1] < 1e-4 and 4 * errors[1] < errors[0]
 
 
-@pytest.mark.exhaustive(group="agree", share=3)
+@pytest.mark.exhaustive(group="agree", share=9)
 @pytest.mark.parametrize("task", impacts.CASES)
 def test_impacts_that_are_timed_happen(task):
     text, laws = impacts.CASES[task]

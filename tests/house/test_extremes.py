@@ -131,7 +131,7 @@ def test_a_link_that_stretches_is_named():
 SHORT = [(case, method) for case in CASES for method in case.methods if method not in case.slow]
 
 
-@pytest.mark.exhaustive(share=6)
+@pytest.mark.exhaustive(share=9)
 @pytest.mark.parametrize(("case", "method"), SHORT, ids=[f"{case}, {method}" for case, method in SHORT])
 def test_extreme(case, method):
     assert judge(case, method, attempt(case, method)) == ""

@@ -332,7 +332,7 @@ def test_rigid_bodies_are_off_by_the_steps_alone(name, settings):
 @pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize(
     ("name", "settings"),
-    [("four-bar", ["solve.steps=180"]), ("slider-crank-150", ["solve.duration=20 ms", "solve.steps=750"])],
+    [("four-bar", ["solve.steps=90"]), ("slider-crank-150", ["solve.duration=20 ms", "solve.steps=750"])],
 )
 def test_a_one_way_run_knows_what_the_coupling_is_worth_where_it_is_asked_for(name, settings):
     """Some 30 % of the four-bar's forces; of the slider-crank it makes another motion."""

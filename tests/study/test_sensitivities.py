@@ -268,15 +268,16 @@ def test_free_bodies_in_space(tmp_path, frozen):
 
 @pytest.mark.exhaustive(group="runs", share=2)
 @pytest.mark.parametrize("frozen", [True, False])
-def test_a_planar_loop_lifted_into_space_has_the_same_slopes(tmp_path, frozen):
+def test_a_planar_loop_lifted_into_space_has_the_same_slopes(tmp_path, frozen, exhaustive):
     flat = with_settings(read_scene("four-bar-motor"), [
         "solve.duration=0.005", "solve.steps=10", "solve.tolerance=1e-11", "solve.modes=1",
         "drives.main.initial_speed=20 rad/s", "masses.flywheel.inertia=1e-4 kg m^2",
     ])  # fmt: skip
     (tmp_path / "deep.toml").write_text(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
-    names = ["coupler.length", "coupler.E", "damping.rayleigh.ratio", "main.initial_speed"]
-    plane = sensitivities(solve(load(flat)), names[: 4 if frozen else 1], frozen)
-    space = sensitivities(run(str(tmp_path / "deep.toml")), names[: 4 if frozen else 1], frozen)
+    names = ["coupler.length", "main.initial_speed", "coupler.E", "damping.rayleigh.ratio"]
+    names = names[: (4 if exhaustive else 2) if frozen else 1]
+    plane = sensitivities(solve(load(flat)), names, frozen)
+    space = sensitivities(run(str(tmp_path / "deep.toml")), names, frozen)
     for name, slopes in space.slopes.items():
         assert len(slopes) == 3
         for sensor, slope in slopes.items():

@@ -275,7 +275,7 @@ def test_a_sweep_by_a_tolerance_solves_all_points_by_one_model(tmp_path, monkeyp
     monkeypatch.setattr(choice, "cache_folder", lambda: tmp_path / "cache")
     file, out = tmp_path / "study.toml", tmp_path / "out"
     speeds = '{from = "1000 rpm", to = "9000 rpm", count = 4}'
-    file.write_text(f'scene = "engine"\n[parameters]\n"main.speed" = {speeds}\n')
+    file.write_text(f'scene = "engine"\nsettings = ["solve.steps=240"]\n[parameters]\n"main.speed" = {speeds}\n')
     command = "sweep", file, "--no-plots", "-o", out, "--sensors", "mid_transverse"
     refused(cli(*command), "--sensors: requires --tolerance")
     refused(cli(*command, "--tolerance", "5%", "--preset", "rigid"), "--preset = 'rigid'")
@@ -286,7 +286,7 @@ def test_a_sweep_by_a_tolerance_solves_all_points_by_one_model(tmp_path, monkeyp
     assert settings[0] != "solve.preset=coupled"
     swept = dataset(out)
     for point, speed in ((0, "1000 rpm"), (3, "9000 rpm")):
-        scene = with_settings(read_scene("engine"), [f"main.speed={speed}"])
+        scene = with_settings(read_scene("engine"), ["solve.steps=240", f"main.speed={speed}"])
         own, rich = (solved(scene, *each) for each in (settings, ["solve.preset=coupled"]))
         peak = abs(rich.series["mid_transverse"].values).max()
         assert abs(own.series["mid_transverse"].values).max() == pytest.approx(peak, rel=0.05)

@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -189,9 +188,11 @@ def until(condition: Callable[[], object]) -> object:
     raise TimeoutError
 
 
-@contextmanager
-def started(folder: Path, count: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """Address of a scheduler, and the processes: its own first, then those of so many workers."""
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
+    """Address of a scheduler, its process and those of two workers, and the cache that these have for themselves."""
+    peer("distributed")
+    folder = tmp_path_factory.mktemp("cluster")
     file = folder / "scheduler.json"
     environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
 
@@ -204,32 +205,23 @@ def started(folder: Path, count: int) -> Iterator[tuple[str, list[subprocess.Pop
     try:
         until(file.exists)
         single = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
-        processes += [start("dask_worker", *single) for _ in range(count)]
+        processes += [start("dask_worker", *single) for _ in range(2)]
         from distributed import Client
 
         with Client(scheduler_file=str(file), set_as_default=False) as client:
-            client.wait_for_workers(count, timeout=PATIENCE)
+            client.wait_for_workers(2, timeout=PATIENCE)
             address = client.scheduler.address
-        yield address, processes
+        yield address, processes, folder / "cache"
     finally:
         for process in processes:
             process.kill()
             process.wait()
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
-    """Address of the scheduler, its two workers, and the cache that these have for themselves."""
-    peer("distributed")
-    folder = tmp_path_factory.mktemp("cluster")
-    with started(folder, 2) as (address, processes):
-        yield address, processes[1:], folder / "cache"
-
-
 def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(tmp_path, plan, cluster):
     from kaneflex.study.cluster import on_cluster
 
-    address, workers, cache = cluster
+    address, (_, *workers), cache = cluster
     killed = []
 
     tables = [Path(name) for name in plan.files]
@@ -255,25 +247,6 @@ def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one
     assert {path.name for path in cache.rglob("files/*/*.csv")} >= {"weak.csv", "strong.csv"}
 
 
-def test_a_killed_scheduler_is_named_and_what_is_solved_is_kept(tmp_path, plan, peer, monkeypatch):
-    from kaneflex.study import cluster as ours
-
-    peer("distributed")
-    monkeypatch.setattr(ours, "_CONNECTING", 3.0)  # seconds for which Dask tries to find it again
-    with started(tmp_path, 1) as (address, processes):
-
-        def kill(progress):
-            if progress.now >= 4 and processes[0].poll() is None:
-                processes[0].kill()
-                processes[0].wait()
-
-        began = time.monotonic()
-        with pytest.raises(SceneError, match=r"^--scheduler = .*: the connection .* is lost.*repeat the command"):
-            sweep(plan, tmp_path / "out", ours.on_cluster(address), kill)
-        assert time.monotonic() - began < PATIENCE
-    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) >= 4
-
-
 def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, monkeypatch):
     from kaneflex.study import cluster as ours
 
@@ -281,6 +254,25 @@ def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, m
     with pytest.raises(SceneError, match=r"it has kaneflex \d.*, not 9\.9 format-0.*Install the same kaneflex"):
         sweep(plan, tmp_path / "out", ours.on_cluster(cluster[0]))
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 1  # what was solved here is kept
+
+
+def test_a_killed_scheduler_is_named_and_what_is_solved_is_kept(tmp_path, plan, cluster, monkeypatch):
+    """The last test of the cluster."""
+    from kaneflex.study import cluster as ours
+
+    monkeypatch.setattr(ours, "_CONNECTING", 3.0)  # seconds for which Dask tries to find it again
+    address, (scheduler, *_), _ = cluster
+
+    def kill(progress):
+        if progress.now >= 4 and scheduler.poll() is None:
+            scheduler.kill()
+            scheduler.wait()
+
+    began = time.monotonic()
+    with pytest.raises(SceneError, match=r"^--scheduler = .*: the connection .* is lost.*repeat the command"):
+        sweep(plan, tmp_path / "out", ours.on_cluster(address), kill)
+    assert time.monotonic() - began < PATIENCE
+    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) >= 4
 
 
 def test_where_no_scheduler_answers(tmp_path, plan, peer, monkeypatch):
