@@ -46,10 +46,10 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.study.stability.report import Stability as Stability
     from kaneflex.study.stability.report import stability as stability
     from kaneflex.study.sweep import sweep as sweep
-    from kaneflex.study.trade.ranking import Trade as Trade
-    from kaneflex.study.trade.ranking import trade as trade
     from kaneflex.study.trade.terms import Terms as Terms
     from kaneflex.study.trade.terms import terms as terms
+    from kaneflex.study.trade.trials import Trade as Trade
+    from kaneflex.study.trade.trials import trade as trade
     from kaneflex.study.workers import in_processes as in_processes
     from kaneflex.support.checking import checked as checked
     from kaneflex.support.errors import OutputError as OutputError
@@ -78,8 +78,8 @@ study.comparison: Comparison compare
 study.sensitivity.report: Sensitivities sensitivities
 study.stability.report: Stability stability
 study.sweep: sweep
-study.trade.ranking: Trade trade
 study.trade.terms: Terms terms
+study.trade.trials: Trade trade
 study.workers: in_processes
 support.checking: checked
 support.errors: OutputError SceneError UserError ValidityWarning

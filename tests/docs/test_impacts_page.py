@@ -11,7 +11,7 @@ from command_line import cli, unrendered
 from pages import blocks, check_printed, commands, page
 from runs import run
 
-from kaneflex.study.poincare import Poincare
+from kaneflex.study.study import Poincare
 
 TEXT = page("impacts.md")
 

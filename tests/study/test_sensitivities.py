@@ -18,8 +18,7 @@ from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
-from kaneflex.study.sensitivity.replay import solver_of
-from kaneflex.study.sensitivity.slopes import neighbour_at
+from kaneflex.study.sensitivity.slopes import neighbour_at, solver_of
 
 STEP = 4e-4  # larger than the package's own, with differences of a higher order
 WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}

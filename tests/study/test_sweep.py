@@ -15,9 +15,9 @@ from studies import dataset, plan_of, swept_in
 from kaneflex import OutputError, SceneError, read_scene, sweep, with_settings
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.response.time_statistics import statistics, statistics_of_all
-from kaneflex.study.dataset import column
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record, solve_points
+from kaneflex.study.store import column
 from kaneflex.study.study import Study, points_of
 from kaneflex.study.sweep import Progress
 from kaneflex.study.trade import choice

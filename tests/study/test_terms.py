@@ -94,7 +94,7 @@ def test_a_group_without_which_the_run_stops_is_needed():
     scene = read_scene("spin-up")
     found = terms(scene, 0.01, 60.0, ["tip_transverse"], chosen=chosen(scene, "euler", "geometric"))
     first, second = found.effects
-    assert (first.group.name, first.needed, first.worst) == ("geometric", True, None) and "unstable" in first.reason
+    assert (first.group.name, first.needed, first.differences) == ("geometric", True, ()) and "unstable" in first.reason
     assert (second.group.name, second.needed) == ("euler", False)
 
 
@@ -142,7 +142,7 @@ def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
 
 
 def test_the_picture_of_a_trade_names_presets_and_the_choice(monkeypatch):
-    monkeypatch.setattr("kaneflex.study.trade.ranking._FIRST_RUNS", 100.0)  # a busy machine begins the last one late
+    monkeypatch.setattr("kaneflex.study.trade.trials._FIRST_RUNS", 100.0)  # a busy machine begins the last one late
     scene = read_scene("engine")
     names = ("rigid", "quasistatic", "stiffened", "stiffened, 1 element")
     ranked = [candidate for candidate in candidates_of(neutral(scene)) if candidate.name in names]

@@ -27,9 +27,8 @@ from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
-    from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Effect, Terms
-    from kaneflex.study.trade.trials import Ranked
+    from kaneflex.study.trade.trials import Ranked, Trade
 
 _ALIKE = 1.1
 """Ratio of times up to which a setting is as fast as another."""
@@ -60,7 +59,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     \b
       kaneflex trade engine --tolerance 1% --sensors mid_transverse,rod_mid_strain
     """
-    from kaneflex.study.trade.ranking import trade as ranked
+    from kaneflex.study.trade.trials import trade as ranked
 
     _weigh("trade", ranked, trade_data, _trade_text, asked, target, limits)
 
@@ -186,7 +185,7 @@ def terms_table(found: Terms) -> str:
 
 def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
-    if effect.worst is not None:
+    if effect.differences:
         changes = (effect.worst.sensor, percent(effect.worst.error), percent(effect.rms))
     own = (effect.group.name, effect.group.meaning, "yes" if effect.needed else "no", *changes)
     return (*own, "" if effect.operations is None else f"{effect.operations:+d}")
@@ -228,8 +227,8 @@ def terms_data(found: Terms) -> Data:
     """Content of ``terms.json`` and ``terms.csv``: times in s or ns, changes as shares of each sensor's peak."""
     rows = []
     for effect in found.effects:
-        most, own = effect.worst, ("rms", "needed", "operations", "reason")
-        change = {"change": most and most.error, "worst_sensor": most and most.sensor}
+        most, own = effect.worst if effect.differences else None, ("needed", "operations", "reason")
+        change = {"change": most and most.error, "worst_sensor": most and most.sensor, "rms": most and effect.rms}
         about: Row = {"group": effect.group.name, "meaning": effect.group.meaning}
         rows.append(about | change | {name: getattr(effect, name) for name in own})
     pairs = zip(rows, found.effects, strict=True)

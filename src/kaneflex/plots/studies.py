@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 
     from kaneflex.study.comparison import Comparison
     from kaneflex.study.sensitivity.report import Sensitivities
-    from kaneflex.study.trade.ranking import Trade
     from kaneflex.study.trade.terms import Terms
-    from kaneflex.study.trade.trials import Ranked
+    from kaneflex.study.trade.trials import Ranked, Trade
 
 _LEAST_ERROR, _MOST_ERROR = 1e-8, 5.0
 """Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""
@@ -123,7 +122,7 @@ def _changes(axes: Axes, found: Terms) -> None:
     axes.set_xscale("log")
     for row, effect in enumerate(found.effects):
         colour = PALETTE[1] if effect.needed else PALETTE[0]
-        if effect.worst is None:
+        if not effect.differences:
             said = "needed: does not run without" if effect.needed else "shows only rounding"
             axes.annotate(said, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
             continue
@@ -135,7 +134,7 @@ def _changes(axes: Axes, found: Terms) -> None:
             fontsize=7.5, bbox={"color": "white", "pad": 0.5},
         )  # fmt: skip
     axes.axvline(100 * found.tolerance, color="black", linestyle="--", linewidth=0.9, zorder=0.5)
-    peaks = [100 * effect.worst.error for effect in found.effects if effect.worst is not None]
+    peaks = [100 * effect.worst.error for effect in found.effects if effect.differences]
     least = max(_CHANGE, 0.2 * min(peak for peak in [*peaks, 100 * found.tolerance] if peak > 0))
     axes.set_xlim(least, 30 * max([*peaks, 100 * found.tolerance]))
     axes.set_title(f"largest change of a sensor, dark: rms; dashed: {100 * found.tolerance:.3g} %, red: needed")

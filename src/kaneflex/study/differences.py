@@ -70,6 +70,27 @@ class Difference:
         return self.rms_difference / self.reference_peak if self.reference_peak else math.inf
 
 
+class Compared:
+    """Extremes of a model's ``differences`` from another one, by sensor above rounding error."""
+
+    differences: tuple[Difference, ...]
+
+    @property
+    def worst(self) -> Difference:
+        """Sensor with the largest error as a share of its peak; there is at least one sensor."""
+        return max(self.differences, key=lambda each: each.error)
+
+    @property
+    def error(self) -> float:
+        """Largest error max|y - y_ref| / max|y_ref| of a sensor; infinite without differences."""
+        return max((each.error for each in self.differences), default=math.inf)
+
+    @property
+    def rms(self) -> float:
+        """Largest rms error of a sensor as a share of its peak; there is at least one sensor."""
+        return max(each.rms_error for each in self.differences)
+
+
 def difference(
     sensor: str, model: str, unit: str, times: np.ndarray, values: np.ndarray, reference: np.ndarray, peak: float
 ) -> Difference:
@@ -114,11 +135,6 @@ def differences(
             own, its = (np.interp(times, each.times, each.values[name]) for each in (curves, reference))
             found.append(difference(name, model, unit, times, own, its, peak))
     return tuple(found)
-
-
-def worst(found: Sequence[Difference]) -> Difference:
-    """Sensor with the largest error as a share of its reference's peak."""
-    return max(found, key=lambda difference: difference.error)
 
 
 def _floors(scene: Scene, reference: Curves) -> dict[str, float]:

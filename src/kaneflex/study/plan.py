@@ -15,9 +15,8 @@ from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.read import FILE_KEYS, file_entries
 from kaneflex.scene.settings import demand_once, nested, resolved, split_setting
 from kaneflex.scene.table import merged
-from kaneflex.study.poincare import Poincare
 from kaneflex.study.sensitivity.parameters import place_of
-from kaneflex.study.study import Point, Study, Value, points_of, read_study, size_of, study_of
+from kaneflex.study.study import Poincare, Point, Study, Value, points_of, read_study, size_of, study_of
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.machine import gib, installed
 from kaneflex.support.module_cache import sources_digest

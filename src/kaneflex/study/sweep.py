@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
-from kaneflex.study.store import BEGIN_ANEW, RESULT_FILE, Store, alone, open_store
+from kaneflex.study.store import BEGIN_ANEW, RESULT_FILE, Store, alone, open_store, write_netcdf
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.files import writing

@@ -44,7 +44,7 @@ def choose(
     Parameters
     ----------
     scene, tolerance, sensors, progress
-        As :func:`kaneflex.study.trade.ranking.trade` takes them.
+        As :func:`kaneflex.study.trade.trials.trade` takes them.
     purpose : {"run", "model", "code"}
         For one run the richest model is chosen: it has been run already. For code, groups of terms are dropped one by
         one while the model stays within.
@@ -52,7 +52,7 @@ def choose(
     Raises
     ------
     SceneError
-        As :func:`kaneflex.study.trade.ranking.trade`, for example if the reference is not converged.
+        As :func:`kaneflex.study.trade.trials.trade`, for example if the reference is not converged.
     """
     return chosen(scene, tolerance, sensors, progress, purpose)[0]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -12,7 +11,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
-from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.differences import Compared, Difference, differences
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, check_request, elements_of, neutral, terms_of
 from kaneflex.study.trade.parts import parts
@@ -44,7 +43,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Effect:
+class Effect(Compared):
     """Effect and cost of a group of terms.
 
     Attributes
@@ -67,16 +66,6 @@ class Effect:
     needed: bool
     operations: int | None
     reason: str = ""
-
-    @property
-    def worst(self) -> Difference | None:
-        """Sensor with the largest change as a share of its peak."""
-        return worst(self.differences) if self.differences else None
-
-    @property
-    def rms(self) -> float | None:
-        """Largest rms change of a sensor as a share of its peak."""
-        return max((found.rms_error for found in self.differences), default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +142,7 @@ def terms(
     Parameters
     ----------
     scene, tolerance, budget, sensors, progress
-        As :func:`kaneflex.study.trade.ranking.trade` takes them.
+        As :func:`kaneflex.study.trade.trials.trade` takes them.
     chosen : sequence of Group, optional
         Groups to drop; by default :func:`groups`, and clearances and friction.
 
@@ -191,7 +180,7 @@ def terms(
                 effects.append(Effect(group, (), True, None, str(error)))
             else:
                 left_out[group.name] = str(error)
-    effects.sort(key=lambda effect: -(effect.worst.error if effect.worst else math.inf if effect.needed else -1.0))
+    effects.sort(key=lambda effect: -(effect.error if effect.differences or effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
 
 
