@@ -30,7 +30,7 @@ from kaneflex.support.inner import PART, shifted
 _SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 _compiled = njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
 _N, _WHOLE = CPointer(float64), CPointer(int64)
-LOOP = int64(*[_WHOLE] * 5, *[_N] * 12, float64)
+SIGNATURE = int64(*[_WHOLE] * 5, *[_N] * 12, float64)
 """Type of the loops."""
 
 

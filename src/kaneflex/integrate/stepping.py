@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from kaneflex.integrate.conventions import COMPLETED, OUTCOMES, SINGULAR, UNBOUN
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.streams import CoefficientStream
 from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress
-from kaneflex.support.c_library import PACKAGE, by_address, c_addresses
+from kaneflex.support.c_library import FAST, addresses_of, by_address
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
@@ -27,30 +27,15 @@ _OUTCOMES = {
     UNBOUNDED: Outcome.UNSTABLE,
 }
 _STEPPERS = "newmark", "collocation", "exact_modal"
-_SOURCES = "integrate/steppers.py", "integrate/conventions.py", "integrate/system.py"
-_FLAGS = "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-freciprocal-math"
-"""Sums may be reordered, but comparisons with NaN stay false: the test for a runaway motion relies on them."""
+_PARTS = "integrate.conventions", "integrate.system"
 _ARGUMENTS = *(ctypes.c_void_p,) * 17, ctypes.c_double
 
 
 @cache
 def stepper(name: str) -> Callable[..., int]:
-    """Compiled loop of `kaneflex.integrate.steppers`, from the C compiler, or else from numba."""
-
-    def functions() -> list[tuple[Any, Sequence[Any]]]:
-        from kaneflex.integrate import steppers
-
-        return [(getattr(steppers, name), steppers.LOOP.args) for name in _STEPPERS]
-
-    if found := c_addresses("steppers", [PACKAGE / each for each in _SOURCES], functions, _FLAGS):
-        address = found[_STEPPERS.index(name)]
-    else:
-        from numba import cfunc
-
-        from kaneflex.integrate import steppers
-
-        address = cfunc(steppers.LOOP, cache=True, error_model="numpy")(getattr(steppers, name).py_func).address
-    return ctypes.CFUNCTYPE(ctypes.c_int64, *_ARGUMENTS)(address)
+    """Compiled loop of `kaneflex.integrate.steppers`."""
+    addresses = addresses_of("integrate.steppers", _STEPPERS, _PARTS, FAST)
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *_ARGUMENTS)(addresses[_STEPPERS.index(name)])
 
 
 def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:

@@ -7,24 +7,20 @@ over speeds. It traces the readers of :mod:`kaneflex.response.sensors`, so that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import ctypes
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from numba import njit
 
-from kaneflex.integrate import conventions
-from kaneflex.integrate.conventions import FASTMATH
+from kaneflex.integrate.conventions import BLOCK
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.response.motion import Motion
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.response.sensors import Series, measure, reads
 from kaneflex.scene.sensors import Sensor
-from kaneflex.support.fingerprint import made_of
-from kaneflex.support.inner import PART
-
-_BLOCK = 32
-"""Instants that are read at once, side by side."""
+from kaneflex.support.c_library import FAST, addresses_of, by_address
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +76,7 @@ class CompiledReadings:
     def _values(self, motion: Motion, moved: Rates) -> np.ndarray:
         """Series (n_sensors, n_times)."""
         own, steps = self.readings, len(motion.times)
-        given = np.zeros((own.given + 1, -(-steps // _BLOCK) * _BLOCK))
+        given = np.zeros((own.given + 1, -(-steps // BLOCK) * BLOCK))
         moving = np.vstack([motion.rigid.values.T, *(each.T for each in moved)])
         given[: len(moving), :steps] = moving
         for place, body in self.angles.items():
@@ -89,81 +85,15 @@ class CompiledReadings:
         given[-1] = 1.0
         found = np.empty((len(own.sensors), given.shape[1]))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
-        work = np.empty((own.count, _BLOCK)), np.empty((entries + 1, _BLOCK))
-        _read(given, own.stages, own.ends, own.pairs, own.constants, *work, found)
+        work = np.empty((own.count, BLOCK)), np.empty((entries + 1, BLOCK))
+        plan = np.array([len(given), given.shape[1], len(own.stages)])
+        tables = (np.ascontiguousarray(each, np.int64) for each in (own.stages, own.ends, own.pairs))
+        _loop()(*map(by_address, (plan, *tables, given, own.constants, *work, found)))
         return found[:, :steps]
 
 
-@njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
-def _solve(rows, n, entries, numbers, place):
-    """Least-squares solution x of A x = b, stored in `numbers` from ``place`` on, by Householder reflections (Golub
-    and Van Loan 2013, 5.3).
-
-    ``entries``: A, row by row, then b, and a row of work; all are overwritten.
-    """
-    along = entries[rows * (n + 1)]
-    for k in range(n):
-        own, begin = entries[k * n + k], numbers[place + k]  # of the solution until it is known: the diagonal of R
-        for t in range(_BLOCK):
-            along[t] = 0.0
-        for i in range(k, rows):
-            for t in range(_BLOCK):
-                along[t] += entries[i * n + k, t] * entries[i * n + k, t]
-        for t in range(_BLOCK):
-            begin[t] = -np.copysign(np.sqrt(along[t]), own[t])
-            own[t] -= begin[t]
-        for j in range(k + 1, n + 1):
-            column, apart = (j, n) if j < n else (rows * n, 1)
-            for t in range(_BLOCK):
-                along[t] = 0.0
-            for i in range(k, rows):
-                for t in range(_BLOCK):
-                    along[t] += entries[column + i * apart, t] * entries[i * n + k, t]
-            for t in range(_BLOCK):
-                along[t] /= begin[t] * own[t]
-            for i in range(k, rows):
-                for t in range(_BLOCK):
-                    entries[column + i * apart, t] += along[t] * entries[i * n + k, t]
-    for back in range(n):
-        k = n - 1 - back
-        found, known = numbers[place + k], entries[rows * n + k]
-        for j in range(k + 1, n):
-            for t in range(_BLOCK):
-                known[t] -= entries[k * n + j, t] * numbers[place + j, t]
-        for t in range(_BLOCK):
-            found[t] = known[t] / found[t]
-
-
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
-@made_of(conventions.__file__)
-def _read(given, stages, ends, pairs, constants, numbers, entries, found):
-    """Evaluate the sensors (n_sensors, n_times) from given numbers and a one, (n_given + 1, n_times).
-
-    ``n_times``: a multiple of _BLOCK; ``stages``, ``ends``, ``pairs``, ``constants``: see `Readings`; ``numbers``,
-    ``entries``: work for one block of instants, (count, _BLOCK) and (most sums of a system + 1, _BLOCK).
-    """
-    width = given.shape[0]
-    for begin in range(0, given.shape[1], _BLOCK):
-        for k in range(width):
-            for t in range(_BLOCK):
-                numbers[k, t] = given[k, begin + t]
-        place, row, term = width, 0, 0
-        for stage in range(stages.shape[0]):
-            own, rows, n = stages[stage, 0], stages[stage, 1], stages[stage, 2]
-            for k in range(own + rows * (n + 1)):
-                total = numbers[place + k] if k < own else entries[k - own]
-                for t in range(_BLOCK):
-                    total[t] = 0.0
-                for each in range(term, ends[row]):
-                    one, other = numbers[pairs[each, 0]], numbers[pairs[each, 1]]
-                    for t in range(_BLOCK):
-                        total[t] += constants[each] * one[t] * other[t]
-                term = ends[row]
-                row += 1
-                if k >= own and n == 0:
-                    for t in range(_BLOCK):
-                        found[k - own, begin + t] = total[t]
-            place += own
-            if n > 0:
-                _solve(rows, n, entries, numbers, place)
-                place += n
+@cache
+def _loop() -> Callable[..., None]:
+    """Compiled loop of `kaneflex.response.reading_loop`."""
+    (address,) = addresses_of("response.reading_loop", ["read"], ["integrate.conventions"], FAST)
+    return ctypes.CFUNCTYPE(None, *(ctypes.c_void_p,) * 9)(address)

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import of_an_instant
+from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
-
-if TYPE_CHECKING:
-    from kaneflex.response.compiled_readings import CompiledReadings
 
 Settings = Sequence[str]
 """Settings path=value over a scene."""
@@ -67,8 +65,6 @@ class Variants:
         return solution
 
     def _readings_of(self, solution: Solution) -> CompiledReadings:
-        from kaneflex.response.compiled_readings import CompiledReadings  # it needs numba
-
         model, (equations, readings) = solution.model, self._readings
         if readings is None or equations is not model.reduced or readings.sensors != model.scene.sensors:
             readings = CompiledReadings.of(solution.motion)

@@ -26,6 +26,8 @@ Functions = Callable[[], Iterable[tuple[Any, Sequence[Any]]]]
 """Functions with the numba types of their arguments."""
 _FLAGS = ("-O2", "-ffp-contract=fast", "-fno-math-errno")
 """Products may be fused with sums, as by numba, but no sum is reordered."""
+FAST = "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-freciprocal-math"
+"""Sums may be reordered, but comparisons with NaN stay false: tests for runaway motions rely on them."""
 _DIGITS = 16
 """Digits of a digest in a file's name."""
 _VECTORS = ("-mavx2", "-mfma")
@@ -58,6 +60,26 @@ def c_addresses(
         with suppress(OSError):  # in use
             old.unlink()
     return _read(folder / file) if _built(folder / file, functions, flags) else []
+
+
+def addresses_of(module: str, names: Sequence[str], parts: Sequence[str] = (), flags: Sequence[str] = ()) -> list[int]:
+    """Addresses of functions of a module of kaneflex, from the C compiler, or else from numba.
+
+    The module has their type, SIGNATURE; ``parts``: other modules that they are made of.
+    """
+
+    def functions() -> list[tuple[Any, Sequence[Any]]]:
+        found = import_module(f"kaneflex.{module}")
+        return [(getattr(found, name), found.SIGNATURE.args) for name in names]
+
+    files = [PACKAGE.joinpath(*each.split(".")).with_suffix(".py") for each in (module, *parts)]
+    if found := c_addresses(module.rpartition(".")[2], files, functions, flags):
+        return found
+    from numba import cfunc
+
+    signature = import_module(f"kaneflex.{module}").SIGNATURE
+    compiled = cfunc(signature, cache=True, error_model="numpy")
+    return [compiled(function.py_func).address for function, _ in functions()]
 
 
 def _built(file: Path, functions: Functions, flags: Sequence[str]) -> bool:
