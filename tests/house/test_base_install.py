@@ -102,7 +102,7 @@ told(lambda: finished.dataset)
 for each in (["run", "engine", "--vtk", "-o", "v"], ["compare", "engine", "--with", "exudyn", "-o", "c"],
              ["sweep", "study.toml", "--scheduler", "tcp://localhost:1", "-o", "d"]):
     kaneflex(*each)
-print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
+print("code", kaneflex("sweep", "study.toml", "-o", "pictured"))
 """)
     tables = 'is not installed. Run: pip install "kaneflex[tables]"'
     expected = [
@@ -115,7 +115,7 @@ print("code", kaneflex("sweep", "study.toml", "-o", "without-pictures"))
     shown = said.splitlines()
     for line in expected:
         assert any(line in each for each in shown), (line, said)
-    assert "code 0" in shown and (tmp_path / "without-pictures" / "sweep.nc").is_file()
+    assert "code 0" in shown and (tmp_path / "pictured" / "sweep.png").is_file()
     assert "nothing was said" not in shown and "Traceback" not in said
     assert not any((tmp_path / name).exists() for name in "svmcd")
 

@@ -114,7 +114,7 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path, monkeypatc
     arguments = ("compare", "engine", "--presets", "rigid,stiffened", "-o", folder)
     result = cli(*arguments)
     assert result.exit_code == 0
-    files = {"comparison.json", "differences.csv", "curves.nc", "overlay.png", "overlay.svg"}
+    files = {"comparison.json", "differences.csv", "curves.nc", "overlay.png"}
     assert {path.name for path in folder.iterdir()} == files
     row = next(line.split() for line in result.stdout.splitlines() if line.startswith("tip_axial "))
     assert row == ["tip_axial", "rigid", "mm", "0", "0.1464", "0.1464", "100", "%", *row[8:]]

@@ -279,7 +279,7 @@ def test_trap_is_found_and_written(tmp_path):
     assert "from 100 rpm to 200 rpm, unstable from 148.05 rpm to 200 rpm" in result.output
     assert "grows 272.9-fold" in result.output and "K_g is left out" in result.output
     assert {path.name for path in folder.iterdir()} == {
-        "stability.json", "cycle.csv", "speeds.csv", "stability.png", "stability.svg"
+        "stability.json", "cycle.csv", "speeds.csv", "stability.png"
     }
     data = json.loads((folder / "stability.json").read_text())
     assert data["unstable"] and data["spectral_radius"] == pytest.approx(272.9, rel=1e-4)

@@ -21,6 +21,7 @@ from kaneflex.study.store import column
 from kaneflex.study.study import Study, points_of
 from kaneflex.study.sweep import Progress
 from kaneflex.study.trade import choice
+from kaneflex.support.labelled import read_labelled
 
 HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
 STUDY = HEAD + """
@@ -359,10 +360,11 @@ def test_a_point_whose_drive_stands_still_is_refused_and_the_dataset_can_be_read
     assert not [name for name in found.data_vars if str(name).endswith("_series")]
 
 
-def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swept):
+def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swept, tmp_path):
     from kaneflex.plots.studies import sweep as figure
 
-    page = figure(swept[1])
+    swept[1].to_netcdf(tmp_path / "sweep.nc", engine="scipy")
+    page = figure(read_labelled(tmp_path / "sweep.nc"))
     axes = next(axes for axes in page.axes if axes.get_title().startswith("crank_torque:"))
     (curve, least), found = axes.lines[:2], swept[1].isel(point=swept[1]["rod.length"] == 137)
     assert [line.get_label() for line in axes.lines[::2]] == ["rod.length = 137 mm", "rod.length = 150 mm"]

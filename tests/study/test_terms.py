@@ -160,7 +160,7 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
     folder = tmp_path / "out"
     result = cli("terms", "engine", "--sensors", "tip_axial", "-o", folder)
     assert result.exit_code == 0
-    assert {path.name for path in folder.iterdir()} == {"terms.csv", "terms.json", "terms.png", "terms.svg"}
+    assert {path.name for path in folder.iterdir()} == {"terms.csv", "terms.json", "terms.png"}
     about = json.loads((folder / "terms.json").read_text())
     rows = list(csv.DictReader((folder / "terms.csv").open()))
     assert [row["group"] for row in rows] == [entry["group"] for entry in about["groups"]]

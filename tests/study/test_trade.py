@@ -202,7 +202,7 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
     arguments = ("trade", "engine", "--sensors", "tip_axial", "--budget", "0.3s", "--tolerance", "2%", "-o", folder)
     result = cli(*arguments)
     assert result.exit_code == 0
-    assert {path.name for path in folder.iterdir()} == {"trade.csv", "trade.json", "trade.png", "trade.svg"}
+    assert {path.name for path in folder.iterdir()} == {"trade.csv", "trade.json", "trade.png"}
     about = json.loads((folder / "trade.json").read_text())
     rows = list(csv.DictReader((folder / "trade.csv").open()))
     assert [row["model"] for row in rows] == [model["model"] for model in about["models"]]

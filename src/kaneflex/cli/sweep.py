@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -116,7 +115,7 @@ def sweep(
         echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` explains why", err=True)
     echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
     echo(f"Written to {finished.path}")
-    for path in _drawn(finished, plan) if plots and find_spec("xarray") else ():
+    for path in _drawn(finished, plan) if plots else ():
         echo(f"Drawn: {path}")
     if len(finished.failures) == finished.total:
         ctx.exit(STOPPED_EARLY)
@@ -136,10 +135,10 @@ def _drawn(finished: Finished, plan: Plan) -> list[Path]:
     """Draw the pictures that a dataset's points allow, next to it."""
     from kaneflex.plots import draw
 
-    drawn, dataset = [], finished.dataset
+    drawn, found = [], finished.labelled
     for kind in ["sweep"] if plan.poincare is None else ["sweep", "bifurcation", "poincare"]:
         try:
-            drawn += draw(kind, dataset, finished.path.parent)
+            drawn += draw(kind, found, finished.path.parent)
         except ValueError as reason:
             echo(f"No picture {kind}: {reason}", err=True)
     return drawn

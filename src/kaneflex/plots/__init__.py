@@ -116,16 +116,16 @@ def draw_all(
 
 
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
-    """Write the picture of a study's result into an existing folder, as KIND.png and KIND.svg.
+    """Write the picture of a study's result into an existing folder, as KIND.png.
 
     ``kind`` is the function that makes it: "overlay" of a comparison, "sensitivities", "stability", "trade", "terms";
-    of a sweep's dataset "sweep", "bifurcation", "poincare".
+    of a sweep's labelled arrays "sweep", "bifurcation", "poincare".
     """
     from kaneflex.plots.style import save, styled
 
     module = import_module(f"kaneflex.plots.{'stability' if kind == 'stability' else 'studies'}")
     with styled():
-        return save(getattr(module, kind)(found), folder / kind)
+        return save(getattr(module, kind)(found), folder / kind, svg=False)
 
 
 @takes(solution="solution", kinds="text")

@@ -5,7 +5,7 @@ Comparisons show the curves of every sensor by several models as the paper's Fig
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,9 @@ from kaneflex.plots.style import (
 )
 from kaneflex.scene.parts import PRESETS
 from kaneflex.support.escaping import picture_text
+from kaneflex.support.labelled import Labelled
 
 if TYPE_CHECKING:
-    import xarray
 
     from kaneflex.study.comparison import Comparison
     from kaneflex.study.sensitivity.report import Sensitivities
@@ -205,112 +205,123 @@ def _compared(axes: Axes, comparison: Comparison, name: str, x: np.ndarray) -> N
     axes.set(title=title, ylabel=f"[{unit}]", xmargin=0)
 
 
-def sweep(found: xarray.Dataset) -> Figure:
+def sweep(found: Labelled) -> Figure:
     """Extremes: a panel for each sensor, a curve for each value of the other parameters.
 
     Raises ValueError where no parameter is a number that varies.
     """
-    names = [str(name) for name, values in found.data_vars.items() if values.dims == ("point", "statistic")]
-    ends = {name: [found[name].sel(statistic=end).values for end in ("max", "min")] for name in names}
+    names = [name for name, (dims, *_) in found.variables.items() if dims == ("point", "statistic")]
+    places = [_values(found, "statistic").tolist().index(end) for end in ("max", "min")]
+    ends = {name: [_values(found, name)[:, place] for place in places] for name in names}
     return _over(found, ends, "largest and smallest values", ("o-", "o--"), 3.0, "; smallest values dashed")
 
 
-def bifurcation(found: xarray.Dataset) -> Figure:
+def bifurcation(found: Labelled) -> Figure:
     """A panel for each sensor, a dot for each period. Raises ValueError where no parameter is a number that varies."""
-    values = {name: [found[name + _SERIES].values] for name in _sections(found)}
+    values = {name: [_values(found, name + _SERIES)] for name in _sections(found)}
     return _over(found, values, "once a period,", (".",), 1.6)
 
 
-def poincare(found: xarray.Dataset) -> Figure:
+def poincare(found: Labelled) -> Figure:
     """Sections: the first two sensors of the scene against each other once a period, a panel for each point.
 
     Raises ValueError for a scene of fewer sensors, or without a completed point.
     """
     names = _sections(found)[:2]
-    done = np.flatnonzero(found["outcome"].values == "completed")
+    done = np.flatnonzero(_values(found, "outcome") == "completed")
     if len(names) < 2 or not len(done):
         raise ValueError("a section is drawn of two sensors, at points that are completed")
     shown = done[np.unique(np.linspace(0, len(done) - 1, min(_MOST_SECTIONS, len(done))).round().astype(int))]
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
-    title = f"{found.attrs['scene']}: Poincare sections, {names[1]} over {names[0]} once a period"
+    title = f"{found.attributes['scene']}: Poincare sections, {names[1]} over {names[0]} once a period"
     title += f" ({len(shown)} of {len(done)} points)" if len(shown) < len(done) else ""
     page = new_figure(max(6.4, 3.4 * columns), 0.8 + 2.7 * rows, title)
     panels = cells(page, rows, columns, len(shown), sharex=True, sharey=True)
-    values = [found[name + _SERIES].values for name in names]
-    units = [found[name].attrs["units"] for name in names]
+    values = [_values(found, name + _SERIES) for name in names]
+    units = [_about(found, name)["units"] for name in names]
     scales = [readable(unit, np.nan_to_num(part[shown])) for unit, part in zip(units, values, strict=True)]
-    varied = [path for path in _parameters(found) if len(np.unique(found[path])) > 1]
+    varied = [path for path in _parameters(found) if len(np.unique(_values(found, path))) > 1]
     for axes, point in zip(panels, shown, strict=True):
         x, y = (factor * part[point] for (factor, _), part in zip(scales, values, strict=True))
         axes.plot(x, y, ".", color=PALETTE[0], markersize=2.5)
-        axes.set_title(", ".join(f"{path} = {_written(found[path], found[path].values[point])}" for path in varied))
+        axes.set_title(", ".join(f"{path} = {_written(found, path, _values(found, path)[point])}" for path in varied))
         axes.set(xlabel=f"{names[0]} [{scales[0][1]}]", ylabel=f"{names[1]} [{scales[1][1]}]")
         axes.tick_params(labelbottom=True, labelleft=True)
     return page
 
 
 def _over(
-    found: xarray.Dataset, sensors: dict[str, list[np.ndarray]], what: str, styles: tuple[str, ...], size: float,
+    found: Labelled, sensors: dict[str, list[np.ndarray]], what: str, styles: tuple[str, ...], size: float,
     note: str = "",
 ) -> Figure:  # fmt: skip
     """Values of sensors, (points,) or (points, periods), each in its style, over the parameter that varies."""
     across, label = _abscissa(found)
-    page, panels = pages(len(sensors), f"{found.attrs['scene']}: {what} over {across}")
+    page, panels = pages(len(sensors), f"{found.attributes['scene']}: {what} over {across}")
     for axes, (name, parts) in zip(panels, sensors.items(), strict=True):
-        factor, unit = readable(found[name].attrs["units"], *map(np.nan_to_num, parts))
+        factor, unit = readable(_about(found, name)["units"], *map(np.nan_to_num, parts))
         for (called, picked), colour in zip(_groups(found, across).items(), PALETTE, strict=False):
             for part, style in zip(parts, styles, strict=True):
                 y = factor * part[picked]
-                x = np.repeat(found[across].values[picked], y.size // len(picked))
+                x = np.repeat(_values(found, across)[picked], y.size // len(picked))
                 label_of = called if part is parts[0] else None
                 axes.plot(x, y.ravel(), style, color=colour, markersize=size, label=label_of)
-        axes.set(title=f"{name}: {found[name].attrs['long_name']}{note}", ylabel=f"[{unit}]")
+        axes.set(title=f"{name}: {_about(found, name)['long_name']}{note}", ylabel=f"[{unit}]")
         if len(axes.get_legend_handles_labels()[1]) > 1:
             legend_beside(axes)
     finish(panels, label)
     return page
 
 
-def _sections(found: xarray.Dataset) -> list[str]:
+def _sections(found: Labelled) -> list[str]:
     """Sensors that are kept once a period."""
-    return [str(name).removesuffix(_SERIES) for name in found.data_vars if str(name).endswith(_SERIES)]
+    return [name.removesuffix(_SERIES) for name in found.variables if name.endswith(_SERIES)]
 
 
-def _abscissa(found: xarray.Dataset) -> tuple[str, str]:
+def _abscissa(found: Labelled) -> tuple[str, str]:
     """Path and label of the first parameter that is a number and takes more than one value."""
     for path in _parameters(found):
-        values = found[path]
+        values = _values(found, path)
         if np.issubdtype(values.dtype, np.number) and len(np.unique(values)) > 1:
-            return path, f"{path} [{values.attrs.get('units', '1')}]"
+            return path, f"{path} [{_about(found, path).get('units', '1')}]"
     raise ValueError("no parameter of the study is a number that varies")
 
 
-def _parameters(found: xarray.Dataset) -> list[str]:
+def _parameters(found: Labelled) -> list[str]:
     """Paths of what varies, in the order of the study."""
-    return [str(name) for name in found.coords if name not in ("point", "statistic", "instant")]
+    others = ("point", "outcome", "reason")
+    return [name for name, (dims, *_) in found.variables.items() if dims == ("point",) and name not in others]
 
 
-def _groups(found: xarray.Dataset, across: str) -> dict[str, np.ndarray]:
+def _values(found: Labelled, name: str) -> np.ndarray:
+    return found.variables[name][1]
+
+
+def _about(found: Labelled, name: str) -> Mapping[str, str]:
+    """Its unit and meaning."""
+    return dict(*found.variables[name][2:])
+
+
+def _groups(found: Labelled, across: str) -> dict[str, np.ndarray]:
     """Values of the other parameters -> numbers of the completed points there, by rising abscissa."""
-    others = [path for path in _parameters(found) if path != across and len(np.unique(found[path])) > 1]
-    done = found["outcome"].values == "completed"
+    others = [path for path in _parameters(found) if path != across and len(np.unique(_values(found, path))) > 1]
+    done = _values(found, "outcome") == "completed"
     grouped = {}
-    for values in product(*(np.unique(found[path]) for path in others)):
+    for values in product(*(np.unique(_values(found, path)) for path in others)):
         own = done.copy()
         for path, value in zip(others, values, strict=True):
-            own &= found[path].values == value
+            own &= _values(found, path) == value
         picked = np.flatnonzero(own)
         if len(picked):
-            named = (f"{path} = {_written(found[path], value)}" for path, value in zip(others, values, strict=True))
-            grouped[", ".join(named)] = picked[np.argsort(found[across].values[picked], kind="stable")]
+            named = (f"{path} = {_written(found, path, value)}" for path, value in zip(others, values, strict=True))
+            grouped[", ".join(named)] = picked[np.argsort(_values(found, across)[picked], kind="stable")]
     return grouped
 
 
-def _written(parameter: xarray.DataArray, value: object) -> str:
+def _written(found: Labelled, path: str, value: object) -> str:
     """A value of a parameter with its unit."""
     number = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return picture_text(f"{number} {parameter.attrs.get('units', '')}".strip())
+    return picture_text(f"{number} {_about(found, path).get('units', '')}".strip())
 
 
 def _name_bars(axes: Axes, names: Sequence[str]) -> None:

@@ -86,9 +86,8 @@ class CompiledReadings:
         found = np.empty((len(own.sensors), given.shape[1]))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
         work = np.empty((own.count, BLOCK)), np.empty((entries + 1, BLOCK))
-        plan = np.array([len(given), given.shape[1], len(own.stages)])
-        tables = (np.ascontiguousarray(each, np.int64) for each in (own.stages, own.ends, own.pairs))
-        _loop()(*map(by_address, (plan, *tables, given, own.constants, *work, found)))
+        plan = np.array([len(given), given.shape[1], len(own.stages), *own.stages.ravel()])
+        _loop()(*map(by_address, (plan, own.ends, np.ascontiguousarray(own.pairs), given, own.constants, *work, found)))
         return found[:, :steps]
 
 
@@ -96,4 +95,4 @@ class CompiledReadings:
 def _loop() -> Callable[..., None]:
     """Compiled loop of `kaneflex.response.reading_loop`."""
     (address,) = addresses_of("response.reading_loop", ["read"], ["integrate.conventions"], FAST)
-    return ctypes.CFUNCTYPE(None, *(ctypes.c_void_p,) * 9)(address)
+    return ctypes.CFUNCTYPE(None, *(ctypes.c_void_p,) * 8)(address)

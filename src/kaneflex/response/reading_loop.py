@@ -14,7 +14,7 @@ from kaneflex.integrate.conventions import BLOCK, FASTMATH
 from kaneflex.support.inner import PART, shifted
 
 _N, _WHOLE = CPointer(float64), CPointer(int64)
-SIGNATURE = void(*[_WHOLE] * 4, *[_N] * 5)
+SIGNATURE = void(*[_WHOLE] * 3, *[_N] * 5)
 _compiled = njit(error_model="numpy", fastmath=FASTMATH, _nrt=False, **PART)
 
 
@@ -68,14 +68,14 @@ def _solve(rows, n, entries, x):
 
 
 @_compiled
-def read(plan, stages, ends, pairs, given, constants, numbers, entries, found):
+def read(plan, ends, pairs, given, constants, numbers, entries, found):
     """Evaluate the sensors (n_sensors, n_times) from given numbers and a one, (n_given + 1, n_times).
 
-    plan: n_given + 1, n_times, which is a multiple of BLOCK, and the number of stages
-    stages, ends, pairs, constants: see `kaneflex.response.polynomials.Readings`
+    plan: n_given + 1, n_times, which is a multiple of BLOCK, the number of stages, and the stages
+    ends, pairs, constants, stages: see `kaneflex.response.polynomials.Readings`
     numbers, entries: work for one block of instants, (count, BLOCK) and (most sums of a system + 1, BLOCK)
     """
-    width, n_times, n_stages = plan[0], plan[1], plan[2]
+    width, n_times, n_stages, stages = plan[0], plan[1], plan[2], shifted(plan, 3)
     for begin in range(0, n_times, BLOCK):
         for k in range(width):
             for t in range(BLOCK):

@@ -16,7 +16,7 @@ from kaneflex.study.store import BEGIN_ANEW, RESULT_FILE, Store, alone, open_sto
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.files import writing
-from kaneflex.support.labelled import read_dataset, read_labelled
+from kaneflex.support.labelled import Labelled, read_dataset, read_labelled
 from kaneflex.support.terminal import silent
 
 if TYPE_CHECKING:
@@ -63,6 +63,12 @@ class Finished:
     path: Path
     total: int
     failures: dict[int, str]
+
+    @property
+    def labelled(self) -> Labelled:
+        """The dataset as plain arrays; coordinates are among the variables."""
+        with _faults_of(self.path):
+            return read_labelled(self.path)
 
     @property
     def dataset(self) -> xarray.Dataset:

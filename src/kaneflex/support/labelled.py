@@ -133,13 +133,18 @@ def _read(file: netcdf_file, names: Collection[str]) -> Labelled:
     for name in names or file.variables:
         if name in file.variables:
             values, dims = np.ascontiguousarray(file.variables[name].data), file.variables[name].dimensions
+            about = _texts(file.variables[name]._attributes)
             if values.dtype.kind == "S":
                 texts = values.view(f"S{values.shape[-1]}")[..., 0]
-                entries[name] = (dims[:-1], np.char.decode(texts, "utf-8"))
+                entries[name] = (dims[:-1], np.char.decode(texts, "utf-8"), about)
             else:
-                entries[name] = (dims, values.astype(values.dtype.newbyteorder("=")))
-    about = {key: each.decode("utf-8") if isinstance(each, bytes) else each for key, each in file._attributes.items()}
-    return Labelled(entries, {}, about)
+                own = bool if about.get("dtype") == "bool" else values.dtype.newbyteorder("=")
+                entries[name] = (dims, values.astype(own), about)
+    return Labelled(entries, {}, _texts(file._attributes))
+
+
+def _texts(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: each.decode("utf-8") if isinstance(each, bytes) else each for key, each in attributes.items()}
 
 
 def _encoded(dims: tuple[str, ...], values: np.ndarray) -> Variable:
