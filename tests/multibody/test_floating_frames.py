@@ -143,7 +143,7 @@ def test_accelerations_and_reactions_know_no_direction(name):
     scene = read_scene(name)
     turned, links = reversed_links(scene)
     model = kaneflex.load(scene)
-    system, other = model.coupled, build_system(turned, lambda stage: None, modes_of(turned))[0]
+    system, other = model.coupled, build_system(turned, lambda stage: None, modes_of(turned.solve))[0]
     q, v = moved_state(system, *system.frames(*model.motion.states(system, np.array([T]))), 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
     found, mirrored = closed(system, T, q, v), closed(other, T, there, rates)

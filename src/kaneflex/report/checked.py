@@ -71,7 +71,7 @@ def warnings(model: Model) -> tuple[str, ...]:
 def notes(model: Model) -> Iterator[str]:
     """Findings that may be intended: loops near dead centres, and beams too short for beam theory."""
     yield from (found.note for found in _closings(model) if found.note)
-    yield from stubby_links(model.scene)
+    yield from stubby_links(model.scene.bodies, model.scene.is_spatial)
 
 
 def _closings(model: Model) -> list[Closing]:

@@ -25,7 +25,7 @@ from kaneflex.support.files import refuse_existing
 def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:
     """Modal data of every elastic link of a scene, in the plane or in space."""
     elements = resolve_options(scene).elements if scene.is_spatial else None
-    shapes = build_system(scene, progress, modes_of(scene), elements)[0].shapes
+    shapes = build_system(scene, progress, modes_of(scene.solve), elements)[0].shapes
     return {name: recovering(each.link, each.basis, link_data(each)) for name, each in shapes.items()}
 
 

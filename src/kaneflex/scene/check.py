@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.load_check import address_problems, drive_problems, event_problems, load_problems, spring_problems
-from kaneflex.scene.parts import IN_THE_PLANE, SEVERAL_FREEDOMS
+from kaneflex.scene.parts import IN_THE_PLANE, SEVERAL_FREEDOMS, Joint
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import (
@@ -120,8 +121,8 @@ def _gravity(scene: Scene) -> Iterator[Problem]:
 
 def _problems(scene: Scene, *more: Callable[[Scene], Iterable[Problem]]) -> list[Problem]:
     """Problems of the scene with contacts in place of its joints with clearance; ``more``: checks of these."""
-    checks = (_gravity, _names, _beams, _joints, _masses, _poses, drive_problems, load_problems, spring_problems,
-              *more, _sensors, event_problems, _modal, _horizon)  # fmt: skip
+    checks = (_gravity, _names, lambda of: _beams(of.bodies, of.joints), _joints, _masses, _poses, drive_problems,
+              load_problems, spring_problems, *more, _sensors, event_problems, _modal, _horizon)  # fmt: skip
     return [problem for check in checks for problem in check(scene)]
 
 
@@ -157,11 +158,11 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores")
 
 
-def _beams(scene: Scene) -> Iterator[Problem]:
+def _beams(bodies: Mapping[str, Body], joints: Mapping[str, Joint]) -> Iterator[Problem]:
     """An axially rigid beam may be joined at one point only: its length would couple the joints' displacements."""
-    for name, body in scene.bodies.items():
+    for name, body in bodies.items():
         if body.elastic and body.beam.axially_rigid:
-            addresses = [address for joint in scene.joints.values() for address in joint.addresses]
+            addresses = [address for joint in joints.values() for address in joint.addresses]
             held = sorted({address.point for address in addresses if address.body == name})
             if len(held) > 1:
                 reason = f"its length would couple the displacements of the joints at {', '.join(held)}"
@@ -176,28 +177,30 @@ def _joints(scene: Scene) -> Iterator[Problem]:
     closing = () if bad else scene.loop_joints()
     for name, joint in () if bad else scene.joints.items():
         if "branch" in joint.model_fields_set and name not in closing:
-            yield Problem(f"joints.{name}.branch", joint.branch, *_no_loop(scene, closing))
+            yield Problem(f"joints.{name}.branch", joint.branch, *_no_loop(scene.bodies, scene.joints, closing))
 
 
-def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
+def _no_loop(
+    bodies: Mapping[str, Body], joints: Mapping[str, Joint], closing: tuple[str, ...]
+) -> tuple[str, str]:
     """Reason why a joint closes no loop, and what to do: the joints that close one, or bodies with one joint only."""
     if closing:
         return "this joint closes no loop", f"Give branch at {', '.join(closing)}"
-    sides = {name: {side.body for side in joint.addresses} for name, joint in scene.joints.items()}
-    held = {name: [joint for joint, bodies in sides.items() if name in bodies] for name in scene.bodies}
+    sides = {name: {side.body for side in joint.addresses} for name, joint in joints.items()}
+    held = {name: [joint for joint, joined in sides.items() if name in joined] for name in bodies}
     hanging = [f"{name} has {f'only joint {at[0]}' if at else 'no joint'}" for name, at in held.items() if len(at) < 2]
     if not hanging:
         return "this joint closes no loop", "Leave branch out"
-    free = [f'"{_free_point(scene, name)}"' for name, at in held.items() if len(at) < 2]
+    free = [f'"{_free_point(bodies[name], name, joints)}"' for name, at in held.items() if len(at) < 2]
     missing = f", like pin = {{revolute = [{', '.join(free)}]}}" if len(free) == 2 else ""
     return f"no loop is closed: {', '.join(hanging)}", f"Add the missing joint{missing}, or leave branch out"
 
 
-def _free_point(scene: Scene, name: str) -> str:
+def _free_point(body: Body, name: str, joints: Mapping[str, Joint]) -> str:
     """Free end of a body, without a joint."""
-    if scene.bodies[name].length is None:
+    if body.length is None:
         return name
-    used = {str(side) for joint in scene.joints.values() for side in joint.addresses}
+    used = {str(side) for joint in joints.values() for side in joint.addresses}
     return f"{name}.end" if f"{name}.start" in used else f"{name}.start"
 
 

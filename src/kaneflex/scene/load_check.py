@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import Law, sample_times
-from kaneflex.scene.parts import Load
+from kaneflex.scene.parts import Joint, Load
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.tables import abscissae
@@ -41,7 +43,7 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
         if load.force_on is not None:
             yield from address_problems(scene, f"loads.{name}.force_on", load.force_on, ground=False)
         elif load.spread_on is not None:
-            yield from _distributed(scene, f"loads.{name}.spread_on", load.spread_on)
+            yield from _distributed(scene.bodies, f"loads.{name}.spread_on", load.spread_on)
         elif load.torque_at not in scene.joints:
             yield unknown(f"loads.{name}.torque_at", load.torque_at, "joint", scene.joints)
         elif (kind := scene.joints[load.torque_at].kind) not in ("revolute", "cylindrical"):
@@ -81,15 +83,15 @@ def _abscissa(scene: Scene, name: str) -> Iterator[Problem]:
         cure = f"Write its unit in the heading, like '{load.against} ({dimension.unit})'"
         yield Problem(f"loads.{name}.table", load.table, reason, cure)
     for field in ("offset", "period"):
-        yield from of_the_joint(scene, ("loads", name, field), kind, dimension)
+        yield from of_the_joint(scene.raw, ("loads", name, field), kind, dimension)
 
 
-def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
-    if body not in scene.bodies:
-        yield unknown(key, body, "body", scene.bodies)
-    elif scene.bodies[body].length is None:
+def _distributed(bodies: Mapping[str, Body], key: str, body: str) -> Iterator[Problem]:
+    if body not in bodies:
+        yield unknown(key, body, "body", bodies)
+    elif bodies[body].length is None:
         yield Problem(key, body, f"{body} has no length for a distributed load", "Give the body a length")
-    elif scene.bodies[body].modal_data is not None:
+    elif bodies[body].modal_data is not None:
         reason = f"the modal data of {body} contain only its points, not the line between them"
         yield Problem(key, body, reason, "Apply forces at its points, or give the body a beam")
 
@@ -112,14 +114,14 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
             cure = "Move one of the points, give only stiffness, or write torsional_at for a torsional spring"
             yield Problem(f"{key}.between", [*map(str, spring.ends)], reason, cure)
         if spring.torsional_at is not None:
-            yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
+            yield from _torsional(scene.joints, f"{key}.torsional_at", spring.torsional_at)
 
 
-def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
-    if name not in scene.joints:
-        yield unknown(key, name, "joint", scene.joints)
-    elif scene.joints[name].kind != "revolute":
-        kind = scene.joints[name].kind
+def _torsional(joints: Mapping[str, Joint], key: str, name: str) -> Iterator[Problem]:
+    if name not in joints:
+        yield unknown(key, name, "joint", joints)
+    elif joints[name].kind != "revolute":
+        kind = joints[name].kind
         reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several degrees of freedom'}"
         yield Problem(key, name, reason, "Name a revolute joint")
 
@@ -157,7 +159,7 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
         drive = scene.drives[name]
         try:
             if drive.kind == "law":
-                check_drive_law(scene, drive)
+                check_drive_law(drive, scene.horizon)
             elif drive.kind == "table":
                 measured = drive.read_table().dimension
                 if name in scene.joints and (measured is LENGTH) != scene.slides(name):
@@ -181,18 +183,18 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         reason, cure = "a guide at constant speed has no cycle", "Leave it out, or give a law with its period"
         yield Problem(f"drives.{name}.cycle", given["cycle"], reason, cure)
     for field in ("speed", "initial_speed"):
-        yield from of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
+        yield from of_the_joint(scene.raw, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
     joint = scene.joints[name].kind
     for k, (moves, dimension) in enumerate(_SPEEDS.get(joint, ()) if drive.initial_speeds is not None else ()):
         told = f"the {('first', 'second')[k]} speed of a {joint} joint is {moves}"
-        yield from of_the_joint(scene, ("drives", name, "initial_speeds", str(k)), told, dimension)
+        yield from of_the_joint(scene.raw, ("drives", name, "initial_speeds", str(k)), told, dimension)
     if name == next(iter(scene.drives)):
-        yield from of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
+        yield from of_the_joint(scene.raw, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
 
 
-def of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
+def of_the_joint(raw: Mapping[str, Any], path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
     """Quantity of a joint that rotates or slides, converted now that the joint is known."""
-    given = given_value(scene.raw, path)
+    given = given_value(raw, path)
     try:
         if given is not None:
             to_si(given, dimension)
@@ -208,7 +210,7 @@ _ROUNDING = 1e-12
 """Distance below 1 at which the argument of asin counts as 1: the slope is then above 7e5."""
 
 
-def check_drive_law(scene: Scene, drive: Drive) -> None:
+def check_drive_law(drive: Drive, horizon: float | None) -> None:
     """Raise Fault unless a drive's law is valid, without kinks, and finite over the run."""
     from kaneflex.scene.law_parser import parse_law
 
@@ -217,9 +219,9 @@ def check_drive_law(scene: Scene, drive: Drive) -> None:
     if kink is not None:
         reason = f"{kink} has kinks, at which the speed would jump"
         raise Fault(reason, "Write a law whose speed is continuous, like sqrt(x**2 + small**2) for abs(x)")
-    if scene.horizon is not None:
-        law.check_values({"t": sample_times(scene.horizon)})
-        _check_inverse_functions(law, np.linspace(0.0, scene.horizon, _FINE + 1))
+    if horizon is not None:
+        law.check_values({"t": sample_times(horizon)})
+        _check_inverse_functions(law, np.linspace(0.0, horizon, _FINE + 1))
 
 
 def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
@@ -237,13 +239,13 @@ def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
             raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
 
 
-def load_jump(scene: Scene, law: Law) -> str | None:
+def load_jump(law: Law, names: Sequence[str], horizon: float | None) -> str | None:
     """Text of the first part of a load's law that jumps; atan2 of the time alone counts only if it jumps in the run."""
     found = law.jumps(smooth=("atan2",))
-    moving = [name for name in scene.law_names() if name != "t"]
+    moving = [name for name in names if name != "t"]
     for _, call, _ in law.calls("atan2") if found is None else ():
-        known = scene.horizon is not None and not call.uses_any(moving)
-        if not known or _first_jump(call, np.linspace(0.0, scene.horizon, _FINE + 1)) is not None:
+        known = horizon is not None and not call.uses_any(moving)
+        if not known or _first_jump(call, np.linspace(0.0, horizon or 0.0, _FINE + 1)) is not None:
             return call.text
     return found
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+
 from kaneflex.scene import Scene
 from kaneflex.scene.load_check import load_jump
+from kaneflex.scene.parts import Joint
 from kaneflex.support.errors import SceneError, refuse
 
 COUPLED_INTEGRATORS = ("radau", "gauss")
@@ -29,18 +32,18 @@ def check_coupled(scene: Scene) -> None:
         (at is not None, f"{at}.rotation", rotation,
          "only one-way presets have this choice",
          "Leave rotation out, or use preset stiffened"),
-        (scene.is_frame and not _welded(scene), "solve.preset", "coupled",
+        (scene.is_frame and not _welded(scene.bodies, scene.joints), "solve.preset", "coupled",
          "preset coupled supports poses only if all joints are welds",
          "Use preset stiffened, or leave the poses out and hold every body by joints and drives"),
     )  # fmt: skip
 
 
-def _welded(scene: Scene) -> bool:
+def _welded(bodies: Collection[str], of: Mapping[str, Joint]) -> bool:
     """True if welds connect all bodies to the ground, and there are no other joints."""
-    held, joints = {"ground"}, list(scene.joints.values())
+    held, joints = {"ground"}, list(of.values())
     for _ in joints:  # each pass reaches at least one further joint
         held |= {side.body for joint in joints for side in joint.addresses if held & {a.body for a in joint.addresses}}
-    return held >= set(scene.bodies) and all(joint.kind == "weld" for joint in joints)
+    return held >= set(bodies) and all(joint.kind == "weld" for joint in joints)
 
 
 def check_contacts(scene: Scene, dynamics: str) -> None:
@@ -78,7 +81,7 @@ def check_laws(scene: Scene, dynamics: str) -> None:
             continue
         given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset = load_jump(scene, law), scene.solve.preset
+        jump, preset = load_jump(law, scene.law_names(), scene.horizon), scene.solve.preset
         if strange is not None and dynamics != "coupled" and not scene.is_spatial:
             reason = f"under preset {preset} laws and tables can use joints with a drive only: {strange} has none"
             raise SceneError(key, given, reason, "Use preset coupled, or a joint with a drive")

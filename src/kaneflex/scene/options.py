@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import check_contacts, check_coupled, check_laws
+from kaneflex.scene.parts import Solve
 from kaneflex.support.errors import SceneError
 
 DEFAULT_MODES = 3
@@ -173,8 +174,8 @@ def resolve_options(scene: Scene) -> Options:
     options = Options(
         preset=solve.preset,
         **chosen,
-        reduction=_reduction(scene, dynamics),
-        modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
+        reduction=_reduction(solve, dynamics),
+        modes=modes_of(solve) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
         start=("zero" if paper else solve.start) if isinstance(solve.start, str) else "given",
         integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _integrator(scene, dynamics),
@@ -182,7 +183,7 @@ def resolve_options(scene: Scene) -> Options:
         cycles=period is not None,
         duration=duration,
         rho_infinity=solve.rho_infinity,
-        tolerance=tolerance_of(scene, dynamics),
+        tolerance=tolerance_of(solve, dynamics),
         bounded=solve.bounded,
         forward_tolerance=solve.forward.tolerance,
         errors=solve.errors,
@@ -206,9 +207,9 @@ def _integrator(scene: Scene, dynamics: str) -> str:
     return "gauss" if keeps else _INTEGRATOR[dynamics]
 
 
-def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
+def tolerance_of(solve: Solve, dynamics: str = "coupled") -> float:
     """Tolerance of the scene, or its default; 0 for dynamics without one."""
-    return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
+    return solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
 
 
 def without_poses(scene: Scene) -> Scene:
@@ -258,11 +259,11 @@ def left_out(options: Options) -> tuple[str, ...]:
     return tuple(name for name in idle if name != "gyroscopic" or not options.spin)
 
 
-def _reduction(scene: Scene, dynamics: str) -> str:
+def _reduction(solve: Solve, dynamics: str) -> str:
     """Reduction of the scene: none for rigid dynamics, else the default of the preset and of ``solve.modes``."""
-    truncates = scene.solve.modes != "all" and dynamics in ("dynamic", "quasistatic")
+    truncates = solve.modes != "all" and dynamics in ("dynamic", "quasistatic")
     default = "craig-bampton" if truncates else "modal" if dynamics == "frozen" else "none"
-    return default if dynamics == "rigid" else scene.solve.reduction or default
+    return default if dynamics == "rigid" else solve.reduction or default
 
 
 def default_steps(scene: Scene, duration: float) -> int:
@@ -275,14 +276,14 @@ def default_steps(scene: Scene, duration: float) -> int:
     return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
 
 
-def modes_of(scene: Scene) -> int:
+def modes_of(solve: Solve) -> int:
     """Number of fixed-interface modes of each link in the coupled equations."""
-    return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes
+    return DEFAULT_MODES if solve.modes == "all" else solve.modes
 
 
-def limits_modes(scene: Scene) -> bool:
+def limits_modes(solve: Solve) -> bool:
     """True if the elements of a link limit the number of its modes, as a user gives none."""
-    return scene.solve.modes == "all" or "modes" not in scene.solve.model_fields_set
+    return solve.modes == "all" or "modes" not in solve.model_fields_set
 
 
 _STATELESS = {

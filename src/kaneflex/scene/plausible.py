@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from kaneflex.scene.beams import Sectioned
+from kaneflex.scene.beams import Damping, Sectioned
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
-from kaneflex.scene.parts import Load
+from kaneflex.scene.parts import Joint, Load, Mass
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sections import Constants
@@ -49,10 +50,12 @@ _BEYOND_ROWS = 0.02
 
 def implausible(scene: Scene) -> tuple[str, ...]:
     """Warnings from the scene alone: numbers in a wrong unit, and overshoot of tables' curves."""
-    long = [*_long_links(scene)]
-    apart = () if long else _far_apart(scene)
-    read = (_materials, _sections, _speeds, _inertias, _massless, _damping, _cuts, _fibres, _plain_numbers)
-    found = (apart, *(each(scene) for each in read))
+    bodies = scene.bodies
+    long = [*_long_links(bodies, scene.raw)]
+    apart = () if long else _far_apart(bodies)
+    found = (apart, _materials(bodies), _sections(bodies), _speeds(scene), _inertias(bodies, scene.ground),
+             _massless(bodies, scene.joints, scene.masses), _damping(scene.damping), _cuts(scene), _fibres(scene),
+             _plain_numbers(scene))  # fmt: skip
     return (*long, *(text for each in found for text in each), *_tables(scene))
 
 
@@ -105,17 +108,17 @@ def _fibres(scene: Scene) -> Iterator[str]:
                 )
 
 
-def stubby_links(scene: Scene) -> Iterator[str]:
+def stubby_links(bodies: Mapping[str, Body], in_space: bool) -> Iterator[str]:
     """Warnings of elastic links that are too short for their beam theory.
 
     Shear adds 3 E I / (kappa G A length^2) to the deflection of a cantilever's tip (Timoshenko 1921), which is 9.36
     over the slenderness squared for nu = 0.3 and kappa = 5/6.
     """
-    for name, body in scene.bodies.items():
+    for name, body in bodies.items():
         if body.beam is None or body.length is None:
             continue
         middle = body.profile.at(body.length / 2)
-        radius = math.sqrt(max(middle.E_I_z, middle.E_I_y * scene.is_spatial) / middle.E_A)  # in space the larger one
+        radius = math.sqrt(max(middle.E_I_z, middle.E_I_y * in_space) / middle.E_A)  # in space the larger one
         slenderness = body.length / radius
         if slenderness >= (_STUBBIEST if body.beam.shear else _STUBBY):
             continue
@@ -127,9 +130,9 @@ def stubby_links(scene: Scene) -> Iterator[str]:
             yield f"{slender}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
 
 
-def _far_apart(scene: Scene) -> Iterator[str]:
+def _far_apart(bodies: Mapping[str, Body]) -> Iterator[str]:
     """Warning if the lengths of two bodies differ as much as units do."""
-    lengths = {name: body.length for name, body in scene.bodies.items() if body.length}
+    lengths = {name: body.length for name, body in bodies.items() if body.length}
     if not lengths:
         return
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
@@ -140,9 +143,8 @@ def _far_apart(scene: Scene) -> Iterator[str]:
         )
 
 
-def _damping(scene: Scene) -> Iterator[str]:
+def _damping(damping: Damping | None) -> Iterator[str]:
     """Warning if links are damped so much that they don't vibrate."""
-    damping = scene.damping
     if damping is None or damping.viscous is not None:
         return
     given = damping.rayleigh.ratio if damping.rayleigh is not None else damping.modal and damping.modal.ratio
@@ -154,16 +156,16 @@ def _damping(scene: Scene) -> Iterator[str]:
         )
 
 
-def _sectioned(scene: Scene) -> Iterator[tuple[str, Body, Sectioned, Constants]]:
+def _sectioned(bodies: Mapping[str, Body]) -> Iterator[tuple[str, Body, Sectioned, Constants]]:
     """Key, body, section and material of every section of a beam."""
-    for name, body in scene.bodies.items():
+    for name, body in bodies.items():
         if (beam := body.beam) is not None:
             yield from ((f"bodies.{name}.{key}", body, part, beam.made_of(part)) for key, part in beam.sections.items())
 
 
-def _materials(scene: Scene) -> Iterator[str]:
+def _materials(bodies: Mapping[str, Body]) -> Iterator[str]:
     """Warnings of moduli and densities outside the range of materials."""
-    for where, _, _, made_of in _sectioned(scene):
+    for where, _, _, made_of in _sectioned(bodies):
         E, rho = made_of.E, made_of.rho
         if E is None or rho is None:
             continue
@@ -179,11 +181,11 @@ def _materials(scene: Scene) -> Iterator[str]:
             )
 
 
-def _sections(scene: Scene) -> Iterator[str]:
+def _sections(bodies: Mapping[str, Body]) -> Iterator[str]:
     """Warnings of torsion constants above the polar moment, which is their upper bound (Saint-Venant); of sections much
     wider than their link's length, or with an area much too small for their second moment, as for an I in mm^4 without
     its unit."""
-    for where, body, part, made_of in _sectioned(scene):
+    for where, body, part, made_of in _sectioned(bodies):
         polar = (part.I_y or 0.0) + (part.I_z or 0.0)
         if part.J is not None and part.J > (1.0 + _ROUNDED) * polar:
             bound = f"I_y + I_z = {polar:.4g} m^4, the upper bound of a torsion constant"
@@ -214,7 +216,7 @@ def _speeds(scene: Scene) -> Iterator[str]:
         if not slides:
             why, unit = f"centrifugal forces break any material beyond about {_FASTEST:g} m/s", "rad/s"
             moved = [side.body for side in scene.joints[name].addresses if side.body in scene.bodies]
-            of, reach = max(((body, _reach(scene, body)) for body in moved), key=lambda each: each[1])
+            of, reach = max(((body, _reach(scene.bodies[body])) for body in moved), key=lambda each: each[1])
             speed *= reach
         if speed > _FASTEST:
             yield (
@@ -223,16 +225,16 @@ def _speeds(scene: Scene) -> Iterator[str]:
             )
 
 
-def _reach(scene: Scene, body: str) -> float:
+def _reach(body: Body) -> float:
     """Distance of a body's furthest point from its start [m]."""
-    return max(math.hypot(*place) for place in scene.bodies[body].points_all.values())
+    return max(math.hypot(*place) for place in body.points_all.values())
 
 
-def _inertias(scene: Scene) -> Iterator[str]:
+def _inertias(bodies: Mapping[str, Body], ground: Mapping[str, tuple[float, ...]]) -> Iterator[str]:
     """Warnings of rigid bodies with a radius of gyration far beyond the mechanism, as for inertia in kg mm^2."""
-    reach = max((_reach(scene, name) for name in scene.bodies), default=0.0)
-    size = max([reach, *(math.hypot(*place) for place in scene.ground.values())])
-    for name, body in scene.bodies.items():
+    reach = max(map(_reach, bodies.values()), default=0.0)
+    size = max([reach, *(math.hypot(*place) for place in ground.values())])
+    for name, body in bodies.items():
         inertia = max(body.inertia) if isinstance(body.inertia, tuple) else body.inertia
         radius = math.sqrt(inertia / body.mass) if body.mass else 0.0
         if size and radius > _FAR * size:
@@ -242,21 +244,23 @@ def _inertias(scene: Scene) -> Iterator[str]:
             )
 
 
-def _massless(scene: Scene) -> Iterator[str]:
+def _massless(
+    bodies: Mapping[str, Body], joints: Mapping[str, Joint], masses: Mapping[str, Mass]
+) -> Iterator[str]:
     """Warnings of rigid bodies on a guide (like pistons) without mass and inertia."""
-    carrying = {mass.at.body for mass in scene.masses.values()}
-    guides = [joint for joint in scene.joints.values() if joint.kind in ("prismatic", "cylindrical")]
+    carrying = {mass.at.body for mass in masses.values()}
+    guides = [joint for joint in joints.values() if joint.kind in ("prismatic", "cylindrical")]
     guided = dict.fromkeys(address.body for joint in guides for address in joint.addresses if address.body != "ground")
     for name in guided:
-        body = scene.bodies[name]
+        body = bodies[name]
         if not (body.mass or name in carrying or body.modal is not None or "inertia" in body.model_fields_set):
             yield f"bodies.{name} has no mass: it adds no inertia force and no weight; give its mass if it has one"
 
 
-def _long_links(scene: Scene) -> Iterator[str]:
+def _long_links(bodies: Mapping[str, Body], raw: Mapping[str, Any]) -> Iterator[str]:
     """Warnings of links longer than 10 m with a length without unit: plain numbers are in SI."""
-    for name, body in scene.bodies.items():
-        given = given_value(scene.raw, ("bodies", name, "length"))
+    for name, body in bodies.items():
+        given = given_value(raw, ("bodies", name, "length"))
         if isinstance(given, int | float) and body.length is not None and body.length > _LONG:
             cure = f"write '{given:g} mm' or '{given:g} m'"
             yield f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: {cure}"

@@ -10,19 +10,24 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene.bodies import Body
+from kaneflex.scene.drives import Drive
+from kaneflex.scene.laws import Law
+from kaneflex.scene.parts import Joint, Load, Mass
 from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
 from kaneflex.support.kept import Kept
+
+if TYPE_CHECKING:
+    from kaneflex.scene.contacts import Contact
+    from kaneflex.scene.springs import Spring
 
 ANY = "*"
 """Mark of a number that is a parameter of the equations."""
 
 
-_STRUCTURES: Kept[Scene, dict[str, Any]] = Kept()
 _HASHES: Kept[Scene, str] = Kept()
 
 
@@ -31,27 +36,24 @@ def structure_of(scene: Scene) -> dict[str, Any]:
 
     Numbers that are exactly 0 (in directions also 1 and -1) remain, all others become "*".
     """
-    return deepcopy(_STRUCTURES.of(scene, lambda: _structure(scene)))
-
-
-def _structure(scene: Scene) -> dict[str, Any]:
     if scene.is_spatial:
         return laws_of(scene)
-    tables = {"springs": _spring, "contacts": _contact}
-    acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
+    acting = {"springs": {name: _spring(spring) for name, spring in scene.springs.items()},
+              "contacts": {name: _contact(contact) for name, contact in scene.contacts.items()}}  # fmt: skip
     closing = scene.loop_joints()
     observed = {"observed": list(scene.observed)} if scene.observed else {}
     return {key: table for key, table in acting.items() if table} | observed | {
-        "bodies": {name: _body(scene, name) for name in scene.bodies},
+        "bodies": {name: _body(body) for name, body in scene.bodies.items()},
         "points": _points(scene),
-        "joints": {name: _joint(scene, name) | {"closes_loop": name in closing} for name in scene.joints},
-        "masses": {name: _mass(scene, name) for name in scene.masses},
-        "drives": {name: _drive(scene, name) for name in scene.drives},
-        "loads": {name: _load(scene, name) for name in scene.loads},
+        "joints": {name: _joint(joint) | {"closes_loop": name in closing}
+                   for name, joint in scene.joints.items()},
+        "masses": {name: _mass(mass) for name, mass in scene.masses.items()},
+        "drives": {name: _drive(drive) for name, drive in scene.drives.items()},
+        "loads": {name: _load(load, _size(load, scene.law(name))) for name, load in scene.loads.items()},
         "gravity": _zeros(scene.gravity),
         "frame": scene.is_frame,
         "viscous": scene.damping is not None and scene.damping.kind == "viscous",
-    }
+    }  # fmt: skip
 
 
 def laws_of(scene: Scene) -> dict[str, Any]:
@@ -61,11 +63,11 @@ def laws_of(scene: Scene) -> dict[str, Any]:
     named = {*scene.drives, *scene.observed, *(load.torque_at for load in scene.torques.values())}
     joints = {name: {"kind": joint.kind, "between": ["ground", "ground"], "closes_loop": False}
               for name, joint in scene.joints.items() if name in named}  # fmt: skip
-    drives = {name: _drive(scene, name) for name in scene.drives}
+    drives = {name: _drive(drive) for name, drive in scene.drives.items()}
+    loads = {name: _size(load, scene.law(name)) for name, load in scene.loads.items()}
     return observed | {
-        "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives,
-        "loads": {name: _size(scene, name) for name in scene.loads}, "gravity": [0, 0], "frame": False,
-        "viscous": False,
+        "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives, "loads": loads,
+        "gravity": [0, 0], "frame": False, "viscous": False,
     }  # fmt: skip
 
 
@@ -97,8 +99,7 @@ def _digits(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _body(scene: Scene, name: str) -> dict[str, Any]:
-    body = scene.bodies[name]
+def _body(body: Body) -> dict[str, Any]:
     mass, inertia = _zeros((body.mass, body.inertia))
     entry = {"elastic": body.elastic, "mass": mass, "inertia": inertia, "centre": _zeros(body.centre)}
     if body.modal is not None and body.modal.rotary:
@@ -113,8 +114,7 @@ def _points(scene: Scene) -> dict[str, list[Any]]:
     return {str(address): _zeros(scene.point(address)) for address in used}
 
 
-def _joint(scene: Scene, name: str) -> dict[str, Any]:
-    joint = scene.joints[name]
+def _joint(joint: Joint) -> dict[str, Any]:
     entry = {"kind": joint.kind, "between": [str(address) for address in joint.addresses]}
     if joint.direction is not None:
         entry["direction"] = _direction(joint.direction)
@@ -123,14 +123,12 @@ def _joint(scene: Scene, name: str) -> dict[str, Any]:
     return entry
 
 
-def _mass(scene: Scene, name: str) -> dict[str, Any]:
-    mass = scene.masses[name]
+def _mass(mass: Mass) -> dict[str, Any]:
     weight, inertia = _zeros((mass.mass, mass.inertia))
     return {"at": str(mass.at), "mass": weight, "inertia": inertia}
 
 
-def _drive(scene: Scene, name: str) -> dict[str, Any]:
-    drive = scene.drives[name]
+def _drive(drive: Drive) -> dict[str, Any]:
     if drive.kind == "law":
         from kaneflex.scene.law_parser import parse_law
 
@@ -138,8 +136,7 @@ def _drive(scene: Scene, name: str) -> dict[str, Any]:
     return {"kind": drive.kind}
 
 
-def _load(scene: Scene, name: str) -> dict[str, Any]:
-    load = scene.loads[name]
+def _load(load: Load, size: Mapping[str, Any]) -> dict[str, Any]:
     if load.torque_at is not None:
         entry = {}
     elif load.spread_on is not None:
@@ -147,22 +144,20 @@ def _load(scene: Scene, name: str) -> dict[str, Any]:
         entry["profile"] = _direction(load.profile)
     else:
         entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
-    return entry | _size(scene, name)
+    return entry | size
 
 
-def _size(scene: Scene, name: str) -> dict[str, Any]:
+def _size(load: Load, law: Law | None) -> dict[str, Any]:
     """Magnitude of a load."""
-    load = scene.loads[name]
     entry = {} if load.torque_at is None else {"torque_at": load.torque_at}
     if load.kind == "table":
         return entry | {"kind": "table", "against": load.against}
-    if load.kind == "law":
-        return entry | {"kind": "law", "law": scene.law(name).text}
+    if law is not None:
+        return entry | {"kind": "law", "law": law.text}
     return entry | {"kind": "constant"}
 
 
-def _spring(scene: Scene, name: str) -> dict[str, Any]:
-    spring = scene.springs[name]
+def _spring(spring: Spring) -> dict[str, Any]:
     if spring.bushing is not None:  # only in space, where a module has no springs
         return {"bushing": [str(end) for end in spring.ends]}
     stiffness, damping = _zeros((spring.stiffness, spring.damping))
@@ -172,8 +167,7 @@ def _spring(scene: Scene, name: str) -> dict[str, Any]:
     return entry | {"between": [str(end) for end in spring.ends], "length": _zeros((spring.length,))[0]}
 
 
-def _contact(scene: Scene, name: str) -> dict[str, Any]:
-    contact = scene.contacts[name]
+def _contact(contact: Contact) -> dict[str, Any]:
     entry: dict[str, Any] = {"kind": contact.kind, "between": [str(side) for side in contact.sides]}
     if contact.kind in ("point-line", "angle"):
         entry["direction"] = _direction(contact.direction)

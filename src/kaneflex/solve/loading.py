@@ -213,7 +213,7 @@ def _bind_coupled(
         from kaneflex.fem.freedom import check_held_twice
 
         check_held_twice(mechanism, placement, spare)
-    coupled, derived = build_system(scene, progress, modes_of(scene))
+    coupled, derived = build_system(scene, progress, modes_of(scene.solve))
     motion = rigid_reference(coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
@@ -243,11 +243,11 @@ def _all_modes(scene: Scene) -> list[str]:
     """Notes on links whose elements have fewer modes than the default number."""
     from kaneflex.mechanism.floating_frames import link_modes
 
-    mechanism, most = mechanism_of(scene), modes_of(scene)
+    mechanism, most = mechanism_of(scene), modes_of(scene.solve)
     links = [name for name, body in mechanism.deforming.items() if body.elastic]
     return [
         f"{name} has only {count} of the default's {most} modes; more elements give more"
-        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(scene))) for each in links)
+        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(scene.solve))) for each in links)
         if count < most
     ]  # fmt: skip
 
@@ -292,7 +292,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
 
     own = model.coupled
     mechanism, p = mechanism_of(scene), bind_parameters(scene, own.module)
-    modes, like_own = (modes_of(scene), limits_modes(scene)), own if alike else None
+    modes, like_own = (modes_of(scene.solve), limits_modes(scene.solve)), own if alike else None
     system = bound_system(mechanism, own.module, p, *modes, None, like_own, frozen)
     motion = rigid_reference(system, place(mechanism))
     found = build_model(scene, options, motion, like, bare=model.bare)

@@ -63,7 +63,7 @@ def bind_in_space(
         check_laws(model_without_equations(scene, options, rigid))
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    beyond = _beyond(system, modes_of(scene)) if coupled and not limits_modes(scene) else []
+    beyond = _beyond(system, modes_of(scene.solve)) if coupled and not limits_modes(scene.solve) else []
     return model, tuple(beyond), {"derive": derived, "compile": compiled}
 
 

@@ -48,7 +48,7 @@ def build_system(
 
     Returns the system and the seconds spent on deriving its module.
     """
-    mechanism, limited = mechanism_of(scene), limits_modes(scene)
+    mechanism, limited = mechanism_of(scene), limits_modes(scene.solve)
     for name, body in mechanism.deforming.items() if mechanism.d == 3 else ():
         if body.elastic:
             check_modes(mechanism, name, modes, limited)

@@ -139,7 +139,7 @@ def _one_way(scene: Scene, preset: str) -> Family:
 
 def _coupled(scene: Scene, stored: int) -> Family:
     """Fewer modes of each link, each with looser tolerances of a step, by a number of stored steps."""
-    modes, tolerance, work = modes_of(scene), tolerance_of(scene), dict[Variant, float]()
+    modes, tolerance, work = modes_of(scene.solve), tolerance_of(scene.solve), dict[Variant, float]()
     for count in (modes, *(fewer for fewer in _COUPLED_MODES if scene.is_elastic and fewer < modes)):
         for limit in (tolerance, *(loose for loose in _LOOSE if loose > tolerance)):
             name = "coupled" if count == modes else f"coupled, {_count(count, 'mode')} a link"

@@ -195,10 +195,10 @@ def _up_to(levels: tuple[Variant, ...], model: Variant, steps: int, stored: int)
 
 def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
     """A finer model than the plain one of a preset, by a factor on its elements and steps."""
-    steps, modes = scale * resolve_options(scene).steps, scale * (modes_of(scene) + 1) - 1
+    steps, modes = scale * resolve_options(scene).steps, scale * (modes_of(scene.solve) + 1) - 1
     mesh = {name: scale * count for name, count in elements_of(scene.bodies).items()}
     if plain is COUPLED:
-        tolerance = max(_LEAST, tolerance_of(scene) / scale**_ORDER)
+        tolerance = max(_LEAST, tolerance_of(scene.solve) / scale**_ORDER)
         # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
         mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
         name = "coupled" + (f", {modes} modes a link" if mesh else "") + f", tolerance {tolerance:.2g}"
