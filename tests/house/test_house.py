@@ -295,7 +295,7 @@ def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
     compiled = {name for name, text in texts.items() if re.search(r"\bnjit\(|@intrinsic|@njit", text)}
     compiled -= {"kaneflex.support.late_numba", "kaneflex.support.inner"}  # the decorator, and how numba compiles
     cached = [name for name in compiled if "cache=True" in texts[name] and not within(name, "kaneflex.generated")]
-    assert len(cached) >= 4
+    assert len(cached) >= 2
     for name in cached:
         parts = compiled & set(imports(trees[name])) - {name}
         if name in LIBRARIES:
