@@ -16,7 +16,7 @@ from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from matplotlib.transforms import ScaledTranslation
 
 from kaneflex.mechanism.spatial import across
-from kaneflex.plots.outlines import seen, view_of
+from kaneflex.plots.outlines import aligned, view_of
 from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
 from kaneflex.solve.touching import eccentricity, record_of
@@ -99,11 +99,12 @@ def _tilts(loose: LooseJoint) -> bool:
 
 def _picture(shown: View, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
     """Projection of global vectors, (2 or 3, n_times), on a picture, and names of its axes and of their directions."""
-    scene, axis = shown.solution.model.scene, loose.axis or loose.direction
-    if not scene.is_spatial:  # a block's place and tilt, see Motion.clearance
-        return lambda way: way[[2, 1]] if _tilts(loose) else way[:2], "x", "y", "global axes"
+    view, axis = view_of(shown.solution.model.scene), loose.axis or loose.direction
+    if _tilts(loose):  # its place and tilt, see Motion.clearance
+        return lambda way: way[[2, 1]], "", "", ""
     if axis is None:
-        return lambda way: seen(way.T, view_of(scene)).T, "to the right", "upwards", "seen as the mechanism"
+        names = ("x", "y", "global axes") if aligned(view) else ("to the right", "upwards", "seen as the mechanism")
+        return lambda way: view @ way[: view.shape[1]], *names
     up = np.array(loose.clearance.normal or across(np.array(axis))[0])
     turned, first = np.array([np.cross(axis, up), up]), loose.sides[0].body
     return lambda way: turned @ shown.motion.seen_from(first, way), "to the right", "upwards", "seen along its axis"

@@ -134,7 +134,8 @@ def name_axes(axes: Axes, view: np.ndarray, label: str) -> None:
 
 def view_of(scene: Scene) -> np.ndarray:
     """Projection of a scene onto the picture's plane, (2, 2 or 3)."""
-    return VIEW if scene.is_spatial else np.eye(2)
+    *_, view = views_of(scene).values()
+    return view
 
 
 def views_of(scene: Scene) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ from kaneflex.mechanism.numbers import mesh
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.body_parameters import Blocks, PointShapes, SpatialBlocks
+from kaneflex.multibody.model.body_parameters import Blocks, SpatialBlocks
 from kaneflex.multibody.model.layout import Kind
 from kaneflex.multibody.model.module_loading import bind_parameters, element_of, find_laws_module
 from kaneflex.multibody.model.places import Counts, assign, assign_rows
@@ -70,12 +70,10 @@ def bound_system(
 
     def shapes(name: str, held: Place | None, freed: str) -> Any:
         body, before = mechanism.deforming[name], None if like is None else like.shapes.get(name)
-        if body.modal is not None and not space:
-            return PointShapes(body.modal)
         if body.modal is not None:  # a local import lets others start faster
-            from kaneflex.multibody.model.held_shapes import held_shapes
+            from kaneflex.multibody.model.held_shapes import HeldShapes, held_shapes
 
-            return held_shapes(body.modal, held, freed)
+            return held_shapes(body.modal, held, freed) if space else HeldShapes.in_plane(body.modal)
         assert body.beam is not None
         element = None if space else element_of(mechanism.deforming.values())
         link = make_link(mechanism, name, elements or body.beam.elements, element, stretches=not space)

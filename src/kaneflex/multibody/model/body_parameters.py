@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,8 +13,8 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.model.inertia_integrals import body_moments, link_data
 from kaneflex.multibody.model.shapes import Shapes
-from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names, Place
-from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData
+from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names
+from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS
 
 Arrays = Mapping[str, Any]
 _LIGHT = 1e-9
@@ -95,43 +95,6 @@ def _counts(shapes: Deformable | None) -> tuple[int, int]:
     """Numbers of axial and transverse shapes of a body."""
     axial, transverse = (0, 0) if shapes is None else shapes.counts
     return axial, transverse
-
-
-@dataclass(frozen=True, eq=False)
-class PointShapes:
-    """Shapes of a planar body with modal data, which its points have."""
-
-    data: ModalData
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Numbers of axial and transverse shapes."""
-        return self.data.counts
-
-    @property
-    def count(self) -> int:
-        return sum(self.counts)
-
-    @property
-    def stiffness(self) -> np.ndarray:
-        return np.diag(self.data.arrays["stiffness"])
-
-    @property
-    def damping(self) -> np.ndarray:
-        return self.data.arrays["damping"]
-
-    def carrier(self, at: Sequence[float]) -> Place:
-        """The point itself."""
-        return tuple(at)
-
-    def at(self, place: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-        """Rows u, v and theta of the shapes, (3, count), and G (3, count, count)."""
-        k = self.data.at((place[0], 0.0))
-        s, w, psi, H = (self.data.arrays[key][k] for key in ("s", "w", "psi", "H"))
-        across, none = slice(len(s), None), np.zeros(len(s))
-        G = np.zeros((3, len(s) + len(w), len(s) + len(w)))
-        G[0, across, across] = -H
-        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), G
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:

@@ -1,7 +1,7 @@
-"""Modal data of bodies in space: their shapes in the axes of a mechanism.
+"""Modal data of bodies: their shapes in the axes of a mechanism.
 
-A file has its shapes in axes of its own. A mechanism needs axes that follow the body at its joint in the tree, or in
-the mean: these move by t_j q_j and turn by w_j q_j in the file's axes, so that
+In space a file has its shapes in axes of its own. A mechanism needs axes that follow the body at its joint in the
+tree, or in the mean: these move by t_j q_j and turn by w_j q_j in the file's axes, so that
 
     N_j' = N_j - t_j - w_j x r
 
@@ -27,14 +27,24 @@ from kaneflex.scene.modal_data import CROSS, ModalData
 class HeldShapes:
     """Shapes of a body's modal data in its axes, :class:`kaneflex.multibody.model.tree_layout.Deformable`.
 
-    ``moments``, and of the points of the data ``rows``, N and psi (n_points, 6, count), and ``G`` (n_points, 3, count,
-    count).
+    ``moments`` in space, and of the points of the data ``rows``, N and psi (n_points, 3 or 6, count), and ``G``
+    (n_points, 3, count, count).
     """
 
     data: ModalData
-    moments: ShapeMoments
+    moments: ShapeMoments | None
     rows: np.ndarray
     G: np.ndarray
+
+    @classmethod
+    def in_plane(cls, data: ModalData) -> HeldShapes:
+        """Shapes of a planar body, whose file has them in the axes of the link."""
+        a, (axial, transverse), points = data.arrays, data.counts, len(data.points)
+        count, across = axial + transverse, slice(axial, None)
+        rows, G = np.zeros((points, 3, count)), np.zeros((points, 3, count, count))
+        rows[:, 0, :axial], rows[:, 1, across], rows[:, 2, across] = a["s"], a["w"], a["psi"]
+        G[:, 0, across, across] = -a["H"]
+        return cls(data, None, rows, G)
 
     @property
     def count(self) -> int:
@@ -42,8 +52,8 @@ class HeldShapes:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Shapes of each kind of a link: none."""
-        return 0, 0, 0, 0
+        """Shapes of each kind of a link: in space none."""
+        return self.data.counts if self.moments is None else (0, 0, 0, 0)
 
     @cached_property
     def twisting(self) -> np.ndarray:
@@ -53,6 +63,7 @@ class HeldShapes:
 
     @cached_property
     def omega(self) -> np.ndarray:
+        assert self.moments is not None  # in space
         return np.sqrt(self.data.arrays["stiffness"] / np.einsum("aajj->j", self.moments.N_N))
 
     @cached_property
@@ -64,18 +75,19 @@ class HeldShapes:
         return self.data.arrays["damping"]
 
     def numbers(self) -> np.ndarray:
+        assert self.moments is not None  # in space
         return self.moments.numbers(self.counts, self.stiffness, self.damping, self.data.arrays["cubic"])
 
     def carrier(self, at: Place) -> Place:
         """Nearest point of the data."""
-        return tuple(self.data.places[self._point(at)].tolist())
+        return (*self.data.places[self._point(at)].tolist(), *at[self.data.dimension :])
 
     def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         k = self._point(place)
         return self.rows[k], self.G[k]
 
     def _point(self, place: Place) -> int:
-        found = self.data.at(place)
+        found = self.data.at(place[: self.data.dimension])
         assert found is not None  # checked with the scene
         return found
 
