@@ -21,7 +21,7 @@ from kaneflex.derive.equations.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.equations.links import frame_scalars, jump_scalars, link_scalars
 from kaneflex.derive.equations.mechanism import SymbolicMechanism
 from kaneflex.derive.equations.newton import Loop
-from kaneflex.derive.equations.rigid import Drive, Rates, RigidEquations, Solved, balance, rigid_equations
+from kaneflex.derive.equations.rigid import Drive, Rates, Solved, balance
 from kaneflex.derive.equations.springs import spring_scalars
 from kaneflex.derive.ir.functions import T, table, table_curvature, table_rate
 from kaneflex.derive.ir.names import Names
@@ -61,40 +61,39 @@ def derive_motion(mechanism: SymbolicMechanism) -> Motion:
     """
     if mechanism.frame:
         return _still(mechanism)
-    equations = rigid_equations(mechanism)
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    solved = _solve(mechanism, equations, drive_courses(mechanism, list(mechanism.drives), steps), steps)
+    solved = _solve(mechanism, drive_courses(mechanism, list(mechanism.drives), steps), steps)
     scalars = []
     for name, drive in solved.drives.items():
         unit = "m" if mechanism.joints[name].slides else "rad"
         scalars.append(Scalar(f"{name}.angle", unit, "coordinate of the drive", drive.angle))
     for name in mechanism.bodies:
         scalars += _body_scalars(name, solved.rates.poses[name], solved.rates.value[name])
-    for constraint in equations.constraints:
+    for constraint in solved.rates.constraints:
         value = solved.reactions[constraint.multiplier]
         scalars.append(Scalar(constraint.name, constraint.unit, constraint.meaning, value))
     scalars += [*_load_scalars(mechanism, solved.loads), *solved.springs]
-    for name, margin in solved.margins.items():
+    for name, margin in solved.closure.margins.items():
         scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
-    for name, gap in solved.gaps.items():
+    for name, gap in solved.closure.gaps.items():
         scalars.append(Scalar(f"{name}.gap", "m", "what Newton's method leaves of the loop's gaps", gap))
     elastic = [name for name, body in mechanism.bodies.items() if body.elastic]
     links = {name: link_scalars(mechanism, name, solved, steps) for name in elastic}
     for name in links:
         scalars += jump_scalars(mechanism, name, solved, steps)
-    return Motion(tuple(steps.assignments), links, tuple(scalars), solved.loops)
+    return Motion(tuple(steps.assignments), links, tuple(scalars), solved.closure.loops)
 
 
-def _solve(mechanism: SymbolicMechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
+def _solve(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps) -> Solved:
     angles = {name: drive.angle for name, drive in drives.items()}
     with _told(mechanism.names):
         closure = place_bodies(mechanism, angles, steps)
-        rates = Rates(mechanism, equations, drives, closure.poses, steps)
+        rates = Rates(mechanism, drives, closure.poses, steps)
         loads = _loads(mechanism, drives, steps)
         springs = spring_scalars(mechanism, angles, rates.poses, rates.value, steps)
         pushes = loads | {scalar.name: scalar.value for scalar in springs}
-        reactions = _reactions(mechanism, equations, rates, pushes, steps)
-    return Solved(drives, rates, loads, springs, reactions, closure.margins, closure.gaps, closure.loops)
+        reactions = _reactions(mechanism, rates, pushes, steps)
+    return Solved(drives, rates, loads, springs, reactions, closure)
 
 
 @contextmanager
@@ -218,13 +217,13 @@ def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scal
 
 
 def _reactions(
-    mechanism: Mechanism, equations: RigidEquations, rates: Rates, pushes: dict[str, sm.Expr], steps: Steps
+    mechanism: Mechanism, rates: Rates, pushes: dict[str, sm.Expr], steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
     rows = []
     for name, total in balance(mechanism, rates, pushes).items():
-        pose = equations.coordinates[name]
+        pose = rates.coordinates[name]
         for row, place, own in zip(("force_x", "force_y", "moment"), (pose.x, pose.y, pose.phi), total, strict=True):
-            held = sum(c.multiplier * c.residual.diff(place) for c in equations.constraints)
+            held = sum(c.multiplier * c.residual.diff(place) for c in rates.constraints)
             rows.append((f"{name}.{row}", own + sm.sympify(held).xreplace(rates.to_symbols)))
-    return solve_blocks(rows, [constraint.multiplier for constraint in equations.constraints], steps)
+    return solve_blocks(rows, [constraint.multiplier for constraint in rates.constraints], steps)

@@ -14,8 +14,8 @@ import sympy as sm
 from sympy.physics.mechanics import dynamicsymbols
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA, planar_body_equations
+from kaneflex.derive.equations.closure import Closure
 from kaneflex.derive.equations.linear import solve_blocks
-from kaneflex.derive.equations.newton import Loop
 from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
 from kaneflex.mechanism.parts import Body, Joint, Mass, Mechanism
@@ -46,36 +46,9 @@ def multiplier(name: str) -> sm.Symbol:
     return sm.Symbol(name.replace(".", "_"))
 
 
-@dataclass(frozen=True)
-class RigidEquations:
-    """Coordinates of the free bodies, and the constraints between them.
-
-    Attributes
-    ----------
-    coordinates : dict
-        Body -> its pose by absolute coordinates x, y, phi, functions of time; the ground's are zero.
-    constraints : tuple of Constraint
-        Joints first, then drives.
-    drive_coordinate : dict
-        Drive -> its coordinate as a function of time.
-    """
-
-    coordinates: dict[str, Pose]
-    constraints: tuple[Constraint, ...]
-    drive_coordinate: dict[str, sm.Expr]
-
-
-def rigid_equations(mechanism: Mechanism) -> RigidEquations:
-    """Coordinates of free bodies, and constraints of joints and drives between them."""
-    coordinates = {GROUND: pose_at(sm.S.Zero, sm.S.Zero, sm.S.Zero, sm.cos, sm.sin)}
-    for name in mechanism.bodies:
-        coordinates[name] = pose_at(*dynamicsymbols(f"x_{name} y_{name} phi_{name}"), sm.cos, sm.sin)
-    return RigidEquations(coordinates, *_constraints(mechanism, coordinates))
-
-
 def _constraints(
-    mechanism: Mechanism, coordinates: dict[str, Pose]
-) -> tuple[tuple[Constraint, ...], dict[str, sm.Expr]]:
+    mechanism: Mechanism, coordinates: Mapping[str, Pose], drive_coordinate: Mapping[str, sm.Expr]
+) -> list[Constraint]:
     """Constraints of the joints, then of the drives, whose coordinates are functions of time."""
 
     def sections(joint: Joint) -> list[Pose]:
@@ -86,11 +59,10 @@ def _constraints(
         for joint in mechanism.joints.values()
         for reaction, residual in zip(reactions(joint), residuals(joint, *sections(joint)), strict=True)
     ]
-    drive_coordinate = {name: dynamicsymbols(f"drive_{name}") for name in mechanism.drives}
     for name, angle in drive_coordinate.items():
         joint = mechanism.joints[name]
         found.append(Constraint(*drive_reaction(joint), coordinate(joint, *sections(joint)) - angle))
-    return tuple(found), drive_coordinate
+    return found
 
 
 @dataclass(frozen=True)
@@ -106,26 +78,41 @@ _SPEEDS, _ACCELERATIONS = ("v_x", "v_y", "omega"), ("a_x", "a_y", "epsilon")
 
 
 class Rates:
-    """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols."""
+    """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols.
 
-    def __init__(self, mechanism, equations: RigidEquations, drives, poses: dict[str, Pose], steps: Steps):
+    Attributes
+    ----------
+    poses, coordinates : dict
+        Body -> its pose in symbols, and by absolute coordinates x, y, phi, functions of time.
+    constraints : list of Constraint
+        Joints first, then drives.
+    value : dict
+        Body -> its velocities and accelerations by their letters.
+    """
+
+    def __init__(self, mechanism: Mechanism, drives: Mapping[str, Drive], poses: dict[str, Pose], steps: Steps):
         self.poses = poses
+        self.coordinates = {GROUND: pose_at(sm.S.Zero, sm.S.Zero, sm.S.Zero, sm.cos, sm.sin)}
+        for name in mechanism.bodies:
+            self.coordinates[name] = pose_at(*dynamicsymbols(f"x_{name} y_{name} phi_{name}"), sm.cos, sm.sin)
+        drive_coordinate = {name: dynamicsymbols(f"drive_{name}") for name in mechanism.drives}
+        self.constraints = _constraints(mechanism, self.coordinates, drive_coordinate)
         self.to_symbols: dict[sm.Expr, sm.Expr] = {}
         rate: dict[sm.Expr, sm.Expr] = {}
         for name in mechanism.bodies:
-            at, pose = equations.coordinates[name], poses[name]
+            at, pose = self.coordinates[name], poses[name]
             self.to_symbols |= {at.c: pose.c, at.s: pose.s, at.x: pose.x, at.y: pose.y}
             for order, letters in enumerate((_SPEEDS, _ACCELERATIONS), start=1):
                 rates = (place.diff(TIME, order) for place in (at.x, at.y, at.phi))
                 rate |= zip(rates, _of_body(name, letters), strict=True)
-        for name, angle in equations.drive_coordinate.items():
+        for name, angle in drive_coordinate.items():
             rate |= {angle.diff(TIME): drives[name].speed, angle.diff(TIME, 2): drives[name].acceleration}
 
         def solved(order: int, letters: Sequence[str], known: dict[sm.Symbol, sm.Expr]) -> dict[sm.Symbol, sm.Expr]:
             """Velocities by J v = -dg/dt, accelerations by J a = -dJ/dt v, of total derivatives of constraints g."""
             rows = [
                 (c.name, c.residual.diff(TIME, order).xreplace(rate).xreplace(self.to_symbols).xreplace(known))
-                for c in equations.constraints
+                for c in self.constraints
             ]
             return solve_blocks(rows, [u for name in mechanism.bodies for u in _of_body(name, letters)], steps)
 
@@ -196,13 +183,11 @@ def _of_body(name: str, letters: Sequence[str]) -> list[sm.Symbol]:
 
 @dataclass(frozen=True)
 class Solved:
-    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, the loops' margins."""
+    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, the loops' closure."""
 
     drives: dict[str, Drive]
     rates: Rates
     loads: dict[str, sm.Expr]
     springs: list[Scalar]
     reactions: dict[sm.Symbol, sm.Expr]
-    margins: dict[str, sm.Expr]
-    gaps: dict[str, sm.Expr]
-    loops: tuple[Loop, ...]
+    closure: Closure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sm
 
 from kaneflex.derive.printers import module_text
@@ -57,8 +59,13 @@ def contact_text() -> str:
         module_text.literal("LAWS", contacts.LAWS, "of the force"),
     ]
     title = "Contacts between two bodies"
-    chosen = (module_text.choice(*each) for each in _CHOICES)
-    return emit.kernels_module(title, _ABOUT, tables, [*laws, _energy_kernel()], chosen)
+    return emit.kernels_module(title, _ABOUT, tables, [*laws, _energy_kernel()], (_chosen(*each) for each in _CHOICES))
+
+
+def _chosen(head: str, doc: str, calls: Sequence[str]) -> str:
+    """Text of a function that returns the call with the number of the law."""
+    lines = [line for law, call in enumerate(calls[:-1]) for line in (f"if law == {law}:", f"    return {call}")]
+    return module_text.function(head, doc, [*lines, f"return {calls[-1]}"])
 
 
 def _odd(force: sm.Expr) -> sm.Expr:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from textwrap import indent
 
@@ -110,17 +110,6 @@ def function(head: str, doc: str, lines: Iterable[str], options: str = "**OPTION
     """Text of a compiled function."""
     body = indent("\n".join([f'"""{doc}"""', *lines]), "    ")
     return f"@njit({options})\ndef {head}:\n{body}\n"
-
-
-def choice(head: str, doc: str, calls: Sequence[str]) -> str:
-    """Text of a function whose first argument is the number of the call that it makes."""
-    lines, which = list[str](), re.search(r"\((\w+)", head)[1]
-    for k, call in enumerate(calls):
-        if "out" in head:
-            lines += [f"{'el' * bool(k)}if {which} == {k}:" if call != calls[-1] else "else:", f"    {call}"]
-        else:
-            lines += [f"if {which} == {k}:", f"    return {call}"] if call != calls[-1] else [f"return {call}"]
-    return function(head, doc, lines)
 
 
 def _together(tables: Iterable[str]) -> str:
