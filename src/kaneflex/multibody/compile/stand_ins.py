@@ -54,5 +54,7 @@ of_impacts = partial(_where, _WITH_IMPACTS)
 """As ``of_contacts``, for planar mechanisms with holds, or with contacts by Newton's law."""
 of_holds = partial(_where, (Kind.HOLDS, Kind.HOLD_SPACE))
 """As ``of_contacts``, for mechanisms with holds."""
+of_modes = partial(_where, (*_WITH_IMPACTS, Kind.HOLD_SPACE))
+"""As ``of_contacts``, for mechanisms with holds, or with contacts by Newton's law."""
 of_stiffness = partial(_where, (Kind.PLAIN, *_WITH_CONTACTS, Kind.SPACE, Kind.SWITCHED_SPACE))
 """As ``of_contacts``, for mechanisms with elastic bodies, or springs and loads that need derivatives."""

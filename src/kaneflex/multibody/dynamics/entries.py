@@ -34,8 +34,9 @@ from kaneflex.multibody.model.layout import (
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time.state_record import row_size, take
-from kaneflex.multibody.unilateral import stick_slip
 from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
+from kaneflex.multibody.unilateral.chosen_motion import settle
+from kaneflex.multibody.unilateral.decision import decide
 from kaneflex.multibody.unilateral.rows import frictions
 
 CLOSED = 1e-7
@@ -113,7 +114,7 @@ def _project(m, t):
         return UNCLOSED
     if m.now[2] != 0.0 or frictions(m):  # else drives prescribe everything: inertia does not matter
         use(m, 0)
-        if not mend(m, t, m.real, 1) or stick_slip.settle(m, t, m.real) == 1:
+        if not mend(m, t, m.real, 1) or (frictions(m) and settle(m, t, m.real) == 1):
             return MASSLESS
     settled(m)
     give_coordinates(m)
@@ -133,7 +134,7 @@ def _decide(m, t):
         return outcome
     if not stand_closed(m, t, m.real):
         return MASSLESS
-    undecided = stick_slip.decide(m, t, m.real)
+    undecided = decide(m, t, m.real)
     return MASSLESS if undecided == 1 else UNDECIDED if undecided else DONE
 
 

@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import copy, row_length
-from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.stand_ins import of_modes
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
@@ -239,10 +239,10 @@ def stand(m, t):
     cut_rows(m)
 
 
-@of_holds(None)
+@of_modes(None)
 @njit(**OPTIONS)
 def rows_of_frictions(m):
-    """Rows of the frictions at the current state."""
+    """Rows of the contacts and frictions at the current state."""
     apart()
     for n in range(rows.contacts(m)):
         if not rows.switches(m, n):
@@ -253,14 +253,21 @@ def rows_of_frictions(m):
 
 @once
 @njit(**OPTIONS)
+def factorise_now(m, A):
+    """Factors of the mass matrix at the current state, with the rows that hold there; False: singular."""
+    rows_of_frictions(m)
+    assemble(m)
+    factors.use_rows_now(m)
+    return factorise_closed(m, 0.0, A, m.plan[PIVOTS])
+
+
+@once
+@njit(**OPTIONS)
 def mend(m, t, A, turns):
     """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular."""
     apart()
     plan = m.plan
-    rows_of_frictions(m)
-    assemble(m)
-    factors.use_rows_now(m)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+    if not factorise_now(m, A):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for _ in range(turns):

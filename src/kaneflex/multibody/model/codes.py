@@ -26,20 +26,8 @@ FAR = 0.05
 """Largest step of a prescribed drive [rad, or sizes of the mechanism] in following loops."""
 MOST_TURNED = 3.0
 """Largest rotation of a bushing [rad]: at half a turn the rotation vector jumps."""
-(
-    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
-    SCALES, UNIT, TRIED, VECTORS,
-) = range(17)  # fmt: skip
-"""Vectors of the problem of rigid contacts at one instant, over the rows of touching contacts, then of frictions: rates
-before and after, impulses, forces at rest, accelerations, the problem's b, active rows; for a friction its mu, constant
-resistance, and the row of its normal force or -1; for a contact whether it does not bounce, whether it was at rest, and
-a negligible rate; row scales, one unit force, the solution of a mode combination."""
-
-
-def room_of(contacts: int, frictions: int) -> int:
-    """Count of numbers that the problem needs."""
-    rows, size = contacts + frictions, contacts + 3 * frictions
-    return rows * (rows + VECTORS) + size * (2 * size + 2)
+NOTHING, FORCES, IMPULSES = range(3)
+"""DECIDES: what rigid contacts exert while modes are decided; else they are constraints, or exert nothing."""
 
 
 def check(outcome: int, *at: float) -> None:

@@ -60,6 +60,12 @@ since its sides touch, all of friction; force, stored energy and loss; mode and 
 end of this step; of a contact the error allowed in its gap, k and c of the factors, the effective mass along its
 normal, and of the current impact its time, approach speed, impulse, peak force, previous loss and place; then a step's
 nodes."""
+OLD, NEW, STRUCK, ROUNDED, MAY, ALONE, BOUNCE, MET, STICKS, RESTED_BEFORE, QUIET, UNSURE = range(NODES + 8, NODES + 20)
+MODE_BEFORE, MEMORY_BEFORE = STICKS, QUIET
+"""Numbers of a row at an impact, in place of its nodes: rates before and after, impulse, rounding error of its rate, 1
+if its mode is to be found; of a contact its acceleration without contacts, the least rate after the impact, 1 if it
+touches, if it does not bounce, and if it was at rest, a negligible rate, and the rounding error of its acceleration; of
+a friction mode and MEMORY before."""
 PLACE, SLIP, SLIP_RATE = GAP, GAP_RATE, GAP_ACCEL
 BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
@@ -102,7 +108,7 @@ them."""
     Y, RATE, ACCEL, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
     MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
-    CONTACT, TOUCH, CROSSING, IMPACTS, COMPLEMENT, TOUCHING,
+    CONTACT, TOUCH, CROSSING, IMPACTS, DECIDES, TOUCHING,
     INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
     STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
     TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
@@ -120,10 +126,10 @@ springs, sums, reactions of the cuts, residuals of coordinates, powers. Unit of 
 it, its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
 kept rows, its dependent square, their right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
 row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
-preceded by the holds' numbers, shared numbers of contacts, numbers of change points, completed impacts, arrays for
-rigid contacts at one instant. In ``plan``: coordinates with virtual inertia, then contacts and holds in the factors
-(holds by numbers below zero), and touching contacts. In ``w``, at the middle of a step: matrices I, E and L of the
-bodies at their inboard sections, axes of joints, twists of sections by shapes, places and arms
+preceded by the holds' numbers, shared numbers of contacts, numbers of change points, completed impacts. In ``plan``:
+what rigid contacts exert now (``codes.NOTHING`` and others); coordinates with virtual inertia, then contacts and holds
+in the factors (holds by numbers below zero), and touching contacts. In ``w``, at the middle of a step: matrices I, E
+and L of the bodies at their inboard sections, axes of joints, twists of sections by shapes, places and arms
 (:mod:`kaneflex.multibody.dynamics.tree`), arms of sections and cut rows; stages' accelerations, reactions, powers and
 rates of courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
 gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of loads

@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.codes import room_of
 from kaneflex.multibody.model.tree_builder import Built, Numbers
 from kaneflex.multibody.model.tree_layout import COUNT, ROW_OF
 
@@ -70,13 +69,14 @@ def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarr
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
         at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.REACTION: 2 * rows, at.WANTED: 2 * c.holds, at.SLOPE_COLUMNS: (n + rows) * pulls,
+        at.SCHUR: rows**2, at.REACTION: 2 * rows, at.WANTED: 2 * c.holds + c.touching,
+        at.SLOPE_COLUMNS: (n + rows) * pulls,
         at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * c.in_space,
         at.GIVEN_REACTION: c.reactions * c.in_space,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
     of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * c.in_space}
-    of_rows[at.TOUCHING] = 3 * c.touching + 5 * c.holds + c.virtual
+    of_rows[at.TOUCHING] = c.touching + c.holds + c.virtual
     of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS, at.CUT_OF), rows)
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
@@ -151,7 +151,6 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
         at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
         at.TOUCH: at.SHARED + n * (c.touching + c.holds),
-        at.COMPLEMENT: room_of(c.touching, c.holds) * (reactions > c.cut_rows),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + c.touching) * (c.touching > 0),
     }  # fmt: skip
 

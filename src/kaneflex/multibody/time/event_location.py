@@ -24,11 +24,12 @@ from kaneflex.multibody.model.layout import (
     STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import take
-from kaneflex.multibody.time.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
-from kaneflex.multibody.unilateral import stick_slip
+from kaneflex.multibody.time.step_curve import (
+    NEVER, between, dips, extrapolate_to_end, falls, gap_of, meet_all, shares, store_node,
+)  # fmt: skip
 from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
-from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, NOISE, collide, motion_size
-from kaneflex.multibody.unilateral.frictions import exert
+from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, collide
+from kaneflex.multibody.unilateral.frictions import NOISE, exert, motion_size
 from kaneflex.multibody.unilateral.relative_rows import extent, near
 from kaneflex.multibody.unilateral.rows import (
     EPS, act_of, at, contacts, frictions, law_at, no_force, rests, rigid, row_at, switches,
@@ -77,7 +78,7 @@ def note(m, t, i):
             if w[k + MODE] == RELEASED or w[k + GAP] > least:
                 law, gap = m.acts[act_of(m, n), LAW], smaller(w[k + GAP], least)
                 w[j + 3] = touching.normal_force(law, w, law_at(m, n), w[k + MEMORY], gap, w[k + GAP_RATE])
-    stick_slip.store_node(m, t, i)
+    store_node(m, t, i)
 
 
 @of_changes(True)
@@ -209,7 +210,7 @@ def look(m, table, t, h, here, searched):
     if not between(m, table, t, h, here, 1.0):
         return ASTRAY
     note(m, t + h, last)
-    stick_slip.extrapolate_to_end(m, table, last)
+    extrapolate_to_end(m, table, last)
     if plan[RIGID] and not _note_rests(m, t, h, last):
         return ASTRAY
     if not searched:

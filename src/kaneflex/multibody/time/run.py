@@ -219,7 +219,7 @@ class Run(RunCurve):
         """True if steps are so short that friction may be inconsistent with its reactions.
 
         Not with resting rigid sides: just before they separate, rounding makes their force negative, with which no
-        friction is consistent, and the complementarity problem determines the next mode.
+        friction is consistent, and the decision at the next change determines the mode.
         """
         if not len(self.engine.holds) or self.step >= _TINY * self.longest:
             return False

@@ -1,4 +1,7 @@
-"""Gap along a step of the compiled integration, between its nodes, on the polynomial of the stages.
+"""Gap or slip along a step of the compiled integration: at its nodes, and between them on the polynomial of the stages.
+
+The speed of slipping friction is monitored like an open contact's gap: its zero ends the step. For sticking friction,
+the reserve of its force is monitored; its zero ends the step, too.
 
 Cubics between the nodes predict zeros, which are checked on the polynomial.
 """
@@ -8,16 +11,20 @@ from __future__ import annotations
 import math
 from numba import njit
 
+from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import (
-    COORDINATES, GAP, GAP_RATE, MODE, NODES, OPEN, SHIFT, STAGE_A,
+    ACROSS, BENDING, COORDINATES, FORCE, GAP, GAP_RATE, LIMIT, MODE, NODES, NORMAL, OPEN, SHIFT, SLIP, SLIPPING,
+    SLIP_RATE, STAGE_A, STICKING, WHAT,
 )  # fmt: skip
-from kaneflex.multibody.unilateral import stick_slip
-from kaneflex.multibody.unilateral.frictions import row_of
+from kaneflex.multibody.unilateral import lugre
+from kaneflex.multibody.unilateral.frictions import CLOSE, no_force, no_speed, row_of
 from kaneflex.multibody.unilateral.relative_rows import meet, near
-from kaneflex.multibody.unilateral.rows import at, contacts, frictions, rigid, switches
+from kaneflex.multibody.unilateral.rows import (
+    across, act_of, at, contacts, frictions, law_at, magnitude, rigid, switches, way,
+)  # fmt: skip
 
 NEVER = 2.0
 
@@ -72,6 +79,48 @@ def between(m, table, t, h, here, x):
     return True
 
 
+@of_holds(None)
+@njit(**OPTIONS)
+def store_node(m, t, i):
+    """Store what is monitored of all frictions, with its rate and tolerance, at node i of the step."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        j, mode = k + NODES + 4 * i, w[k + MODE]
+        if mode == BENDING:
+            w[j], w[j + 1] = w[k + SLIP], lugre.resisted(w, law_at(m, n), w[k + NORMAL], w[k + SLIP])
+        elif mode == STICKING:
+            bears = magnitude(m, n, FORCE) if m.acts[act_of(m, n), WHAT] != ACROSS else -1.0  # with its first row
+            w[j], w[j + 1] = w[k + LIMIT] - bears, w[k + FORCE]
+            w[j + 2], w[j + 3] = CLOSE * w[k + LIMIT] + no_force(m, n), w[j]
+        elif mode == SLIPPING:
+            w[j], w[j + 1] = slowing(m, n)
+            w[j + 2] = no_speed(m, n, t)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def extrapolate_to_end(m, table, last):
+    """Extrapolate the forces of sticking frictions from the stages to the end of a step that isn't a stage."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m) if table.ends[0] == 0.0 else 0, 0):
+        j, total = at(m, n) + NODES, 0.0
+        if w[at(m, n) + MODE] == STICKING:
+            for i in range(3):
+                total += w[j + 4 * (i + 1)] * basis(table.nodes, 1.0, i)
+            w[j + 4 * last] = w[j + 4 * last + 3] = total
+
+
+@njit(**OPTIONS)
+def slowing(m, n):
+    """Speed of slipping friction and its rate; with two rows less that of the second: turns by 45 deg end a step."""
+    w, k, beside = m.w, at(m, n), across(m, n, SLIP)
+    turns = across(m, n, SLIP_RATE) * (1.0 if beside >= 0.0 else -1.0)
+    return way(m, n) * w[k + SLIP] - abs(beside), way(m, n) * w[k + SLIP_RATE] - turns
+
+
 @njit(**OPTIONS)
 def dips(m, table, t, h, here, c, i, last):
     """Share of a step between its nodes i and i + 1 at which an open contact's gap dips below zero; else NEVER."""
@@ -95,7 +144,7 @@ def dips(m, table, t, h, here, c, i, last):
             return NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if c < 0:
-            gap, rate = stick_slip.slowing(m, c)
+            gap, rate = slowing(m, c)
             gap, rate = gap + tiny, rate * h
         if gap <= 0.0:
             wide = x - begin_x

@@ -24,20 +24,20 @@ from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import mend
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed
 from kaneflex.multibody.dynamics.tree import assemble
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.model.layout import (
-    ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COORDINATES, DUE, FLIGHT, GAP,
-    GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE,
-    MOST_IMPACTS, NODES, OPEN, PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS,
-    TOUCH, VIRTUAL, WORKS, YIELDING,
+    ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
+    IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS, NODES, OPEN,
+    PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS, TOUCH, VIRTUAL, WORKS,
+    YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
-from kaneflex.multibody.unilateral import stick_slip
+from kaneflex.multibody.unilateral.decision import decide
 from kaneflex.multibody.unilateral.relative_rows import extent, meet, near, place_of
 from kaneflex.multibody.unilateral.rows import (
     EPS, ROUNDING, act_of, argument, at, contacts, depth_of, law_at, product, rigid, switches,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.step_rows import along, respond
+from kaneflex.multibody.unilateral.step_rows import along, effective_mass
 
 CLOSES, LETS_GO, PUSHES, OPENS, HARDENS, SHIFTS = range(1, 7)
 """Changes of a contact; SHIFTS: change of a friction."""
@@ -154,7 +154,7 @@ def change(m, state, A, wanted):
     if changing and not mend(m, t, A, 2):
         return -1.0
     if w[shared + RESTED] == 0.0:  # else after the coordinates are chosen again
-        unsettled = stick_slip.decide(m, t, A)
+        unsettled = decide(m, t, A)
         if unsettled:
             return -1.0 * unsettled
     give(m, t, state)
@@ -189,7 +189,7 @@ def _close(m, n, t, A, lost):
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
     k, own, g = at(m, n), law_at(m, n), along(m, n)
     pressing = larger(-product(w, g, m.du, size), 0.0)
-    mass = 1.0 / larger(product(w, g, shifted(A, respond(m, n, A)), size), 1e-200)
+    mass = effective_mass(m, n, A)
     stiffness, exponent = w[own + 3], w[own + 4]
     least = (mass * pressing / stiffness) ** (1.0 / exponent)
     least = larger(larger(least, _LEAST * extent(m, n)), -w[k + GAP])

@@ -11,22 +11,24 @@ import math
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.stand_ins import of_holds, of_modes
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import dot
 from kaneflex.multibody.dynamics.wrenches import row_wrench
+from kaneflex.multibody.model.codes import NOTHING
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, BENDING, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, FLOWING, FORCE, KEPT, LIMIT, MEMORY, MODE,
-    MODE_SIZE, REACTION, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, SLIP_RATE, STICKING, STIFF, TOUCHING, TURN,
-    VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    ACROSS, ALONG, BENDING, BOUNCE, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, DECIDES, FLOWING, FORCE, GAP_ACCEL, KEPT,
+    LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, STICKING, STIFF,
+    TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.frictions import borne, joint_wrench, normal_force, row_of, sliding_size
+from kaneflex.multibody.unilateral.frictions import borne, dry, joint_wrench, normal_force, row_of, sliding_size
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
-    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, frictions, law_at, magnitude, on_contact, row_at, way,
+    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contacts, frictions, idle, law_at, magnitude, on_contact, rests, rigid,
+    row_at, strikes, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -50,10 +52,11 @@ def row_in(m, r):
 
 @njit(**OPTIONS)
 def reaction_of(m, r):
-    """Index of the reaction of a factors' row: of a cut joint, or a friction; -1 for others."""
+    """Index of the reaction of a factors' row: of a cut joint, a friction or a rigid contact; -1 for others."""
     if r < m.plan[KEPT]:
         return m.plan[m.plan[ROW_OF] + r]
-    return row_at(m, row_in(m, r)) if virtual(m, r) < 0 and row_in(m, r) < 0 else -1
+    n = row_in(m, r)
+    return row_at(m, n) if virtual(m, r) < 0 and (n < 0 or rigid(m, n)) else -1
 
 
 @njit(**OPTIONS)
@@ -65,23 +68,24 @@ def memory_place(m, n):
 
 @njit(**OPTIONS)
 def use_rows_now(m):
-    """Set the rows of the factors at an instant: of virtual inertia and of sticking friction."""
+    """Set the rows of the factors at an instant: of virtual inertia, of sticking friction, and of rigid contacts while
+    modes are decided."""
     m.pivots[YIELDING] = m.plan[VIRTUAL] + _rows_now(m)
 
 
-@of_holds(0)
+@of_modes(0)
 @njit(**OPTIONS)
 def _rows_now(m):
-    """Add sticking friction to the rows; returns their number."""
+    """Add sticking friction and such contacts to the rows; returns their number."""
     apart()
     found = 0
-    for n in range(-frictions(m), 0):
+    for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else 0):
         w, k = m.w, at(m, n)
-        if w[k + MODE] == STICKING or w[k + MODE] == BENDING:
+        if rests(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not idle(m, n):
             m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
-        if w[k + MODE] == BENDING:
+        if n < 0 and w[k + MODE] == BENDING:
             lugre.know(w, k, law_at(m, n), normal_force(m, n), w[k + SLIP], w[k + MEMORY], 0.0)
     return found
 
@@ -145,6 +149,8 @@ def compliance(m, n, h, r, size, A, largest):
     the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions.
     """
     k, own, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], m.plan[SCHUR]
+    if n >= 0 and rigid(m, n):
+        return _SOFT * own + 0.0 * h
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
     for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
@@ -205,9 +211,11 @@ def by_force(m, n, r, size, h, A):
 def missing(m, A, r, opening):
     """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
     bristles, whose row is a force, the missing force less the weighted opening."""
-    n = row_in(m, r) if r >= m.plan[KEPT] + m.plan[VIRTUAL] else 0
-    if n >= 0:
+    n = row_in(m, r)
+    if r < m.plan[KEPT] + m.plan[VIRTUAL] or (n >= 0 and not rigid(m, n)):
         return -opening
+    if n >= 0:
+        return A[m.plan[WANTED] + 2 * frictions(m) + n] - opening
     if m.w[at(m, n) + MODE] == BENDING:
         opening *= A[m.plan[WANTED] + frictions(m) - 1 - n]
     return A[m.plan[WANTED] - 1 - n] - opening
@@ -221,14 +229,18 @@ def prescribe_nothing(m, A):
         A[m.plan[WANTED] + n] = 0.0 * A[0]
 
 
-@of_holds(None)
+@of_modes(None)
 @njit(**OPTIONS)
 def prescribe_now(m, A):
-    """Prescribe zero acceleration to sticking friction at the current state, and to bristles their force law."""
-    w = m.w
-    for n in range(-frictions(m), 0):
+    """Prescribe zero acceleration to sticking friction and closed rigid contacts at the current state, of impulses a
+    change of speed; to bristles their force law."""
+    w, rate = m.w, GAP_ACCEL - strikes(m)
+    for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else 0):
         k = at(m, n)
-        A[m.plan[WANTED] - 1 - n] = -w[k + SLIP_RATE] if w[k + MODE] == STICKING else 0.0
+        if n >= 0:
+            A[m.plan[WANTED] + 2 * frictions(m) + n] = strikes(m) * w[k + BOUNCE] - w[k + rate]
+            continue
+        A[m.plan[WANTED] - 1 - n] = -w[k + rate] if w[k + MODE] == STICKING else 0.0
         if w[k + MODE] == BENDING:
             A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n))[0] - w[k + FORCE]
 
@@ -258,9 +270,8 @@ def presses(m, n, r):
 @njit(**OPTIONS)
 def force_by_reaction(m, n, r):
     """Derivative of a slipping friction's force with respect to the reaction of a factors' row."""
-    w, j = m.w, law_at(m, n)
     v = magnitude(m, n, SLIP)
-    by_normal = laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)
+    by_normal = dry(m, n, 1.0, v) - dry(m, n, 0.0, v)
     return -way(m, n) * by_normal * normal_force_by_reaction(m, n, r)
 
 

@@ -1,4 +1,5 @@
-"""Frictions of joints and contacts: their rows, how they stick and slip, and their forces; results of all rows."""
+"""Frictions of joints and contacts: their rows, how they stick and slip, their forces, and what counts as zero; results
+of all rows."""
 
 from __future__ import annotations
 
@@ -10,19 +11,31 @@ from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.compile.values import by_size, row_length
-from kaneflex.multibody.dynamics.algebra import absolute, axpy, cross, dot, first, plus, scaled, zero_like
+from kaneflex.multibody.dynamics.algebra import (
+    absolute, angular_size, axpy, cross, dot, first, linear_size, plus, scaled, zero_like,
+)  # fmt: skip
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, AT, BENDING, DUE, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING, MEMORY, MODE, NORMAL,
-    OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIP_RATE, SLIPPING, STICKING, STORED, TURN, WHAT,
+    ACROSS, ALONG, AT, BENDING, BODIES, DUE, EXTENT, FIRMEST, FLANK, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING,
+    MEMORY, MODE, NORMAL, ON, OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIPPING, SLIP_RATE, STICKING, STORED, TOUCH, TURN,
+    WHAT,
 )  # fmt: skip
+from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, fixed, force, reference_axis, turning
 from kaneflex.multibody.unilateral.rows import (
-    ARM, END_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, law_at, magnitude, on_contact,
-    row_at, second,
+    ARM, END_AT, EPS, MU_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, idle, law_at,
+    magnitude, on_contact, row_at, second, strikes,
 )  # fmt: skip
+
+
+NOISE = 1e-12
+"""Rounding error of cancelling speeds and accelerations, relative to them."""
+CLOSE = 1e-11
+"""Share of the largest holding force within which it counts as reached."""
+WRONG = 1e-9
+"""Share of neighbouring accelerations above which one against the slip is not rounding."""
 
 
 @njit(**OPTIONS)
@@ -43,6 +56,51 @@ def size_of(m, n, rate):
         motion = section_motion(m, m.acts[act_of(m, n), AT + side], rate)
         size += dot(absolute(row_wrench(m, row_at(m, n), side)), absolute(motion))
     return size
+
+
+@njit(**OPTIONS)
+def no_speed(m, n, t):
+    """Speed of a friction that counts as zero."""
+    w, k = m.w, at(m, n)
+    return SLOWEST * extent(m, n) + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE])) + 1e-300
+
+
+@njit(**OPTIONS)
+def _weight(m):
+    """Sum of the sizes of gravity's components."""
+    g = absolute(m.gravity[0])
+    return g[0] + g[1] + g[2]
+
+
+@njit(**OPTIONS)
+def no_force(m, n):
+    """Force, or moment, of a friction that counts as zero: rounding error of the force that moves all bodies."""
+    apart()
+    plan, w, total = m.plan, m.w, 0.0
+    for b in range(plan[BODIES]):
+        node = m.frames[b, 0]
+        if m.nodes[node, BODY] >= 0:
+            total += m.block[m.nodes[node, BODY]] * (_weight(m) + linear_size(m.rate[node]))
+    return 1e-14 * total * (w[plan[TOUCH] + EXTENT] if m.acts[act_of(m, n), WHAT] == TURN else 1.0) + 1e-300
+
+
+@njit(**OPTIONS)
+def no_rate(m, n):
+    """Acceleration of a friction that counts as zero."""
+    return WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
+
+
+@njit(**OPTIONS)
+def motion_size(m, n, rate):
+    """Size of the velocities (0) or accelerations (1) of a row's two sections; of flanks that of their turning.
+
+    Rates of gaps are differences of these, whatever their direction: all are from one solution of the equations.
+    """
+    act = act_of(m, n)
+    one, two = section_motion(m, m.acts[act, AT], rate), section_motion(m, m.acts[act, ON], rate)
+    if m.acts[act, WHAT] == FLANK:
+        return angular_size(one) + angular_size(two)
+    return linear_size(one) + linear_size(two)
 
 
 @njit(**OPTIONS)
@@ -68,6 +126,17 @@ def set_mode(m, n, mode):
     m.w[at(m, n) + MODE], other = mode, second(m, n)
     if other:
         m.w[at(m, other) + MODE] = FLOWING if mode == SLIPPING else mode
+
+
+@njit(**OPTIONS)
+def opens(m, n):
+    """True if a friction belongs to an open contact, which exerts no force; its bristles relax."""
+    w, k, of = m.w, at(m, n), on_contact(m, n)
+    if of < 0 or w[at(m, of) + MODE] != OPEN:
+        return False
+    set_mode(m, n, OPEN)
+    w[k + MEMORY], w[k + FIRMEST] = 0.0, 0.0
+    return True
 
 
 @njit(**OPTIONS)
@@ -140,25 +209,34 @@ def joint_wrench(m, n):
     return total
 
 
+@njit(**OPTIONS)
+def dry(m, n, N, v):
+    """Dry friction at a speed [N or N m]; its impulse by one, without preload and Stribeck's part."""
+    return m.w[law_at(m, n) + MU_AT] * N if strikes(m) else laws.dry(m.w, law_at(m, n), N, v)
+
+
 @of_holds(None)
 @njit(**OPTIONS)
 def exert(m):
-    """Force of every friction at the current state, also at NOW, with its energy; contacts are evaluated before."""
+    """Force, or impulse, of every friction at the current state, also at NOW, with its energy.
+
+    Contacts are evaluated before.
+    """
     apart()
     w = m.w
     for n in range(-frictions(m), 0):
         k, j = row_of(m, n), law_at(m, n)
-        row, v, mode = row_at(m, n), w[k + SLIP], w[k + MODE]
+        row, v, mode = row_at(m, n), 0.0 if strikes(m) else w[k + SLIP], w[k + MODE]
         N = normal_force(m, n)
-        w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
-        if mode == OPEN:
+        w[k + NORMAL], w[k + LIMIT] = N, dry(m, n, N, 0.0) if strikes(m) else laws.limit(w, j, N)
+        if mode == OPEN or idle(m, n):
             m.multipliers[row] = 0.0
         elif mode == FLOWING:
             m.multipliers[row] = -w[j + VISCOUS_AT] * v
         elif mode == SLIPPING and second(m, n):
             _rub(m, n, N)
         elif mode == SLIPPING:
-            m.multipliers[row] = -w[k + MEMORY] * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
+            m.multipliers[row] = -w[k + MEMORY] * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
         w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
         w[k + LOSING] = power(m, n)
         if mode == BENDING:

@@ -1,15 +1,18 @@
 """Newton's law of impact: speeds after impacts of rigid sides, and resting contacts.
 
-At an instant all touching contacts act together. Impulses p along their normals give the gaps' rates v' = v + W p, W =
-J M^-1 J^T with all loops closed and prescribed drives held; p >= 0, v' >= e (-v) if v < 0 and v' >= 0 otherwise, and
-one of both is an equality: a linear complementarity problem (Moreau 1988, CISM 302; Pfeiffer & Glocker 1996, Multibody
-Dynamics with Unilateral Contacts, ch. 8). Each contact loses the energy p (v + v')/2 (Thomson & Tait 1879, Treatise on
-Natural Philosophy, sec. 309), the rest is work of the drives.
+At an instant all touching contacts act together. Impulses p along their normals and against the slip change the gaps'
+rates v to v', with all loops closed and prescribed drives held; p >= 0, v' >= e (-v) if v < 0 and v' >= 0 otherwise,
+and one of both is an equality (Moreau 1988, CISM 302; Pfeiffer & Glocker 1996, Multibody Dynamics with Unilateral
+Contacts, ch. 8). Along a contact's face the impulse is at most mu times the normal one, against the remaining slip
+(Glocker & Pfeiffer 1995, Nonlinear Dyn. 7, 471); a joint's friction is mu times the impulse of its own reactions.
+Friction by a preload, a compliant contact's force or bristles has no impulse. Each row loses the energy p (v + v')/2
+(Thomson & Tait 1879, Treatise on Natural Philosophy, sec. 309), the rest is work of the drives.
 
 The same problem with forces and accelerations determines the resting contacts: those that loads press together, and
 that separate so slowly that they would return before the gap exceeds rounding. This ends sequences of ever shorter
 bounces. A resting contact is a row like those of the cuts: it determines a dependent coordinate, and its force is an
-unknown. It opens if the force would become tensile; then the problem of forces is solved again.
+unknown. It opens if the force would become tensile; then the problem of forces is solved again. Both problems are
+solved by :mod:`kaneflex.multibody.unilateral.decision`.
 """
 
 from __future__ import annotations
@@ -18,41 +21,33 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_impacts
+from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.algebra import angular_size, linear_size
-from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.kinematics import section_motion
-from kaneflex.multibody.dynamics.loop_closure import follow, mend
-from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.dynamics.tree import assemble
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
-from kaneflex.multibody.model.codes import (
-    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, UNIT, WANTED,
-)  # fmt: skip
+from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, mend, rows_of_frictions
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
+from kaneflex.multibody.model.codes import FORCES, IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ALLOWED, AT, CLOSED, COLUMNS, COMPLEMENT, COORDINATES, COURSE, COURSE_AT, CUT_OF, CUT_ROWS, DRIVES, DUE, FLANK,
-    FORCE, FREED, GAP, GAP_ACCEL, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOADS, MODE, ON, OPEN, PIVOTS, POWER,
-    PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, RESTED, ROW_OF, SHUT, SPRINGS, TOUCH, WHAT, WORKS,
+    ALLOWED, ALONE, BODIES, BORE, BOUNCE, CLOSED, COORDINATES, CUT_ROWS, DECIDES, DUE, EXTENT, FORCE, GAP, GAP_ACCEL,
+    GAP_RATE, IMPULSE, KEPT, LAST_A, LAST_R, MAY, MEMORY, MEMORY_BEFORE, MET, MODE, MODE_BEFORE, NEW, OLD, OPEN, POWER,
+    QUIET, REACTIONS, RESISTING_MASS, RESTED, RESTED_BEFORE, ROUNDED, ROW_OF, SHUT, SLIP, SLIPPING, SLIP_RATE, STICKING,
+    STICKS, STRUCK, TOUCH, UNSURE, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import give, works_at
-from kaneflex.multibody.unilateral import rigid_friction
+from kaneflex.multibody.unilateral import decision
 from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
-from kaneflex.multibody.unilateral.complementarity import complement, listed, moved, vector
-from kaneflex.multibody.unilateral.factors import prescribe_nothing, use_rows_now
-from kaneflex.multibody.unilateral.relative_rows import meet, near
-from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, law_at, no_force, rigid, row_at
-from kaneflex.multibody.unilateral.step_rows import derivatives, gradient_at
+from kaneflex.multibody.unilateral.decision import LET_GO, STILL
+from kaneflex.multibody.unilateral.frictions import NOISE, motion_size, no_rate, no_speed, opens, slip, stick
+from kaneflex.multibody.unilateral.relative_rows import extent, meet, near
+from kaneflex.multibody.unilateral.rows import (
+    EPS, LAW_AT, MU_AT, VISCOUS_LAW, at, contacts, frictions, law_at, magnitude, no_force, on_contact, rigid, row_at,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.step_rows import effective_mass
 
 _TOGETHER = 100.0
 """Tolerances of a gap within which sides meet at one instant."""
 LEAST_HEIGHT = 16.0
 """Tolerances of a gap that a bounce must be high."""
-NOISE = 1e-12
-"""Rounding error of cancelling speeds and accelerations, relative to them."""
-_TURNS = 40
-"""Iterations in which impulses of joints and their friction converge, or after which the increments are halved. If
-several joints stop at once, their loads are statically indeterminate: one solution is taken."""
 
 
 @of_impacts(0.0)
@@ -65,18 +60,20 @@ def collide(m, state, A, wanted):
     """
     apart()
     plan, w, t = m.plan, m.w, state[0]
-    count, kept, cuts = _gather(m, t), m.pivots[KEPT], 0
-    if count == 0:
+    kept, cuts = m.pivots[KEPT], 0
+    if not _gather(m, t):
         return wanted
     for r in range(kept):
         cuts += plan[plan[ROW_OF] + r] < plan[CUT_ROWS]
     m.pivots[KEPT] = cuts  # resting contacts may separate
-    slips = rigid_friction.gather(m, count)
-    done = _collided(m, state, A, count, slips)
-    m.pivots[KEPT] = kept
-    if done < 0.0:
-        return done
-    _settle(m, state, count, slips)
+    _gather_frictions(m)
+    copy(shifted(state, 1 + plan[COORDINATES]), shifted(w, plan[LAST_A]), plan[COORDINATES])
+    copy(m.multipliers, shifted(w, plan[LAST_R]), plan[REACTIONS])
+    undecided = _collided(m, t, A)
+    m.pivots[KEPT], m.pivots[DECIDES] = kept, NOTHING
+    if undecided:
+        return -2.0 if undecided == 2 and frictions(m) else -1.0
+    _settle(m, state)
     if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 2)):
         return -1.0
     give(m, t, state)
@@ -85,15 +82,16 @@ def collide(m, state, A, wanted):
 
 @njit(**OPTIONS)
 def _gather(m, t):
-    """List the touching contacts with the rates of their gaps; returns their number. All are marked as not resting.
+    """Note the touching contacts with the rates of their gaps; True if there are any. All are marked as not resting.
 
     If the force of one has come to zero, all with zero force separate.
     """
     apart()
-    w, count, parting = m.w, 0, False
+    w, found, parting = m.w, False, False
     for n in range(contacts(m)):
         parting = parting or (rigid(m, n) and w[at(m, n) + DUE] == LETS_GO)
     for n in range(contacts(m)):
+        w[at(m, n) + MET] = w[at(m, n) + MAY] = 0.0
         if not rigid(m, n):
             continue
         k = meet(m, n)
@@ -102,237 +100,238 @@ def _gather(m, t):
         if parting and rested and w[k + FORCE] <= no_force(m, n):
             w[k + DUE] = LETS_GO
         if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
-            m.pivots[listed(m) + count] = n
-            w[vector(m, OLD) + count], w[vector(m, RESTED_BEFORE) + count] = rate, rested
-            w[vector(m, STICKS) + count] = 0.0
+            w[k + MET], w[k + OLD], w[k + RESTED_BEFORE], w[k + STICKS] = 1.0, rate, rested, 0.0
+            w[k + MAY], found = 1.0, True
             w[k + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
-            count += 1
-    return count
+    return found
 
 
+@of_holds(None)
 @njit(**OPTIONS)
-def motion_size(m, n, rate):
-    """Size of the velocities (0) or accelerations (1) of a contact's two sections; of flanks that of their turning.
-
-    Rates of gaps are differences of these, whatever their direction: all are from one solution of the equations.
-    """
-    act = act_of(m, n)
-    one, two = section_motion(m, m.acts[act, AT], rate), section_motion(m, m.acts[act, ON], rate)
-    if m.acts[act, WHAT] == FLANK:
-        return angular_size(one) + angular_size(two)
-    return linear_size(one) + linear_size(two)
-
-
-@njit(**OPTIONS)
-def _collided(m, state, A, count, slips):
-    """Speeds after the impact, accelerations without contacts, and forces of the resting contacts; returns as
-    :func:`collide`."""
+def _gather_frictions(m):
+    """Note the modes of frictions, and which of them may have an impulse; sticking ones that are to slip bear BORE."""
     apart()
-    t = state[0]
-    for _ in range(count + 1):
-        done = _jump(m, state, A, count, slips)
-        if done < 0.0:
-            return done
-        if not follow(m, t):
-            return -1.0
-        rigid_friction.modes_after_impact(m, t, count, slips)
-        again = _forces(m, t, A, count, slips)
-        if again <= 0:
-            return 1.0 if again == 0 else -2.0 if slips and again == -1 else -1.0
-    return -1.0
+    w = m.w
+    rows_of_frictions(m)
+    for n in range(-frictions(m), 0):
+        k, j, c = at(m, n), law_at(m, n), on_contact(m, n)
+        w[k + MODE_BEFORE], w[k + MEMORY_BEFORE], w[k + OLD] = w[k + MODE], w[k + MEMORY], w[k + SLIP]
+        if w[k + MODE] == STICKING:
+            w[k + OLD] = 0.0
+            if w[k + DUE] > 0.0:
+                w[k + DUE], w[k + BORE] = LET_GO, magnitude(m, n, FORCE)
+        w[k + MAY] = (c < 0 or w[at(m, c) + MET] != 0.0) and w[j + LAW_AT] < VISCOUS_LAW and w[j + MU_AT] > 0.0
+        w[k + MODE], w[k + STRUCK] = OPEN, 0.0
 
 
 @njit(**OPTIONS)
-def _response_matrix(m, A, rows):
-    """Fill W of the problem for ``rows`` rows: their rates by unit forces along them, while loops stay closed and
-    drives are kinematic; bristles exert the resulting friction. False at a singular state."""
+def _weigh(m, A):
+    """Effective masses along the rows that may have impulses, and rounding errors of their rates by the largest speed;
+    False: singular."""
     apart()
-    plan, w, unit = m.plan, m.w, vector(m, UNIT)
-    use_rows_now(m)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+    w, fastest = m.w, 0.0
+    for b in range(m.plan[BODIES]):
+        twist = m.twist[m.frames[b, 0]]
+        fastest = larger(fastest, linear_size(twist) + w[m.plan[TOUCH] + EXTENT] * angular_size(twist))
+    if not factorise_now(m, A):
         return False
-    for j in range(rows):
-        derivatives(m, m.pivots[listed(m) + j])
-        w[unit + j] = 0.0
-    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
-    for j in range(rows):
-        w[unit + j] = 1.0
-        _respond(m, A, rows, unit)
-        w[unit + j] = 0.0
-        for i in range(rows):
-            g, total = gradient_at(m, m.pivots[listed(m) + i]), 0.0
-            for k in range(plan[COORDINATES]):
-                if plan[plan[FREED] + k] != 0:
-                    total += w[g + k] * A[answer + k]
-            w[plan[COMPLEMENT] + rows * i + j] = total
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        if w[k + MAY] != 0.0:
+            w[k + RESISTING_MASS] = effective_mass(m, n, A)
+            w[k + ROUNDED] = NOISE * fastest * extent(m, n) / w[m.plan[TOUCH] + EXTENT]
     return True
 
 
 @njit(**OPTIONS)
-def _respond(m, A, rows, x):
-    """Rates of the coordinates for forces x of the rows, with the friction that they bring; forces of the loops at
-    REACTION."""
+def _collided(m, t, A):
+    """Speeds after the impact, and forces of the resting contacts; returns as :func:`decision.decide`."""
     apart()
-    plan, w = m.plan, m.w
-    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
-    for k in range(plan[COORDINATES]):
-        A[answer + k] = 0.0
-    for j in range(rows):
-        if w[x + j] != 0.0:
-            n = m.pivots[listed(m) + j]
-            g = gradient_at(m, n)
-            for k in range(plan[COORDINATES]):
-                A[answer + k] += w[x + j] * w[g + k]
-            rigid_friction.add_friction(m, n, w[x + j], A, answer)
-    prescribe_nothing(m, A)
-    solve_closed(m, A, plan[PIVOTS])
+    if not _weigh(m, A):
+        return 1
+    for _ in range(contacts(m) + 1):
+        undecided = _jump(m, t, A)
+        if undecided:
+            return undecided
+        _modes_after_impact(m, t)
+        undecided, slowed = _forces(m, t, A)
+        if undecided or not slowed:
+            return undecided
+    return 1
 
 
 @njit(**OPTIONS)
-def _jump(m, state, A, count, slips):
-    """Impulses of the contacts and frictions, and all speeds after them; returns as :func:`collide`."""
+def _guess(m, share):
+    """Set the speeds that contacts ask for, with a share of their restitution, and first modes."""
     apart()
-    plan, w, size, rows = m.plan, m.w, m.plan[COORDINATES], count + slips
-    old, new, p, b = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES), vector(m, WANTED)
-    assemble(m)
-    rigid_friction.begin(m, count, slips)
-    if not _response_matrix(m, A, rows):
-        return -1.0
-    for i in range(count):
-        e = w[law_at(m, m.pivots[listed(m) + i]) + 6] if w[vector(m, STICKS) + i] == 0.0 else 0.0
-        w[b + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
-        w[vector(m, MAY) + i] = 1.0
-    copy(m.multipliers, shifted(w, plan[LAST_R]), plan[REACTIONS])
-    missed, turn = math.inf, 0
-    while missed > 1.0 and turn < 5 * _TURNS:
-        if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
-            for i in range(count):  # in a jamming wedge no impulses satisfy restitution
-                w[b + i] = w[old + i]
-            if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
-                return -2.0 if slips else -1.0
-        _respond(m, A, rows, p)
-        missed = rigid_friction.update_joint_limits(m, A, count, slips, 0.5 ** (turn // _TURNS))
-        turn += 1
-    copy(shifted(w, plan[LAST_R]), m.multipliers, plan[REACTIONS])
-    for i in range(rows):
-        w[new + i] = w[old + i] + moved(m, i, p, rows)[0]
-    for k in range(size):
-        m.u[k] = state[1 + size + k]
-    _apply_impulses(m, A)
-    return 1.0
+    w = m.w
+    for n in range(contacts(m)):
+        k = at(m, n)
+        w[k + MAY] = w[k + MET]
+        if w[k + MET] != 0.0:
+            e = w[law_at(m, n) + 6] if w[k + STICKS] == 0.0 else 0.0
+            w[k + BOUNCE], w[k + MODE] = share * e * larger(-w[k + OLD], 0.0), OPEN if w[k + OLD] > 0.0 else CLOSED
+    for n in range(-frictions(m), 0):
+        if w[at(m, n) + MAY] == 0.0:
+            w[at(m, n) + MODE] = OPEN
+        elif w[at(m, n) + OLD] != 0.0:
+            slip(m, n, w[at(m, n) + OLD], 0.0)
+        else:
+            stick(m, n)
 
 
 @njit(**OPTIONS)
-def _apply_impulses(m, A):
-    """Add the response to the impulses to all rates; works of prescribed drives at POWER."""
+def _jump(m, t, A):
+    """Impulses, and all speeds after them; returns as :func:`decision.decide`."""
     apart()
-    plan, w = m.plan, m.w
-    answer = plan[COLUMNS] + plan[COORDINATES] * m.pivots[KEPT]
-    drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
-    for k in range(plan[WORKS]):
-        w[plan[POWER] + k] = 0.0
-    for course in range(courses(m)):
-        k = plan[plan[PRESCRIBED] + course]
-        if k >= 0:
-            w[drives + course] += A[answer + k] * w[plan[COURSE] + 3 * course + 1]
-    for k in range(plan[COORDINATES]):
-        if plan[plan[FREED] + k] != 0:
-            m.u[k] += A[answer + k]
-    for r in range(m.pivots[KEPT]):
-        course = m.acts[plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]], COURSE_AT]
-        if course >= 0:
-            w[drives + course] += A[plan[REACTION] + r] * w[plan[COURSE] + 3 * course + 1]
+    w = m.w
+    m.pivots[DECIDES] = IMPULSES
+    _guess(m, 1.0)
+    undecided = decision.search(m, t, A)
+    if undecided == 2:  # in a jamming wedge no impulses satisfy restitution
+        _guess(m, 0.0)
+        undecided = decision.search(m, t, A)
+    m.pivots[DECIDES] = NOTHING
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        if w[k + MAY] != 0.0:
+            w[k + NEW], w[k + STRUCK] = w[k + GAP_RATE], w[k + FORCE]
+    copy(shifted(w, m.plan[LAST_R]), m.multipliers, m.plan[REACTIONS])
+    return undecided
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def _modes_after_impact(m, t):
+    """First modes after an impact, or none: frictions with a speed slip that way, the others stick.
+
+    Those without impulses have their modes before.
+    """
+    apart()
+    w, jumped = m.w, False
+    for n in range(contacts(m)):
+        jumped = jumped or (w[at(m, n) + MET] != 0.0 and w[at(m, n) + STRUCK] > 0.0)
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        if w[k + MAY] == 0.0:
+            w[k + MODE], w[k + MEMORY] = w[k + MODE_BEFORE], w[k + MEMORY_BEFORE]
+            continue
+        if jumped:
+            w[k + DUE] = 0.0
+        if w[k + DUE] == 0.0 and abs(w[k + NEW]) > no_speed(m, n, t) + 10.0 * w[k + ROUNDED]:
+            slip(m, n, w[k + NEW], 0.0)
+            continue
+        w[k + DUE] = smaller(w[k + DUE], STILL)
+        stick(m, n)
+        if w[k + MODE_BEFORE] == STICKING:
+            w[k + MEMORY] = w[k + MEMORY_BEFORE]
 
 
 @njit(**OPTIONS)
-def _forces(m, t, A, count, slips):
-    """Accelerations without contacts, and forces of the resting contacts, with the friction of the joints' reactions;
-    returns as :func:`_press`, -2: singular."""
+def _forces(m, t, A):
+    """Accelerations without contacts, and forces of the resting contacts; returns as :func:`decision.decide`, and the
+    number of those that separate too slowly to bounce, and stay."""
     apart()
-    plan, w, again, missed, turn = m.plan, m.w, 0, math.inf, 0
-    while missed > 1.0 and turn < _TURNS:
-        copy(m.multipliers, shifted(w, plan[LAST_R]), plan[REACTIONS])
-        if not mend(m, t, A, 1):
-            return -2
-        rigid_friction.exchange_reactions(m)
-        if plan[HOLDS] < plan[DRIVES] and not _response_matrix(m, A, count + slips):
-            return -2
-        again = _press(m, t, count, slips)
-        if again == 0 and rigid_friction.joints_rub(m):
-            _respond(m, A, count + slips, vector(m, FORCES))
-        rigid_friction.exchange_reactions(m)
-        if again != 0:
-            return again
-        missed = rigid_friction.update_joint_reactions(m, A)
-        turn += 1
-    return again
-
-
-@njit(**OPTIONS)
-def _press(m, t, count, slips):
-    """Forces of the resting contacts; returns the number of those that separate too slowly to bounce, and stay; -1: no
-    solution."""
-    apart()
-    w, W, rows = m.w, m.plan[COMPLEMENT], count + slips
-    new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
-    for i in range(count):
-        w[vector(m, WANTED) + i] = w[meet(m, m.pivots[listed(m) + i]) + GAP_ACCEL]
-    rigid_friction.problem_of_forces(m, count, slips)
-    slowed = 0
+    w, slowed, undecided = m.w, 0, 0
+    for n in range(contacts(m)):
+        if w[at(m, n) + MET] != 0.0:
+            w[at(m, n) + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
+    m.pivots[DECIDES] = FORCES
+    if not mend(m, t, A, 1):
+        return 1, 0
+    m.pivots[DECIDES] = NOTHING
+    for n in range(-frictions(m), contacts(m)):
+        k, fast = at(m, n), motion_size(m, n, 0) if n < 0 or rigid(m, n) else 0.0
+        if n < 0 or w[k + MET] != 0.0:
+            w[k + UNSURE] = NOISE * (motion_size(m, n, 1) + fast * fast / extent(m, n))
+        if n >= 0 and w[k + MET] != 0.0:
+            k = meet(m, n)
+            w[k + ALONE], w[k + MODE] = w[k + GAP_ACCEL], CLOSED
+    if not decision.begin(m, t, A):
+        return 1, 0
+    m.pivots[DECIDES] = FORCES
     for turn in range(2):  # by all of them, then by those alone that don't bounce
-        for i in range(count):
-            stays = w[at(m, m.pivots[listed(m) + i]) + DUE] != LETS_GO
-            w[vector(m, MAY) + i] = stays and (turn == 0 or w[sticks + i] != 0.0)
-        if not complement(m, FORCES, ACCELERATIONS, count, slips):
-            return -1
-        others = False
-        for i in range(count if turn == 0 else 0):
-            n, v = m.pivots[listed(m) + i], abs(w[new + i])
-            noise = NOISE * (abs(w[vector(m, OLD) + i]) + moved(m, i, p, rows)[1])
-            pressing = abs(w[W + (rows + 1) * i]) * w[f + i]
-            if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * motion_size(m, n, 1):  # or others keep it closed
-                pressing = larger(pressing, -w[vector(m, WANTED) + i])
-            low = math.sqrt(2.0 * LEAST_HEIGHT * near(m, n, t, v) * pressing)
-            low = larger(low, 32.0 * EPS * abs(t) * pressing)
-            w[vector(m, QUIET) + i] = larger(noise, low)  # negligible rate, also after the impact of another contact
-            if w[sticks + i] == 0.0 and v <= larger(noise, low):
-                w[sticks + i] = 1.0
-                slowed += v > noise
-            others = others or (w[sticks + i] == 0.0 and w[f + i] > 0.0)
+        for n in range(contacts(m)):
+            if w[at(m, n) + MET] != 0.0:
+                k = at(m, n)
+                w[k + MAY] = w[k + DUE] != LETS_GO and (turn == 0 or w[k + STICKS] != 0.0)
+                w[k + MODE], m.multipliers[row_at(m, n)] = CLOSED if w[k + MAY] != 0.0 else OPEN, 0.0
+        undecided = decision.search(m, t, A)
+        slowed, others = _slowed(m, t, undecided == 0) if turn == 0 and undecided != 1 else (0, False)
         if slowed or not others:
             break
-    return slowed
+    m.pivots[DECIDES] = NOTHING
+    return 0 if slowed else undecided, slowed
 
 
 @njit(**OPTIONS)
-def _settle(m, state, count, slips):
+def _slowed(m, t, known):
+    """Number of the contacts that separate too slowly to bounce, and whether others that bounce would be pressed.
+
+    Forces that would also hold those that bounce are not always ``known``.
+    """
+    apart()
+    w, slowed, others = m.w, 0, False
+    for n in range(contacts(m)):
+        if w[at(m, n) + MET] == 0.0:
+            continue
+        k = at(m, n)
+        v, pressing = abs(w[k + NEW]), w[k + FORCE] / w[k + RESISTING_MASS] if known else 0.0
+        noise = NOISE * abs(w[k + OLD]) + w[k + ROUNDED]
+        if not known or w[k + GAP_ACCEL] <= 10.0 * w[k + UNSURE]:  # or others keep it closed
+            pressing = larger(pressing, -w[k + ALONE])
+        low = math.sqrt(larger(2.0 * LEAST_HEIGHT * near(m, n, t, v) * pressing, 0.0))
+        low = larger(low, 32.0 * EPS * abs(t) * pressing)
+        w[k + QUIET] = larger(noise, low)  # negligible rate, also after the impact of another contact
+        if w[k + STICKS] == 0.0 and v <= larger(noise, low):
+            w[k + STICKS] = 1.0
+            slowed += v > noise
+        others = others or (w[k + STICKS] == 0.0 and (w[k + FORCE] > 0.0 or not known))
+    return slowed, others
+
+
+@njit(**OPTIONS)
+def _settle(m, state):
     """Update the modes of the contacts, and record the impacts."""
     apart()
     plan, w, t, works = m.plan, m.w, state[0], works_at(m)
     for k in range(plan[WORKS]):
         state[works + k] += w[plan[POWER] + k]
     w[plan[TOUCH] + RESTED] = 0.0
-    for i in range(count):
-        n = m.pivots[listed(m) + i]
-        k, work = at(m, n), works + plan[WORKS] - contacts(m) + n
-        old, new, p = w[vector(m, OLD) + i], w[vector(m, NEW) + i], w[vector(m, IMPULSES) + i]
-        f, rested = w[vector(m, FORCES) + i], w[vector(m, RESTED_BEFORE) + i] != 0.0
-        size = motion_size(m, n, 1) + abs(w[vector(m, WANTED) + i])
-        mass = 1.0 / (abs(w[plan[COMPLEMENT] + (count + slips + 1) * i]) + 1e-300)
-        nothing = 1e-10 * size * mass
-        held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested or old < 0.0 or p > 0.0)
-        resting = w[vector(m, STICKS) + i] != 0.0 and w[k + DUE] != LETS_GO and abs(new) <= w[vector(m, QUIET) + i]
+    for n in range(contacts(m)):
+        if w[at(m, n) + MET] == 0.0:
+            continue
+        k, work, row = at(m, n), works + plan[WORKS] - contacts(m) + n, row_at(m, n)
+        old, new, p, f, rested = w[k + OLD], w[k + NEW], w[k + STRUCK], w[k + FORCE], w[k + RESTED_BEFORE] != 0.0
+        nothing = 100.0 * w[k + UNSURE] * w[k + RESISTING_MASS]
+        held = abs(w[k + GAP_ACCEL]) <= 10.0 * w[k + UNSURE] and (rested or old < 0.0 or p > 0.0)
+        resting = w[k + STICKS] != 0.0 and w[k + DUE] != LETS_GO and abs(new) <= w[k + QUIET]
         resting = resting and (f > nothing or held)
         if not rested and (resting or p > 0.0):
             begin(m, n, t, larger(-old, 0.0), state[work])
         w[k + IMPULSE] += p
         state[work] -= 0.5 * p * (old + new)
-        w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass
-        w[k + GAP_RATE], w[k + DUE] = new, 0.0
+        w[k + ALLOWED] = 1e-10 * f + nothing
+        w[k + GAP_RATE], w[k + DUE], w[k + MODE], m.multipliers[row] = new, 0.0, OPEN, 0.0
         if resting:
             w[k + MODE] = CLOSED
         elif rested or p > 0.0:
             part(m, n, t, state[work])
         if resting != (w[k + SHUT] != 0.0):
             w[plan[TOUCH] + RESTED] = 1.0
-    rigid_friction.settle(m, state, count, slips)
+    _settle_frictions(m, state)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def _settle_frictions(m, state):
+    """Record the works of the frictions' impulses; none acts at an open contact, and those that needn't slip stick."""
+    w, work = m.w, works_at(m) + m.plan[WORKS] - contacts(m)
+    for n in range(-frictions(m), 0):
+        k = at(m, n)
+        if w[k + MAY] != 0.0:
+            state[work + n] -= 0.5 * w[k + STRUCK] * (w[k + OLD] + w[k + NEW])
+        if opens(m, n):
+            w[k + DUE] = 0.0
+        elif w[k + DUE] < 0.0 and w[k + MODE] == SLIPPING and magnitude(m, n, SLIP_RATE) <= no_rate(m, n):
+            stick(m, n)

@@ -23,9 +23,10 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.friction import LAWS
 from kaneflex.multibody.compile.types import OPTIONS
 from kaneflex.multibody.compile.values import width
+from kaneflex.multibody.model.codes import IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DRIVES, HOLDS, LAW, LOADS, MEMORY, MODE,
-    NUMBERS_AT, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
+    ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DECIDES, DRIVES, HOLDS, LAW, LOADS, MEMORY,
+    MODE, NUMBERS_AT, OPEN, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
 )  # fmt: skip
 
 SLOWEST = 1e-11
@@ -136,6 +137,19 @@ def no_force(m, n):
     if rigid(m, n):
         return w[k + ALLOWED] + 1e-11 * w[k + PEAK]
     return 1e-9 * (w[k + PEAK] + touching.elastic(w, law_at(m, n), -w[k + ALLOWED] / w[m.plan[TOUCH] + PRECISION]))
+
+
+@njit(**OPTIONS)
+def strikes(m):
+    """1 while impulses are decided, else 0."""
+    return 1 if m.pivots[DECIDES] == IMPULSES else 0
+
+
+@njit(**OPTIONS)
+def idle(m, n):
+    """True if the contact of a friction is open while modes are decided."""
+    c = on_contact(m, n)
+    return m.pivots[DECIDES] != NOTHING and c >= 0 and m.w[at(m, c) + MODE] == OPEN
 
 
 @njit(**OPTIONS)

@@ -16,20 +16,16 @@ from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
-from kaneflex.multibody.dynamics.loop_closure import follow, rows_of_frictions
-from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.dynamics.tree import assemble
+from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP,
-    GAP_RATE, HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS, SCHUR,
-    SHARED, SLIP, SLIP_RATE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT,
-    YIELDING,
+    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE,
+    HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP,
+    SLIP_RATE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import (
-    memory_place, presses, prescribe_nothing, row_in, rows_of_step, use_rows_now,
-)  # fmt: skip
+from kaneflex.multibody.unilateral.factors import memory_place, prescribe_nothing, presses, row_in, rows_of_step
 from kaneflex.multibody.unilateral.frictions import size_of
 from kaneflex.multibody.unilateral.relative_rows import extent, meet
 from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
@@ -77,6 +73,13 @@ def respond(m, n, A):
     prescribe_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     return answer
+
+
+@njit(**OPTIONS)
+def effective_mass(m, n, A):
+    """Force along a row per acceleration of its value, by the factors of this instant."""
+    answer = respond(m, n, A)
+    return 1.0 / larger(abs(product(m.w, gradient_at(m, n), shifted(A, answer), m.plan[COORDINATES])), 1e-200)
 
 
 @of_contacts(None)
@@ -286,10 +289,7 @@ def correct_drift(m, t, A, level):
     """
     apart()
     plan, w, moved = m.plan, m.w, m.u if level else m.y
-    rows_of_frictions(m)
-    assemble(m)
-    use_rows_now(m)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+    if not factorise_now(m, A):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for i in range(plan[COORDINATES]):

@@ -1,0 +1,120 @@
+"""Motion by a choice of modes at an instant: accelerations and forces, or speeds after impulses and these.
+
+Closed rigid contacts and sticking frictions are rows of the mechanism's factors, slipping frictions follow their normal
+forces. Those of joints depend on the reactions, so that solutions are repeated until they agree.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.compile.stand_ins import of_impacts, of_modes
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.values import copy
+from kaneflex.multibody.dynamics.courses import courses
+from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, mend, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_factors import solve_closed
+from kaneflex.multibody.model.codes import NOTHING
+from kaneflex.multibody.model.layout import (
+    ACROSS, BEFORE, COLUMNS, COORDINATES, COURSE, COURSE_AT, CUT_OF, DECIDES, FORCE, FREED, KEPT, LAST_A, LIMIT, LOADS,
+    PIVOTS, POWER, PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, ROUNDED, ROW_OF, SPRINGS, WHAT, WORKS, YIELDING,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.factors import prescribe_now, reaction_of
+from kaneflex.multibody.unilateral.frictions import exert, no_force
+from kaneflex.multibody.unilateral.rows import act_of, at, contacts, frictions, magnitude, row_at, second, strikes
+
+_SETTLED = 40
+"""Iterations for reactions and their friction to converge."""
+_REFINED = 3
+"""Solutions for impulses: sticking rows have a small compliance, whose effect the later ones remove."""
+
+
+@of_modes(0)
+@njit(**OPTIONS)
+def settle(m, t, A):
+    """Iterate impulses or accelerations and reactions of a choice, with friction by reactions; 0, or 1 at a singular
+    state, 2 without convergence."""
+    apart()
+    w = m.w
+    for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else -frictions(m)):
+        m.multipliers[row_at(m, n)] = 0.0  # else redundant rows keep forces that other choices have left
+    for turn in range(_SETTLED):
+        if not (_strike(m, t, A) if strikes(m) else mend(m, t, A, 1)):
+            return 1
+        if m.pivots[DECIDES] != NOTHING:
+            rows_of_frictions(m)
+        for n in range(-frictions(m), 0):
+            w[at(m, n) + BEFORE] = _bears(m, n)
+        exert(m)
+        moved = 0.0
+        for n in range(-frictions(m), 0):
+            k = at(m, n)
+            allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + FORCE])) + nothing(m, n)
+            moved = larger(moved, abs(_bears(m, n) - w[k + BEFORE]) / allowed)
+        if turn > 0 and not moved > 1.0:
+            return 0
+    return 2
+
+
+@of_impacts(True)
+@njit(**OPTIONS)
+def _strike(m, t, A):
+    """Speeds after impulses by a choice of modes, from those at LAST_A: impulses are at NOW, works of prescribed drives
+    at POWER; False: singular."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    answer = plan[COLUMNS] + plan[KEPT] * n
+    copy(shifted(w, plan[LAST_A]), m.u, n)
+    if not follow(m, t) or not factorise_now(m, A):
+        return False
+    for r in range(plan[REACTIONS]):
+        m.multipliers[r] = 0.0
+    for k in range(plan[WORKS]):
+        w[plan[POWER] + k] = 0.0
+    for _ in range(_REFINED):
+        for k in range(n):
+            A[answer + k] = 0.0
+        prescribe_now(m, A)
+        solve_closed(m, A, plan[PIVOTS])
+        _add_impulses(m, A, answer)
+        if not follow(m, t):
+            return False
+        rows_of_frictions(m)
+    return True
+
+
+@njit(**OPTIONS)
+def _add_impulses(m, A, answer):
+    """Add the response to impulses to all rates, and the impulses to the reactions; works of prescribed drives."""
+    apart()
+    plan, w = m.plan, m.w
+    drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
+    for course in range(courses(m)):
+        k = plan[plan[PRESCRIBED] + course]
+        if k >= 0:
+            w[drives + course] += A[answer + k] * w[plan[COURSE] + 3 * course + 1]
+    for k in range(plan[COORDINATES]):
+        if plan[plan[FREED] + k] != 0:
+            m.u[k] += A[answer + k]
+    for r in range(plan[KEPT] + m.pivots[YIELDING]):
+        row = reaction_of(m, r)
+        if row >= 0:
+            m.multipliers[row] += A[plan[REACTION] + r]
+        course = m.acts[plan[plan[CUT_OF] + plan[plan[ROW_OF] + r]], COURSE_AT] if r < plan[KEPT] else -1
+        if course >= 0:
+            w[drives + course] += A[plan[REACTION] + r] * w[plan[COURSE] + 3 * course + 1]
+
+
+@njit(**OPTIONS)
+def nothing(m, n):
+    """Force, or impulse, of a friction that counts as zero."""
+    k = at(m, n)
+    return m.w[k + ROUNDED] * m.w[k + RESISTING_MASS] + 1e-300 if strikes(m) else no_force(m, n)
+
+
+@njit(**OPTIONS)
+def _bears(m, n):
+    """Force of a friction, of one with two rows their size: where the mechanism can't move one of them is rounding."""
+    if m.acts[act_of(m, n), WHAT] == ACROSS:
+        return 0.0
+    return magnitude(m, n, FORCE) if second(m, n) else m.w[at(m, n) + FORCE]

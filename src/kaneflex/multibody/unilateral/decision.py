@@ -1,0 +1,340 @@
+"""Modes of unilateral and frictional rows at an instant: one search for contacts and frictions, impulses and forces.
+
+A choice of modes is solved with the factors of the whole mechanism: closed rigid contacts and sticking frictions are
+rows there, slipping frictions follow their normal forces. The choice is consistent if closed contacts push, open ones
+separate, sticking frictions exert at most their limit, and slipping ones move on in their direction: for impulses and
+the speeds after them, or for forces and accelerations, as DECIDES says. Else the least consistent row changes its mode,
+later the first one that is not (Murty 1974, Math. Program. 7, 326: without friction this ends), at last all
+combinations are tried. Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121, 112), the run
+ends with that outcome.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.values import width
+from kaneflex.multibody.dynamics.loop_closure import mend, rows_of_frictions
+from kaneflex.multibody.model.codes import FORCES, NOTHING
+from kaneflex.multibody.model.layout import (
+    ACROSS, BENDING, BORE, BOUNCE, CLOSED, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, LIMIT, MAY,
+    MODE, NODES, OPEN, RESISTING_MASS, ROUNDED, SLIP, SLIP_RATE, STICKING, TOUCH, UNSURE, WHAT,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.chosen_motion import nothing, settle
+from kaneflex.multibody.unilateral.frictions import (
+    CLOSE, WRONG, exert, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.rows import (
+    LAW_AT, LUGRE, VISCOUS_LAW, across, act_of, at, contacts, frictions, idle, law_at, magnitude, product, row_at,
+    second, strikes, way,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.step_rows import along, correct_drift, respond
+
+_SHORT, _ALIKE = 1e-6, 1e-9
+"""Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
+STILL, LET_GO = -1.0, -2.0
+"""Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
+_TURNED = 1e3
+"""Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
+_IMMOBILE = 1e-13
+"""Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
+_EASED = 0.9
+"""Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
+_DIRECTIONS = 50
+"""Changes of a mode, or of its direction of slip, for each friction without speed in space."""
+_MOST_CHOICES = 7776
+"""Largest number of combinations tried: 2 of a contact and 3 of a friction, so those of five contacts with friction."""
+_ASTRAY = 0.01
+"""Weight of the motion of closed and sticking rows, in that which is rounding: if rows ask for more than there are
+freedoms, they move, and their large forces mean nothing."""
+_CONES, _REFLECTED = 40, 40
+"""Iterations for a force in a tangent plane, and for the loads of redundant frictions."""
+_NONE = -1000000
+"""Index of no row."""
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def decide(m, t, A):
+    """Find which frictions slip and which are stuck at the current state; 0, or 1 at a singular state, 2 without a
+    consistent choice.
+
+    Accelerations and reactions are those of that choice.
+    """
+    undecided = search(m, t, A) if begin(m, t, A) else 1
+    for n in range(-frictions(m) if undecided == 0 else 0, 0):
+        m.w[at(m, n) + DUE] = 0.0
+    return undecided
+
+
+@of_holds(True)
+@njit(**OPTIONS)
+def begin(m, t, A):
+    """Modes of frictions with a speed, and the first ones of those without; False: singular."""
+    apart()
+    for _ in range(2):
+        # A friction that sticks may stop others, as in a mechanism with one degree of freedom.
+        rows_of_frictions(m)
+        free = 0
+        for n in range(-frictions(m), 0):
+            free += _first_mode(m, n, t)
+        if free and not correct_drift(m, t, A, 1):
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def _is_free(m, n):
+    """True if the mode of a row is to be found."""
+    if n >= 0 or strikes(m):
+        return m.pivots[DECIDES] != NOTHING and m.w[at(m, n) + MAY] != 0.0
+    return m.w[at(m, n) + DUE] < 0.0
+
+
+@of_modes(0)
+@njit(**OPTIONS)
+def search(m, t, A):
+    """Find the modes of all rows that are free; returns as :func:`decide`."""
+    apart()
+    free, choices = 0, 1
+    for n in range(-frictions(m), contacts(m)):
+        if _is_free(m, n):
+            free, choices = free + 1, choices * (3 if n < 0 else 2) if choices <= _MOST_CHOICES else choices
+    if free and not strikes(m) and _share(m, t, A) == 1:
+        return 1
+    patience = (_DIRECTIONS if width(m) == 6 else 4) * (free + 1)
+    for turn in range(2 * patience):
+        settled = _relieve(m, t, A)
+        if settled == 1:
+            return 1
+        n = _least_consistent(m, t, turn >= patience)
+        if n == _NONE:
+            if settled == 0 or m.pivots[DECIDES] == FORCES:  # of moving sides they are only an estimate
+                return 0
+            break
+        if not _change(m, n, t, A):
+            return 1
+    for choice in range(choices if choices <= _MOST_CHOICES else 0):
+        left = choice
+        for n in range(-frictions(m), contacts(m)):
+            if _is_free(m, n):
+                left = _choose(m, n, left)
+        settled = settle(m, t, A)
+        if settled == 1:
+            return 1
+        if settled == 0 and _least_consistent(m, t, True) == _NONE:
+            return 0
+    return 2
+
+
+@njit(**OPTIONS)
+def _choose(m, n, left):
+    """Set the mode of a row by the remaining number of a combination; returns that of the others."""
+    if n >= 0:
+        _close(m, n, left % 2 == 0)
+        return left // 2
+    stick(m, n)
+    if left % 3 != 0:
+        slip(m, n, 1.5 - left % 3, 0.0)
+    return left // 3
+
+
+@njit(**OPTIONS)
+def _close(m, n, closes):
+    """Close or open a rigid contact."""
+    m.w[at(m, n) + MODE], m.multipliers[row_at(m, n)] = CLOSED if closes else OPEN, 0.0
+
+
+@njit(**OPTIONS)
+def _change(m, n, t, A):
+    """Change the mode of a row, or its direction in a tangent plane; False: singular."""
+    mode, force = m.w[at(m, n) + MODE], m.w[at(m, n) + FORCE]
+    if n >= 0:
+        _close(m, n, mode == OPEN)
+    elif second(m, n):
+        return _stick_or_slip(m, n, t, A)
+    elif mode == STICKING:
+        slip(m, n, -force, 0.0)
+    else:
+        stick(m, n)
+    return True
+
+
+@njit(**OPTIONS)
+def _stick_or_slip(m, n, t, A):
+    """Let a friction in a tangent plane stick, or slip in the direction in which it then accelerates; False: singular.
+
+    With the response W of its rows and the force f, a vector of the size of the limit, the acceleration a + W f is
+    -s f, s >= 0: the size of f = -(W + s)^-1 a falls with s. If f without s is within the limit, it sticks.
+    """
+    apart()
+    k, other, size = at(m, n), second(m, n), m.plan[COORDINATES]
+    w, limit, s = m.w, m.w[k + LIMIT], 0.0
+    if w[k + MODE] == STICKING:
+        slip(m, n, -w[k + FORCE], -across(m, n, FORCE))
+    if not mend(m, t, A, 1):
+        return False
+    exert(m)
+    one, f, g = shifted(A, respond(m, n, A)), w[k + FORCE], w[at(m, other) + FORCE]
+    w_11, w_12 = product(w, along(m, n), one, size), product(w, along(m, other), one, size)
+    w_22 = product(w, along(m, other), shifted(A, respond(m, other, A)), size)
+    a, b = w[k + SLIP_RATE] - w_11 * f - w_12 * g, w[at(m, other) + SLIP_RATE] - w_12 * f - w_22 * g
+    s = least = _IMMOBILE * (w_11 + w_22) + 1e-300
+    for _ in range(_CONES):
+        determinant = (w_11 + s) * (w_22 + s) - w_12 * w_12
+        f, g = (w_12 * b - (w_22 + s) * a) / determinant, (w_12 * a - (w_11 + s) * b) / determinant
+        force = math.hypot(f, g)
+        if not force > (1.0 + CLOSE) * limit + no_force(m, n):
+            break
+        # Newton's method for the inverse of its size
+        slope = ((w_22 + s) * f * f - 2.0 * w_12 * f * g + (w_11 + s) * g * g) / determinant
+        s += (force / larger(limit, _SHORT * force) - 1.0) * force * force / slope
+    if s == least:
+        stick(m, n)
+    else:
+        slip(m, n, -f, -g)
+    return True
+
+
+@njit(**OPTIONS)
+def _first_mode(m, n, t):
+    """First choice for a friction; 1 if it has no speed and other choices are possible: DUE is below zero then."""
+    w, k, law = m.w, at(m, n), m.w[law_at(m, n) + LAW_AT]
+    shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), no_speed(m, n, t)
+    if w[k + DUE] < 0.0:
+        return 1
+    if m.acts[act_of(m, n), WHAT] == ACROSS or opens(m, n):
+        return 0
+    if law >= VISCOUS_LAW:
+        set_mode(m, n, BENDING if law == LUGRE else FLOWING)
+        return 0
+    if before != STICKING and v > (none if not shifts else _TURNED * none if second(m, n) else math.inf):
+        w[k + DUE] = 0.0
+        slip(m, n, w[k + SLIP], across(m, n, SLIP))
+        return 0
+    w[k + DUE] = STILL
+    if before == STICKING:
+        if shifts:
+            w[k + DUE], w[k + BORE] = LET_GO, magnitude(m, n, FORCE)
+    elif shifts or before == OPEN or w[m.plan[TOUCH] + IN_A_ROW] == 0.0:
+        stick(m, n)  # else it was released just before others
+    return 1
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def _share(m, t, A):
+    """Distribute loads again among sticking frictions, and let those slip that are due, with equally loaded ones.
+
+    Among several frictions of one body, as its feet, one at its limit needn't slip if others can bear more. Returns as
+    :func:`settle`.
+    """
+    apart()
+    w, level = m.w, 0.0
+    for n in range(-frictions(m), 0):
+        if w[at(m, n) + MODE] == STICKING:
+            m.multipliers[row_at(m, n)] = 0.0
+    settled = _relieve(m, t, A)
+    for turn in range(2):
+        for n in range(-frictions(m), 0):
+            k = at(m, n)
+            share = _load(m, n)
+            if w[k + DUE] >= 0.0 or w[k + MODE] != STICKING:
+                continue
+            lets = w[k + DUE] == LET_GO and magnitude(m, n, FORCE) >= (1.0 - _SHORT) * w[k + BORE]
+            if turn == 0 and lets:
+                level = larger(level, share)
+            elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
+                slip(m, n, _slip_direction(m, n), -across(m, n, FORCE))
+    return settled
+
+
+@njit(**OPTIONS)
+def _relieve(m, t, A):
+    """Settle, and in space shift loads from sticking frictions beyond their limits to others, as far as they are
+    redundant.
+
+    The forces beyond a share of their limits are reflected at it, then those that hold the mechanism are found again.
+    Returns as :func:`settle`.
+    """
+    apart()
+    before, settled = 0.0, settle(m, t, A)
+    for turn in range(_REFLECTED if width(m) == 6 else 0):
+        worst = 0.0
+        for n in range(-frictions(m), 0):
+            worst = larger(worst, _load(m, n))
+        if worst <= (_EASED if turn else 1.0 - _SHORT) or (turn == 1 and worst > 0.999 * before):
+            break
+        for n in range(-frictions(m), 0):
+            if _load(m, n) > _EASED:
+                share, other = 2.0 * _EASED / _load(m, n) - 1.0, second(m, n)
+                m.multipliers[row_at(m, n)] *= share
+                if other:
+                    m.multipliers[row_at(m, other)] *= share
+        before, settled = worst, settle(m, t, A)
+    return settled
+
+
+@njit(**OPTIONS)
+def _load(m, n):
+    """Force of sticking friction without speed, as a share of its limit; 0 of other frictions."""
+    k = at(m, n)
+    if m.w[k + MODE] != STICKING or m.w[k + DUE] >= 0.0:
+        return 0.0
+    return magnitude(m, n, FORCE) / (m.w[k + LIMIT] + no_force(m, n))
+
+
+@njit(**OPTIONS)
+def _slip_direction(m, n):
+    """Direction of slip of a sticking friction: opposite to its force, or if that is zero, to its force at the first
+    node of the step that exceeds the limit."""
+    w, k = m.w, at(m, n)
+    return -w[k + FORCE] if abs(w[k + FORCE]) > no_force(m, n) else -w[k + NODES + 5]
+
+
+@njit(**OPTIONS)
+def _least_consistent(m, t, first):
+    """Row with the largest inconsistency of its mode among the free ones, or the ``first`` one; _NONE if all are
+    consistent."""
+    apart()
+    worst, found = 1.0, _NONE
+    for n in range(-frictions(m), contacts(m)):
+        if _is_free(m, n) and not (n < 0 and idle(m, n)):
+            off = _contact_off(m, n) if n >= 0 else _friction_off(m, n, t)
+            if off > worst:
+                if first:
+                    return n
+                worst, found = off, n
+    return found
+
+
+@of_impacts(0.0)
+@njit(**OPTIONS)
+def _contact_off(m, n):
+    """Pull of a closed rigid contact, or approach of an open one, in those that are rounding."""
+    w, k = m.w, at(m, n)
+    size = w[k + ROUNDED] if strikes(m) else w[k + UNSURE]
+    aim = w[k + BOUNCE] if strikes(m) else 0.0
+    closer = (aim - w[k + GAP_ACCEL - strikes(m)]) / (10.0 * size + 1e-300)
+    if w[k + MODE] == OPEN:
+        return closer
+    return larger(-w[k + FORCE] / (10.0 * size * w[k + RESISTING_MASS] + 1e-300), _ASTRAY * abs(closer))
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def _friction_off(m, n, t):
+    """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in those that
+    are rounding."""
+    w, k, rate = m.w, at(m, n), SLIP_RATE - strikes(m)
+    unsure = _SHORT / WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
+    none = w[k + ROUNDED] + no_speed(m, n, t) if strikes(m) else unsure * no_rate(m, n)
+    none += w[k + UNSURE] if m.pivots[DECIDES] == FORCES else 0.0
+    if w[k + MODE] != STICKING:
+        return (abs(across(m, n, rate)) - way(m, n) * w[k + rate]) / none
+    off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (CLOSE * w[k + LIMIT] + nothing(m, n))
+    return larger(off, _ASTRAY * magnitude(m, n, rate) / none if m.pivots[DECIDES] != NOTHING else 0.0)
