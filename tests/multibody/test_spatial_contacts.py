@@ -203,7 +203,7 @@ def test_an_elastic_bar_hits_its_stop_as_in_the_plane(turn):
         assert (one.peak, one.lost) == (pytest.approx(other.peak, rel=1e-9), pytest.approx(other.lost, rel=1e-9))
         place = random_turn(turn) @ [other.x, other.y, 0.0]
         assert [one.x, one.y, one.z] == pytest.approx(place, abs=1e-12)
-    for sensor in ("angle", "root_force"):
+    for sensor in ("angle", "root_force", "moment"):
         peak = abs(plane[sensor].values).max()
         assert space[sensor].values == pytest.approx(plane[sensor].values, abs=1e-9 * peak)
 
