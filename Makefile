@@ -100,8 +100,8 @@ bench-quick: $(READY_TEST)  ## check that the kernels are about as fast as hand-
 bench-derive: $(READY_TEST)  ## time deriving and compiling of chains of links into docs/derive-times.md
 	$(BIN)/python tests/bench_derive.py
 
-bench-choice: $(READY_TEST)  ## compare choices by tolerance with brute force into docs/choice-table.md
-	$(BIN)/python tests/bench_choice.py
+bench-choice: $(READY_TEST)  ## compare choices by tolerance with brute force; CASES="engine ..." of some
+	$(BIN)/python tests/bench_choice.py $(CASES)
 
 docs: $(READY)  ## build the site of docs/ into .build/site, its notebook run, its links checked
 	$(BIN)/python -c "import myst_nb" 2> /dev/null || $(INSTALL) '.[docs]'

@@ -1,7 +1,8 @@
 """What ``run --tolerance`` chooses compared with brute force: ``make bench-choice`` writes ``docs/choice-table.md``.
 
 Run it on an idle machine; each scene has a process and a time limit of its own, and one that fails leaves its reason.
-``python tests/bench_choice.py engine spin-up`` measures some scenes anew and leaves the other rows as they are.
+The page is written after each case, so that an interrupted run keeps what it has measured. ``make bench-choice
+CASES='engine "engine, 2000 rpm"'`` measures some cases anew and leaves the other rows as they are.
 """
 
 from __future__ import annotations
@@ -219,16 +220,17 @@ def main() -> None:
     if arguments.one:
         print(json.dumps(rows_of(arguments.one)))
         return
-    started = time.perf_counter()
-    there = csv_tables.read(TABLE) if arguments.cases else []
+    started, there = time.perf_counter(), csv_tables.read(TABLE)
     rows = {case: [row for row in there if row[0] == case] for case in CASES}
+    if unknown := [case for case in arguments.cases if case not in CASES]:
+        parser.error(f"unknown: {', '.join(unknown)}")
     for case in arguments.cases or CASES:
         print(f"{time.perf_counter() - started:6.0f} s  {case}", file=sys.stderr)
         rows[case] = rows_in_a_process(case)
         print("\n".join(map(" | ".join, rows[case])), file=sys.stderr)
-    foot = FOOT.format(date=datetime.date.today(), machine=platform.machine(), python=platform.python_version())
-    found = [row for case in CASES for row in rows[case]]
-    write_text(PAGE, HEAD.format(outcome=outcome_of(found)) + csv_tables.write(TABLE, COLUMNS, found) + foot)
+        foot = FOOT.format(date=datetime.date.today(), machine=platform.machine(), python=platform.python_version())
+        found = [row for case in CASES for row in rows[case]]
+        write_text(PAGE, HEAD.format(outcome=outcome_of(found)) + csv_tables.write(TABLE, COLUMNS, found) + foot)
 
 
 if __name__ == "__main__":
