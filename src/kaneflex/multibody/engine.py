@@ -203,19 +203,20 @@ class Engine(Views):
         The ``held`` coordinates are not accelerated, as far as the joints allow: they have a mass much larger than all
         others.
         """
-        found, done = [np.zeros((0, len(self.work.kept)))], 0
+        out, done = np.zeros((len(rows), len(self.work.kept))), 0
         shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
         ends = np.append(1 + np.flatnonzero((shut[1:] != shut[:-1]).any(axis=1)), len(rows))
         while done < len(rows):
             self.stand(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
             self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
-            found.append(self.unfold(rows[done : ends[np.searchsorted(ends, done, "right")]], codes.NEAR_STATES))
-            done += len(found[-1])
-            if not len(found[-1]):
+            alike = slice(done, ends[np.searchsorted(ends, done, "right")])
+            found = self._unfolded(rows[alike], codes.NEAR_STATES, out[alike])
+            done += found
+            if not found:
                 break
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
-        return np.concatenate(found) if done == len(rows) else None
+        return out if done == len(rows) else None
 
     def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
@@ -231,7 +232,11 @@ class Engine(Views):
         With NEAR_STATES up to the first one that can't be projected; ``work.now`` has its time and outcome.
         """
         out = np.zeros((len(rows), len(self.work.kept)))
-        return out[: self.call("unfold", np.ascontiguousarray(rows), len(rows), near, out)]
+        return out[: self._unfolded(rows, near, out)]
+
+    def _unfolded(self, rows: np.ndarray, near: int, out: np.ndarray) -> int:
+        """Number of records written into ``out``, which is contiguous."""
+        return int(self.call("unfold", np.ascontiguousarray(rows), len(rows), near, out))
 
     def compile(self) -> None:
         """Compile everything now, so that compilation is reported and timed separately."""
