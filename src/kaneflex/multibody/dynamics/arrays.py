@@ -62,7 +62,7 @@ class Instants:
     powers : ndarray (n_works,)
         Of dissipation without contacts and friction, loads, drives, frictions and contacts [W].
     touching : ndarray (n_unilateral, 8)
-        Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.frictions.results`.
+        Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.frictions.record`.
     sizes : ndarray (n_loads,)
         Of the loads; behind the record follow those of switches.
     """

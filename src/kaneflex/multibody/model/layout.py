@@ -74,7 +74,7 @@ speed, g, deflection, force."""
 BORE = FIRMEST
 """Numbers of sticking friction, which has no bristles: the force at which it slips."""
 RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
-"""Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.results`), and places of its force and its
+"""Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.record`), and places of its force and its
 stored energy; its gap is the first one."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,

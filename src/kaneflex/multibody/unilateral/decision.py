@@ -135,7 +135,7 @@ def search(m, t, A):
 def _choose(m, n, left):
     """Set the mode of a row by the remaining number of a combination; returns that of the others."""
     if n >= 0:
-        _close(m, n, left % 2 == 0)
+        m.w[at(m, n) + MODE] = CLOSED if left % 2 == 0 else OPEN
         return left // 2
     stick(m, n)
     if left % 3 != 0:
@@ -144,17 +144,11 @@ def _choose(m, n, left):
 
 
 @njit(**OPTIONS)
-def _close(m, n, closes):
-    """Close or open a rigid contact."""
-    m.w[at(m, n) + MODE], m.multipliers[row_at(m, n)] = CLOSED if closes else OPEN, 0.0
-
-
-@njit(**OPTIONS)
 def _change(m, n, t, A):
     """Change the mode of a row, or its direction in a tangent plane; False: singular."""
     mode, force = m.w[at(m, n) + MODE], m.w[at(m, n) + FORCE]
     if n >= 0:
-        _close(m, n, mode == OPEN)
+        m.w[at(m, n) + MODE] = CLOSED if mode == OPEN else OPEN
     elif second(m, n):
         return _stick_or_slip(m, n, t, A)
     elif mode == STICKING:
@@ -249,7 +243,10 @@ def _share(m, t, A):
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
-                slip(m, n, _slip_direction(m, n), -across(m, n, FORCE))
+                force = w[k + FORCE]
+                if abs(force) <= no_force(m, n):
+                    force = w[k + NODES + 5]  # at the first node of the step that exceeds the limit
+                slip(m, n, -force, -across(m, n, FORCE))
     return settled
 
 
@@ -286,14 +283,6 @@ def _load(m, n):
     if m.w[k + MODE] != STICKING or m.w[k + DUE] >= 0.0:
         return 0.0
     return magnitude(m, n, FORCE) / (m.w[k + LIMIT] + no_force(m, n))
-
-
-@njit(**OPTIONS)
-def _slip_direction(m, n):
-    """Direction of slip of a sticking friction: opposite to its force, or if that is zero, to its force at the first
-    node of the step that exceeds the limit."""
-    w, k = m.w, at(m, n)
-    return -w[k + FORCE] if abs(w[k + FORCE]) > no_force(m, n) else -w[k + NODES + 5]
 
 
 @njit(**OPTIONS)

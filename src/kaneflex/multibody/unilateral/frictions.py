@@ -285,11 +285,13 @@ def _force_of(m, n):
     return force[0], force[1], force[2]
 
 
+@of_contacts(None)
 @njit(**OPTIONS)
-def results(m, out):
-    """Results of every row, frictions first: gap or position, rate, force, normal force, stored energy, lost power,
-    MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's components."""
-    w, i = m.w, 0
+def record(m):
+    """Store the results of every row with an instant, frictions first: gap or position, rate, force, normal force,
+    stored energy, lost power, MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's
+    components."""
+    w, i, out = m.w, 0, m.touching
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
         out[i], out[i + 1], out[i + 2] = w[k + GAP], w[k + GAP_RATE], w[k + FORCE]
@@ -300,10 +302,3 @@ def results(m, out):
         out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
         out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
         i += RESULTS
-
-
-@of_contacts(None)
-@njit(**OPTIONS)
-def record(m):
-    """Store the results of every row with an instant in space."""
-    results(m, m.touching)
