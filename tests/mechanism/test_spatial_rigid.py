@@ -20,8 +20,8 @@ from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_m
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import curves
+from kaneflex.solve.engine_loading import spatial_start
 from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.spatial_loading import spatial_start
 
 SEED = 20261122
 

@@ -51,8 +51,7 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     new = renaming.drawn(scene, 4)
     other = renaming.renamed(scene, new)
     laws = renaming.under_new_names(find_laws_module(scene, quiet)[0], new)
-    for finding in ("solve.spatial_loading", "multibody.model.assembly"):
-        monkeypatch.setattr(f"kaneflex.{finding}.find_laws_module", lambda scene, progress: (laws, 0.0))
+    monkeypatch.setattr("kaneflex.multibody.model.assembly.find_laws_module", lambda scene, progress: (laws, 0.0))
     if not scene.is_spatial:
         rigid = renaming.under_new_names(find_module(scene, quiet)[0], new)
         monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))

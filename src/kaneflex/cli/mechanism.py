@@ -154,7 +154,7 @@ def _in_space(scene: Scene, at: Mapping[str, float], blocks: Blocks) -> Callable
     """Picture of a mechanism in space as it starts; adds its freedoms."""
     from kaneflex.plots.scheme import refuse_places, scheme
     from kaneflex.report.presentation import spatial_mobility
-    from kaneflex.solve.spatial_loading import spatial_start
+    from kaneflex.solve.engine_loading import spatial_start
 
     refuse_places(at)
     system, start, motion = spatial_start(scene)

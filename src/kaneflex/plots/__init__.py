@@ -161,7 +161,7 @@ def show(scene: SceneLike, at: Mapping[str, float] | None = None) -> Figure:
         from kaneflex.plots.scheme import refuse_places, scheme
 
         if scene.is_spatial:
-            from kaneflex.solve.spatial_loading import spatial_start
+            from kaneflex.solve.engine_loading import spatial_start
 
             refuse_places(at or {})
             return scheme(scene, spatial_start(scene)[2])

@@ -108,7 +108,7 @@ def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
 
 def along(model: Model, run: Run) -> SpatialKinematics:
     """Motion of a mechanism in space along its run, with the checks that need it."""
-    from kaneflex.solve.spatial_loading import with_open_reactions
+    from kaneflex.solve.engine_loading import with_open_reactions
 
     module, coupled = SpatialModule(run.system), model.coupled_in_space
     motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
@@ -154,7 +154,7 @@ def _beginning(model: Model) -> State:
 
 
 def _beginning_in_space(model: Model) -> State:
-    from kaneflex.solve.spatial_loading import given_state
+    from kaneflex.solve.engine_loading import given_state
 
     system, options = model.motion.module.system, model.options
     start = start_of(system)

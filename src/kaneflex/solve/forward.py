@@ -28,8 +28,8 @@ from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.coupled import along, method_of
+from kaneflex.solve.engine_loading import check_stage
 from kaneflex.solve.run_checks import check_laws
-from kaneflex.solve.spatial_loading import check_stage
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:

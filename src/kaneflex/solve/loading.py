@@ -3,47 +3,29 @@
 from __future__ import annotations
 
 import copyreg
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.fem.mobility import check_determined, check_free
-from kaneflex.mechanism.closure import SWEEP, check_closure, drive_positions
+from kaneflex.mechanism.closure import check_closure
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
-from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
+from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, model_without_equations
-from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
+from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
-from kaneflex.scene.options import (
-    UNUSED_TERMS,
-    Options,
-    acting,
-    has_term,
-    limits_modes,
-    modes_of,
-    resolve_options,
-    without_poses,
-)
+from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by, silent
 
-if TYPE_CHECKING:
-    from kaneflex.mechanism.position_analysis import Placement
-    from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
-
 Progress = Callable[[str], None]
-_POSED = 1e-6
-"""Share of a structure's size by which welds may move a body from its pose."""
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation does not act back on its motion"
 """Note of every run with free joints."""
 
@@ -79,17 +61,15 @@ def load(scene: SceneLike, progress: Progress | None = None, like: Model | None 
     """
     given, progress = scene_from(scene), progress or silent
     started, options = time.perf_counter(), resolve_options(given)
-    if given.is_spatial:
-        from kaneflex.solve.spatial_loading import bind_in_space
+    if given.is_spatial or options.dynamics == "coupled":
+        from kaneflex.solve.engine_loading import bind
 
-        model, notes, seconds = bind_in_space(acting(given, options), options, progress)
-        notes = (*ignored_of(given, options), *notes)
-    elif options.dynamics == "coupled":
-        model, notes, seconds = _bind_coupled(given, options, progress)
+        model, notes, seconds = bind(given, options, progress)
     else:
-        model, notes, seconds = _bind_one_way(given, options, progress, like)
+        (model, seconds), notes = _bind_one_way(given, options, progress, like), ()
     seconds["set_up"] = time.perf_counter() - started - sum(seconds.values())
-    model = replace(model, warnings=(*_warnings(model), *notes, *_one_way_joints(model)), seconds=seconds, given=given)
+    notes = (*ignored_of(given, options), *notes, *_one_way_joints(model))
+    model = replace(model, warnings=(*_warnings(model), *notes), seconds=seconds, given=given)
     _check_start(model)
     return model
 
@@ -102,9 +82,8 @@ def model_from(given: SceneLike) -> Model:
 
 def _bind_one_way(
     scene: Scene, options: Options, progress: Progress, like: Model | None
-) -> tuple[Model, tuple[str, ...], dict[str, float]]:
-    """Model of a planar scene of a one-way preset, notes on entries without effect, and the seconds of derivation and
-    compilation."""
+) -> tuple[Model, dict[str, float]]:
+    """Model of a planar scene of a one-way preset, and the seconds of derivation and compilation."""
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
         check_free(mechanism_of(scene))
@@ -112,26 +91,26 @@ def _bind_one_way(
     if options.dynamics != "rigid" and scene.is_elastic:
         check_elastic(scene)
     (module, derived), compiled = find_module(scene, progress), 0.0
-    ignored, scene = ignored_of(scene, options), acting(scene, options)
-    check_memory(mechanism_of(scene), options, len(module.SCALARS))
+    scene = acting(scene, options)
+    mechanism = mechanism_of(scene)
+    check_memory(mechanism, options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))
     if getattr(module, "LOOPS", ()):
         from kaneflex.mechanism.closure_continuation import seed_loops
 
         progress("following the linkage over its drive's range")
-        motion = RigidKinematics(module, seed_loops(mechanism_of(scene), module, motion.parameters, options.duration))
+        motion = RigidKinematics(module, seed_loops(mechanism, module, motion.parameters, options.duration))
     if module.FREE:
-        from kaneflex.multibody.model.assembly import rigid_system
+        from kaneflex.multibody.model.assembly import build_system
         from kaneflex.solve.forward import at_start
 
-        laws, more = find_laws_module(scene, progress)
-        system = rigid_system(mechanism_of(scene), laws, bind_parameters(scene, laws))
+        system, more = build_system(scene, progress)
         derived, compiled = derived + more, compiled_by(progress, system.engine.compile)
         motion = at_start(system, motion)
     else:
-        check_closure(mechanism_of(scene), motion, options.duration)
+        check_closure(mechanism, motion, options.duration)
         check_laws(model_without_equations(scene, options, motion))
-    return build_model(scene, options, motion, like=like), ignored, {"derive": derived, "compile": compiled}
+    return build_model(scene, options, motion, like=like), {"derive": derived, "compile": compiled}
 
 
 def _as_it_starts(scene: Scene) -> Scene:
@@ -172,98 +151,6 @@ def _check_start(model: Model) -> None:
         beginning(model)
 
 
-def has_elastic_stage(scene: Scene) -> bool:
-    """True if linear equations about the rigid mechanism exist besides the coupled ones, for modes and coordinates.
-
-    They don't without elastic bodies, with freely moving or overconstrained bodies, with rigid bodies that can't follow
-    the links, or with laws of joints without drive.
-    """
-    deforms = any(body.deforms for body in scene.bodies.values())
-    if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
-        return False
-    try:
-        check_free(mechanism_of(scene))
-        check_elastic(scene)
-    except SceneError:
-        return False
-    return True
-
-
-def _bind_coupled(
-    scene: Scene, options: Options, progress: Progress
-) -> tuple[Model, tuple[str, ...], dict[str, float]]:
-    """Variant of :func:`_bind_one_way` for preset coupled, which needs the laws of drives and loads only."""
-    from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.assembly import build_system
-    from kaneflex.multibody.model.determinacy import check_freedoms, check_sensors, undetermined
-    from kaneflex.multibody.time.rigid_reference import rigid_reference
-    from kaneflex.solve.contact_lines import check_lines
-
-    posed, scene = scene, without_poses(scene)
-    mechanism = mechanism_of(scene)
-    spare = check_determined(mechanism, twice=True)
-    check_on_axes(scene)
-    bare, scene = not has_elastic_stage(scene), _as_it_starts(scene)
-    ignored, scene = ignored_of(scene, options), acting(scene, options)
-    mechanism = mechanism_of(scene)
-    check_memory(mechanism, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
-    placement = place(mechanism)
-    _check_poses(posed, mechanism.size, placement)
-    if spare:
-        from kaneflex.fem.freedom import check_held_twice
-
-        check_held_twice(mechanism, placement, spare)
-    coupled, derived = build_system(scene, progress, modes_of(scene.solve))
-    motion = rigid_reference(coupled, placement)
-    compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
-    check_freedoms(coupled, placement)
-    check_reference(motion, options)
-    bound = model_without_equations(scene, options, motion)
-    check_laws(bound)
-    check_lines(bound)
-    model = build_model(scene, options, motion, bare=bare)
-    if spare:
-        open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
-        check_sensors(coupled, scene.sensors, open_rows)
-        coupled = replace(coupled, undetermined=open_rows)
-    seconds = {"derive": derived, "compile": compiled}
-    return replace(model, coupled=coupled), (*ignored, *_all_modes(scene)), seconds
-
-
-def _check_poses(scene: Scene, size: float, placement: Placement) -> None:
-    """Raise SceneError if a structure's welds contradict the pose of a body."""
-    for name, body in scene.bodies.items():
-        x, y, _ = placement.poses[name]
-        if body.pose is not None and math.hypot(x - body.pose.at[0], y - body.pose.at[1]) > _POSED * size:
-            held = f"the welds put its start at [{x:.6g} m, {y:.6g} m]"
-            raise SceneError(f"bodies.{name}.pose.at", list(body.pose.at), held, "Give that position, or other lengths")
-
-
-def _all_modes(scene: Scene) -> list[str]:
-    """Notes on links whose elements have fewer modes than the default number."""
-    from kaneflex.mechanism.floating_frames import link_modes
-
-    mechanism, most = mechanism_of(scene), modes_of(scene.solve)
-    links = [name for name, body in mechanism.deforming.items() if body.elastic]
-    return [
-        f"{name} has only {count} of the default's {most} modes; more elements give more"
-        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(scene.solve))) for each in links)
-        if count < most
-    ]  # fmt: skip
-
-
-def check_reference(motion: ReferenceKinematics, options: Options) -> None:
-    """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
-    reference, mechanism = motion.module, motion.module.system.mechanism
-    rigid = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
-    if not np.isfinite(rigid.values).all() and np.isfinite(rigid.known).all():
-        raise SceneError(
-            "joints", ", ".join(dict.fromkeys(reference.engine.layout.cuts)),
-            f"the loop cannot close at {drive_positions(mechanism, rigid)}, or is in a singular position there",
-            "Change the lengths, or limit the drive's range",
-        )  # fmt: skip
-
-
 def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options | None = None) -> Model:
     """Model of a scene that differs in numbers only, with the same module, options and number of steps.
 
@@ -278,25 +165,12 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     """
     alike = options is None
     options = options or neighbour_options(model, scene)
-    if scene.is_spatial:
-        from kaneflex.solve.spatial_loading import beside_in_space
+    if scene.is_spatial or model.coupled is not None:
+        from kaneflex.solve.engine_loading import beside
 
-        return beside_in_space(model, scene, options, model.module.system if alike else None, frozen)
-    scene, like = _as_it_starts(scene if model.coupled is None else without_poses(scene)), model if frozen else None
-    scene = acting(scene, options)
-    if model.coupled is None:
-        return build_model(scene, options, _moved(model, scene, options.duration), like)
-    from kaneflex.mechanism.position_analysis import place
-    from kaneflex.multibody.model.assembly import bound_system
-    from kaneflex.multibody.time.rigid_reference import rigid_reference
-
-    own = model.coupled
-    mechanism, p = mechanism_of(scene), bind_parameters(scene, own.module)
-    modes, like_own = (modes_of(scene.solve), limits_modes(scene.solve)), own if alike else None
-    system = bound_system(mechanism, own.module, p, *modes, None, like_own, frozen)
-    motion = rigid_reference(system, place(mechanism))
-    found = build_model(scene, options, motion, like, bare=model.bare)
-    return replace(found, coupled=replace(system, undetermined=own.undetermined))
+        return beside(model, scene, options, alike, frozen)
+    scene = acting(_as_it_starts(scene), options)
+    return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
 
 
 def neighbour_options(model: Model, scene: Scene) -> Options:

@@ -42,18 +42,20 @@ from kaneflex.support.errors import SceneError
 
 
 def build_system(
-    scene: Scene, progress: Callable[[str], None], modes: int, elements: int | None = None
+    scene: Scene, progress: Callable[[str], None], modes: int | None = None, elements: int | None = None
 ) -> tuple[System, float]:
-    """Find or derive the module of a scene's laws, and bind its numbers; see :func:`bound_system`.
+    """Find or derive the module of a scene's laws, and bind its numbers; of rigid bodies without ``modes``, else see
+    :func:`bound_system`.
 
     Returns the system and the seconds spent on deriving its module.
     """
     mechanism, limited = mechanism_of(scene), limits_modes(scene.solve)
     for name, body in mechanism.deforming.items() if mechanism.d == 3 else ():
-        if body.elastic:
+        if modes is not None and body.elastic:
             check_modes(mechanism, name, modes, limited)
     module, seconds = find_laws_module(scene, progress)
-    return bound_system(mechanism, module, bind_parameters(scene, module), modes, limited, elements), seconds
+    of = mechanism, module, bind_parameters(scene, module)
+    return rigid_system(*of) if modes is None else bound_system(*of, modes, limited, elements), seconds
 
 
 def bound_system(

@@ -192,7 +192,7 @@ class Model:
     @property
     def bare(self) -> bool:
         """True if a coupled model has no linear elastic equations, see
-        :func:`kaneflex.solve.loading.has_elastic_stage`."""
+        :func:`kaneflex.solve.engine_loading.has_elastic_stage`."""
         return self.coupled is not None and not self.equations.size
 
     @property
