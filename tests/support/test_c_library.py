@@ -29,7 +29,7 @@ def cache(tmp_path, monkeypatch):
 def without_c(monkeypatch):
     """Functions that numba compiles, as where there is no C compiler."""
     caches = callables.library, stepping.stepper
-    for module, cache in zip((callables, stepping), caches, strict=True):
+    for module, cache in zip((callables, c_library), caches, strict=True):
         monkeypatch.setattr(module, "c_addresses", lambda *of: [])
         cache.cache_clear()
     yield

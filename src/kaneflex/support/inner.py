@@ -1,16 +1,10 @@
-"""Compilation by numba of functions that only other compiled functions call, and faster compilation of all functions.
+"""Compilation by numba of functions that only other compiled functions call.
 
-Compiled functions are the same, but repeated work is done once, or less often. Half of numba's own work is the search
-for the signature of each operator: it tries all known implementations until one matches. In addition, garbage
-collection repeatedly searches objects that live as long as the compiler.
-
-A compiled function of kaneflex is read from numba's cache without preparing numba to compile, which takes longer than
-reading ten functions. The compiler is prepared when it first compiles.
+numba optimises every function separately, with its callees. Here a part is compiled with its callers only.
 """
 
 from __future__ import annotations
 
-import gc
 from functools import cache
 from typing import Any
 
@@ -18,6 +12,7 @@ from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.dispatcher import Dispatcher
 from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
@@ -93,49 +88,6 @@ def once(dispatcher):
     return dispatcher
 
 
-@cache
-def _use() -> None:
-    """Make numba compile this way from now on; once per process."""
-    from numba.core import caching, event
-
-    event.register("numba:compile", _while_compiling(event.Listener))
-    cache_of_functions: Any = caching.FunctionCache
-    cache_of_functions.load_overload = _reading_only(cache_of_functions.load_overload)
-
-
-@cache
-def prepare() -> None:
-    """Prepare numba before the first function that a process compiles."""
-    from numba import types
-    from numba.core.dispatcher import Dispatcher
-
-    library: Any = JITCodeLibrary
-    library.add_linking_library = _link_parts
-    function: Any = types.Function
-    function.get_call_type = _remembering(function.get_call_type)
-    _compile_parts_within_callers(Dispatcher)
-
-
-def _reading_only(load: Any) -> Any:
-    """Replace numba's ``load(cache, sig, context)`` of a compiled function by one without ``context.refresh()``.
-
-    The refresh imports and registers everything that numba can compile. A compiled function needs only the symbols
-    of numba's runtime, and its caller the type of functions by address, which only the refresh registers. Functions
-    of other packages may need more and are read as numba reads them.
-    """
-    import numba.experimental.function_type  # noqa: F401
-    from numba.core.runtime import rtsys
-
-    def load_overload(self, sig, context):
-        if not (self._py_func.__module__ or "").startswith("kaneflex"):  # that of a lambdified function is None
-            return load(self, sig, context)
-        rtsys.initialize(context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, context)
-
-    return load_overload
-
-
 def _compile_parts_within_callers(dispatcher: Any) -> None:
     """Compile generated kernels as parts of the compiled functions that call them.
 
@@ -155,60 +107,5 @@ def _compile_parts_within_callers(dispatcher: Any) -> None:
         setattr(dispatcher, name, lambda kernel, *types, find=find: find(part(kernel), *types))
 
 
-def _remembering(find: Any) -> Any:
-    """Cache numba's ``find(function, context, args, kws)``, its search for a signature, for numbers, arrays and tuples.
-
-    Only numba's own implementations are cached, by the function's key: functions compiled for a call depend on more
-    than types. Each hit stores the key again, as a search does, since another search may have overwritten it.
-    """
-    from numba import types
-
-    found: dict[Any, Any] = {}
-
-    def plain(kind: Any) -> bool:
-        if isinstance(kind, types.BaseTuple):
-            return all(map(plain, kind))
-        return isinstance(kind, types.Number | types.Boolean | types.Array)
-
-    def get_call_type(self, context, args, kws):
-        if kws or not all(map(plain, args)):
-            return find(self, context, args, kws)
-        asked = context, self, tuple(args)
-        signature = found.get(asked)
-        if signature is not None:
-            self._impl_keys[signature.args] = self.typing_key
-            return signature
-        signature = find(self, context, args, kws)
-        if self._impl_keys[signature.args] is self.typing_key:
-            found[asked] = signature
-        return signature
-
-    return get_call_type
-
-
-def _while_compiling(listener: Any) -> Any:
-    """Make a listener that prepares numba, and raises the thresholds of garbage collection while numba compiles."""
-
-    class WhileCompiling(listener):
-        deep = 0
-
-        def on_start(self, event: Any) -> None:
-            prepare()
-            if self.deep == 0:
-                self.often = gc.get_threshold()
-                gc.set_threshold(*_SELDOM if self.often[0] else self.often)
-            self.deep += 1
-
-        def on_end(self, event: Any) -> None:
-            self.deep -= 1
-            if self.deep == 0:
-                gc.set_threshold(*self.often)
-
-    return WhileCompiling()
-
-
-_SELDOM = 50_000, 20, 100
-"""Thresholds of garbage collection (new objects for each generation) that do not increase the memory in use."""
-
-
-_use()
+_compile_parts_within_callers(Dispatcher)
+JITCodeLibrary.add_linking_library = _link_parts
