@@ -76,6 +76,12 @@ def settled(request: pytest.FixtureRequest) -> Iterator[None]:
             each.cache_clear()
 
 
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture(scope="session")
 def derived_once() -> Iterator[None]:
     """The equations that are printed in LaTeX: those of a structure are derived once a process."""

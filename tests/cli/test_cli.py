@@ -25,11 +25,7 @@ from kaneflex.scene import json_schema
 from kaneflex.scene.parts import PRESETS
 from kaneflex.scene.structure import structure_hash
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path, monkeypatch):
-    """Every test works in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 # ---- help and lists ---------------------------------------------------------------------------------------------

@@ -391,7 +391,7 @@ def test_kernels_in_a_loop_of_the_users_own():
 PLANAR = [name for name, scene in SCENES.items() if not scene.is_spatial]
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive(share=4)
 @pytest.mark.parametrize("name", PLANAR)  # in space what joints share is no number
 def test_motion_is_finite_at_every_angle(name):
     """0.1 degree steps over four turns, dead centres included; over the whole run where the speed is not constant."""

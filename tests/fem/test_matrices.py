@@ -15,6 +15,7 @@ from scipy.sparse import coo_array, csc_array, triu
 from kaneflex.fem.imported.matrices import read_matrix
 from kaneflex.support.errors import Fault
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
 NUMBERS = np.array([40, 7, 112, 3, 25])
 AXES = 3
 
@@ -88,11 +89,6 @@ def punched(K):
     index = pd.MultiIndex.from_arrays(labels(), names=["id", "dof"])
     nastran.wtdmig("job.pch", {"kaax": pd.DataFrame(K.toarray(), index=index, columns=index)})
     return "job.pch"
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(

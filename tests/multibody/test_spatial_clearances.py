@@ -339,7 +339,7 @@ def test_a_rotor_of_an_elastic_shaft_runs_in_two_bearings(friction):
     assert {each.contact for each in found.impacts} >= {"left_1", "left_2", "right_1", "right_2"}
     assert found.trajectory.energy.drift < 1e-7
     moving = found.motion.moving
-    forces = list(LinkForces(moving.scene, moving).wrenches("shaft"))
+    forces = list(LinkForces(moving.mechanism, moving).wrenches("shaft"))
     left_over = Balance(moving, "shaft", lambda: forces)._gap  # of its equilibrium, of third order in the deflection
     assert abs(forces[-1].about_start).max() > 1.0
     assert abs(left_over[:3]).max() < 5e-8 and abs(left_over[3]).max() < 2e-6 and abs(left_over[4:]).max() < 1e-4

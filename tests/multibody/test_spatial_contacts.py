@@ -7,7 +7,7 @@ import pytest
 from lifting import lifted
 from machines import changed
 from parity import planar, random_turn
-from runs import changes, solved
+from runs import alike, changes, solved
 from test_friction import ARM, BLOCK, CRANK, HINGE, SLOPE, G
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
@@ -117,8 +117,7 @@ def test_a_prescribed_arm_presses_on_its_stop_as_in_the_plane():
     plane, space = both(scene_of(PRESS), "press")
     push = plane["push"].values
     assert push.max() == pytest.approx(2e6 * 0.2 * math.sin(0.05), rel=1e-3) and push.min() == 0.0
-    for sensor in ("push", "torque"):
-        assert abs(space[sensor].values - plane[sensor].values).max() < 1e-9 * abs(plane[sensor].values).max()
+    alike(space, plane, 1e-9, ("push", "torque"))
 
 
 @pytest.mark.exhaustive(share=7)
@@ -203,9 +202,7 @@ def test_an_elastic_bar_hits_its_stop_as_in_the_plane(turn):
         assert (one.peak, one.lost) == (pytest.approx(other.peak, rel=1e-9), pytest.approx(other.lost, rel=1e-9))
         place = random_turn(turn) @ [other.x, other.y, 0.0]
         assert [one.x, one.y, one.z] == pytest.approx(place, abs=1e-12)
-    for sensor in ("angle", "root_force", "moment"):
-        peak = abs(plane[sensor].values).max()
-        assert space[sensor].values == pytest.approx(plane[sensor].values, abs=1e-9 * peak)
+    alike(space, plane, 1e-9, ("angle", "root_force", "moment"))
 
 
 def ball(contact, *settings):

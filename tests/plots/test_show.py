@@ -23,6 +23,7 @@ from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
 from kaneflex.solve.free_motion import integrated
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
 SCENES = tuple(name for name, scene in shipped().items() if not scene.is_spatial)  # those have tests of their own
 
 QUICK_RETURN = """
@@ -63,7 +64,7 @@ solve = {preset = "linear", duration = "1 s"}
 # ---- places -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive(share=4)
 @pytest.mark.parametrize("name", SCENES)
 def test_places_are_those_of_the_generated_motion(name):
     """At four configurations of the run, and on the right branch."""
@@ -197,7 +198,7 @@ def texts(scene) -> list[str]:
     return [text.get_text() for text in [*figure.texts, *figure.axes[0].texts, figure.axes[0].title]]
 
 
-@pytest.mark.exhaustive(share=2)
+@pytest.mark.exhaustive(share=4)
 @pytest.mark.parametrize("name", SCENES)
 def test_everything_is_named_in_the_drawing(name):
     scene = read_scene(name)
@@ -263,11 +264,6 @@ def test_a_structure_with_gravity_is_drawn():
 
 
 # ---- command line -------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def test_show_draws_and_counts():

@@ -7,10 +7,7 @@ from command_line import cli, refused
 
 from kaneflex.scene import read_scene, shipped_scenes
 
-
-@pytest.fixture(autouse=True)
-def empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.mark.exhaustive

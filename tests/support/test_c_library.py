@@ -4,6 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from runs import alike
 
 from kaneflex import load, read_scene, simulate, with_settings
 from kaneflex.integrate import stepping
@@ -50,9 +51,7 @@ def test_runs_are_those_of_numba(compiler, scene, monkeypatch):
     in_c = simulate(load(settings))
     with without_c(monkeypatch):
         by_numba = simulate(load(settings))
-    for name, series in by_numba.series.items():
-        most = 1e-9 * np.abs(series.values).max()
-        np.testing.assert_allclose(in_c.series[name].values, series.values, rtol=0.0, atol=most, err_msg=name)
+    alike(in_c, by_numba, 1e-9)
 
 
 @pytest.mark.parametrize("method", ["radau", *(pytest.param(name, marks=pytest.mark.exhaustive)
@@ -64,9 +63,7 @@ def test_steps_are_those_of_numba(compiler, method, monkeypatch):
     in_c = simulate(load(scene))
     with without_c(monkeypatch):
         by_numba = simulate(load(scene))
-    for name, series in by_numba.series.items():
-        most = 1e-10 * np.abs(series.values).max()
-        np.testing.assert_allclose(in_c.series[name].values, series.values, rtol=0.0, atol=most, err_msg=name)
+    alike(in_c, by_numba, 1e-10)
 
 
 def test_a_library_of_c_calls_kernels_of_numba(compiler, monkeypatch):
