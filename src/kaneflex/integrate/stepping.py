@@ -131,7 +131,7 @@ class Setup:
         """
         (n, columns), stages, (scalars, period, position, n_steps) = state.z.shape, self.method.stages, piece
         slots, n_scalars = self.layout(1).n_slots, scalars.shape[1]
-        plan = np.array(Plan(n, columns, slots, stages, n_scalars, period, position, n_steps, *counted))
+        plan = np.array(Plan(n, columns, slots, stages, n_scalars, period, position, n_steps, *counted), np.int64)
         if columns not in self.work:
             matrices = 3 * (3 * slots + n) + stages * n + (stages**2 + 1) * slots
             self.work[columns] = np.empty(matrices + (stages + 1) * n * columns)

@@ -86,7 +86,7 @@ class CompiledReadings:
         found = np.empty((len(own.sensors), given.shape[1]))
         entries = int((own.stages[:, 1] * (own.stages[:, 2] + 1)).max())
         work = np.empty((own.count, BLOCK)), np.empty((entries + 1, BLOCK))
-        plan = np.array([len(given), given.shape[1], len(own.stages), *own.stages.ravel()])
+        plan = np.array([len(given), given.shape[1], len(own.stages), *own.stages.ravel()], np.int64)
         _loop()(*map(by_address, (plan, own.ends, np.ascontiguousarray(own.pairs), given, own.constants, *work, found)))
         return found[:, :steps]
 
