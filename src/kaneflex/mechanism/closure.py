@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.joints import axes_of, course
 from kaneflex.mechanism.mechanism import NumericMechanism
-from kaneflex.mechanism.numbers import Given
+from kaneflex.mechanism.numbers import Numbers
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene.quantities import Address
@@ -141,7 +141,7 @@ def reach_lines(mechanism: NumericMechanism, courses: Courses) -> dict[str, str]
     return found | ({"coincide": "; ".join(meeting)} if meeting else {})
 
 
-def without_rounding(mechanism: Given, course: np.ndarray, slides: bool) -> np.ndarray:
+def without_rounding(mechanism: Numbers, course: np.ndarray, slides: bool) -> np.ndarray:
     """Coordinate of a joint over the motion [rad or m], (n,), without differences from zero or from its start
     below 1e-9 of a turn or of the mechanism's size."""
     points = [at for own in mechanism.points.values() for at in own.values()]

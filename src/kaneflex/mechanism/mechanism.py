@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from kaneflex.mechanism.numbers import Given, acting_parts, given_numbers
+from kaneflex.mechanism.numbers import Numbers, acting_parts, given_numbers
 from kaneflex.mechanism.parts import Body, Joint, Mass, Mechanism, floating_coordinates
 from kaneflex.mechanism.planar import BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.quantities import Address
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NumericMechanism(Given, Mechanism):
+class NumericMechanism(Numbers, Mechanism):
     """Mechanism in the plane with floats in SI."""
 
     d: ClassVar[int] = 3

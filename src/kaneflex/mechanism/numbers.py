@@ -27,7 +27,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Given:
+class Numbers:
     """Numbers of a mechanism in the plane or in space, by the names of the scene's entries, in SI.
 
     ``size``: longest reach from a body's start [m], to compare lengths with; ``horizon``: duration of a run [s];
@@ -94,7 +94,7 @@ class Given:
 
 
 def given_numbers(scene: Scene, reach: list[float]) -> dict[str, Any]:
-    """Fields of :class:`Given`; ``reach``: distances of the joints from their bodies' starts [m]."""
+    """Fields of :class:`Numbers`; ``reach``: distances of the joints from their bodies' starts [m]."""
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or _way(scene) or 1.0
     joints, vector = scene.joints.items(), scene.vector
     points = {name: body.points_all for name, body in scene.bodies.items()}

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaneflex.mechanism.force_parts import Contact, Spring
-from kaneflex.mechanism.numbers import Given, acting_parts, given_numbers
+from kaneflex.mechanism.numbers import Numbers, acting_parts, given_numbers
 from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
@@ -115,7 +115,7 @@ def across(axis: np.ndarray) -> list[np.ndarray]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpatialMechanism(Given):
+class SpatialMechanism(Numbers):
     """Parts of a mechanism in space.
 
     A lumped mass is part of its rigid body; on a deforming one it is a separate body, welded to it: one of ``lumped``.

@@ -68,9 +68,9 @@ def check_cycle(scene: Scene, asked: str) -> None:
     free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
     free += [name for name, body in scene.bodies.items() if body.free is not None]
     if free:
-        _refuse(asked, scene, f"{_ONLY}, and {', '.join(free)} is free")
+        _refuse(asked, scene.name, f"{_ONLY}, and {', '.join(free)} is free")
     if scene.period is None:
-        _refuse(asked, scene, f"{_ONLY}, and none of its drives has a cycle")
+        _refuse(asked, scene.name, f"{_ONLY}, and none of its drives has a cycle")
 
 
 def one_way_cure(scene: Scene, asked: str, integrated: bool) -> str:
@@ -110,7 +110,7 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: Rigid
     reason, period = not_repeated(model), model.scene.period
     assert period is not None  # checked with the scene
     if reason is not None:
-        _refuse(asked, model.scene, f"{_ONLY}: {reason}")
+        _refuse(asked, model.scene.name, f"{_ONLY}: {reason}")
     own = np.array(sorted(columns), dtype=int)
 
     def sampled(shares: np.ndarray) -> np.ndarray:
@@ -139,7 +139,7 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: Rigid
             names = list(model.motion.column)
             worst = names[own[np.argmax(apart / scale)]]
             reason = f"{worst} changes too suddenly for a Fourier series of {instants // 2} harmonics"
-            _refuse(asked, model.scene, reason)
+            _refuse(asked, model.scene.name, reason)
         values = np.stack([values, between], axis=1).reshape(2 * instants, -1)
     found *= 2.0 / instants
     found[0] *= 0.5
@@ -150,5 +150,5 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: Rigid
     return Harmonics(period, own, drifts, numbers, float((apart / np.maximum(abs(values).max(axis=0), scale)).max()))
 
 
-def _refuse(asked: str, scene: Scene, reason: str) -> NoReturn:
-    raise SceneError(asked, scene.name, reason, "Use drives of constant speed and smooth loads, or a planar scene")
+def _refuse(asked: str, name: str, reason: str) -> NoReturn:
+    raise SceneError(asked, name, reason, "Use drives of constant speed and smooth loads, or a planar scene")

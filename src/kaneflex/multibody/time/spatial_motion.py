@@ -330,8 +330,7 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     values = least_singular_values(system, system.engine.instants(rows).q)
     at = motion.bare.at(times[[values.argmin()]])
     told = {name: float(at[f"{name}.angle"][0]) for name in system.mechanism.drives if f"{name}.angle" in motion.column}
-    stand = ", ".join(f"{name} = {system.mechanism.written_coordinate(name, value)}" for name, value in told.items())
-    return [Closing(", ".join(system.layout.cuts), False, values, stand)]
+    return [Closing(", ".join(system.layout.cuts), False, values, system.mechanism.written(told))]
 
 
 def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:
