@@ -510,7 +510,7 @@ def test_a_rigid_module_has_the_motion_alone():
     text = pruned("solve.preset=rigid")
     motion = re.search(r"^def motion.*?^@njit", WHOLE, flags=re.MULTILINE | re.DOTALL)[0]
     assert motion in text and offered(text) == {"njit", "rows", "table", "motion", "tabulate"}
-    assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 88
+    assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 83
 
 
 def test_gravity_and_shear_that_are_switched_off_are_not_in_the_pruned_module():
@@ -551,7 +551,7 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     monkeypatch.setattr(choice_cache, "chosen", lambda *arguments: (found, None, None))
     path = tmp_path / "engine.py"
     result = cli("derive", "engine", "--tolerance", "0.01", "--sensors", "tip_axial", "-o", path)
-    count = "Kernels of the motion and one element: 201 operations, 233 with every term\n"
+    count = "Kernels of the motion and one element: 196 operations, 228 with every term\n"
     assert result.exit_code == 0 and count in result.stdout
     text = path.read_text()
     head = text[: text.index("import math")]

@@ -194,8 +194,9 @@ def _jump(m, t, A):
     m.pivots[DECIDES] = NOTHING
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
-        if w[k + MAY] != 0.0:
-            w[k + NEW], w[k + STRUCK] = w[k + GAP_RATE], w[k + FORCE]
+        if w[k + MAY] != 0.0:  # rounding is no impulse: frictions would begin anew
+            struck = abs(w[k + FORCE]) > w[k + ROUNDED] * w[k + RESISTING_MASS]
+            w[k + NEW], w[k + STRUCK] = w[k + GAP_RATE], w[k + FORCE] if struck else 0.0
     copy(shifted(w, m.plan[LAST_R]), m.multipliers, m.plan[REACTIONS])
     return undecided
 
