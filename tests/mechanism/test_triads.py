@@ -302,7 +302,7 @@ def test_poses_off_the_tangent_or_on_another_branch_are_not_taken(monkeypatch):
     assert 5 < good.sum() < 20 and apart[good].max() < 1e-10
     assert (apart > 0.1).any()
     for limits in ("_BENT", "_FAR"):
-        monkeypatch.setattr(closure_continuation, limits, np.inf)
+        monkeypatch.setattr(closure_continuation, limits, 1e9)
     wrong = closure_continuation._from_tangent(constraints, here, at, at + xs)[1] & (apart > 0.1)
     assert wrong.any()
 

@@ -155,3 +155,27 @@ def test_a_force_in_body_axes_turns_with_its_section():
     assert abs(theta).max() > 0.02
     assert N == pytest.approx(-6.0 * np.sin(theta), abs=1e-9)
     assert V == pytest.approx(6.0 * np.cos(theta), abs=1e-9)
+
+
+TURNING_BACK = """
+schema = 1
+ground.far = ["150 mm", 0]
+bodies.a = {length = "100 mm", mass = "0.1 kg"}
+bodies.b = {length = "120 mm", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}}}
+bodies.c = {length = "110 mm", mass = "0.2 kg"}
+joints.main = {revolute = ["ground", "a.start"]}
+joints.p = {revolute = ["a.end", "b.start"]}
+joints.q = {revolute = ["b.end", "c.end"]}
+joints.r = {revolute = ["ground.far", "c.start"]}
+drives.main = {law = "1 + 0.3*sin(20*t)"}
+sensors.torque = {drive_torque = "main"}
+solve = {preset = "coupled", duration = "314 ms", steps = 100}
+"""
+
+
+def test_far_instants_at_nearly_the_same_place_of_a_drive_are_reached():
+    """The drive turns back between them: its rates there say nothing of the way."""
+    solution = solved(scene_of(TURNING_BACK))
+    alone = [solution.at(np.array([t])).series["torque_rigid"].values[0] for t in (0.000314, 0.15677, 0.313686)]
+    together = solution.at(np.array([0.000314, 0.15677, 0.313686])).series["torque_rigid"].values
+    assert together == pytest.approx(alone, rel=1e-9)

@@ -81,8 +81,6 @@ def _check_scene(scene: Scene) -> None:
         (options.integrator not in ("radau", "spectral"), "solve.integrator", options.integrator,
          "the file supports radau and spectral only"),
         (left_out, "solve.terms", ", ".join(left_out), "the file needs all terms"),
-        ((options.rotary and _has(scene, "rotary")) or _has(scene, "shear"), "beam.theory", "not euler-bernoulli",
-         "the file supports Euler-Bernoulli beams only"),
         (damping not in (None, "rayleigh"), f"damping.{damping}", None, "the file supports Rayleigh damping only"),
         (damping and not options.damping, "solve.terms.damping", False, "the file needs the scene's damping"),
         (scene.springs, f"springs.{next(iter(scene.springs), '')}", None, "the file does not support springs"),
@@ -95,15 +93,14 @@ def _check_scene(scene: Scene) -> None:
                  "the file has pins, guides and welds without friction only") for name, joint in scene.joints.items()]
     refused += [(drive.kind == "free", f"drives.{name}", "free", "the file does not support free drives")
                 for name, drive in scene.drives.items()]
+    beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam}
+    refused += [((options.rotary and beam.rotary) or beam.shear, f"bodies.{name}.beam.theory", beam.theory,
+                 "the file supports Euler-Bernoulli beams only") for name, beam in beams.items()]
     refused += [(body.beam and body.beam.axially_rigid, f"bodies.{name}.beam.axially_rigid", True,
                  "the file does not support axially rigid links") for name, body in scene.bodies.items()]
     for wrong, key, value, reason in refused:
         if wrong:
             raise SceneError(key, value, reason, ELSE)
-
-
-def _has(scene: Scene, term: str) -> bool:
-    return any(getattr(body.beam, term) for body in scene.bodies.values() if body.elastic)
 
 
 def _check_model(model: Model) -> None:

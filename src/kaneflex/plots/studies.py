@@ -6,7 +6,7 @@ Comparisons show the curves of every sensor by several models as the paper's Fig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import cycle, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -260,7 +260,7 @@ def _over(
     page, panels = pages(len(sensors), f"{found.attributes['scene']}: {what} over {across}")
     for axes, (name, parts) in zip(panels, sensors.items(), strict=True):
         factor, unit = readable(_about(found, name)["units"], *map(np.nan_to_num, parts))
-        for (called, picked), colour in zip(_groups(found, across).items(), PALETTE, strict=False):
+        for (called, picked), colour in zip(_groups(found, across).items(), cycle(PALETTE), strict=False):
             for part, style in zip(parts, styles, strict=True):
                 y = factor * part[picked]
                 x = np.repeat(_values(found, across)[picked], y.size // len(picked))

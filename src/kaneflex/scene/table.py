@@ -80,8 +80,9 @@ def the_one_given(table: SceneTable, names: Sequence[str]) -> str:
     """Name of the one given entry among `names`. Raises Fault unless exactly one is given."""
     given = [name for name in names if getattr(table, name) is not None]
     if len(given) != 1:
-        reason = f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
-        raise Fault(reason, f"Give exactly one of {', '.join(names)}")
+        keys = ", ".join(names).replace("from_", "from")
+        reason = f"{' and '.join(given)} exclude each other" if given else f"none of {keys} is given"
+        raise Fault(reason, f"Give exactly one of {keys}")
     return given[0]
 
 

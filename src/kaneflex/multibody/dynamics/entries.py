@@ -218,6 +218,17 @@ def mass(m, unit):
 
 
 @njit(**OPTIONS)
+def _pace(m):
+    """Largest speed of the drives, in their measures."""
+    plan, fastest = m.plan, 0.0
+    for k in range(courses(m)):
+        i = plan[plan[PRESCRIBED] + k]
+        if i >= 0:
+            fastest = larger(fastest, abs(m.u[i]) / m.w[plan[MEASURE] + i])
+    return fastest
+
+
+@njit(**OPTIONS)
 def _far(m, t):
     """Least number of steps from the drives' current position to that at t; loops are followed in more than one."""
     apart()
@@ -264,7 +275,10 @@ def follow(m, times, count, out):
             steps = _far(m, times[i])
             reached = not steps > 1.0
             before, t = t, times[i] if reached else t + (times[i] - t) / steps
-            for r in range(m.plan[KEPT_ROWS]):  # past a change point this is near the branch of the rates
+            while _far(m, t) > 2.0:  # a drive that turns back before the end
+                t = 0.5 * (before + t)
+            straight = _pace(m) * (t - before) <= 2.0 * FAR
+            for r in range(m.plan[KEPT_ROWS] if straight else 0):  # past a change point near the branch of the rates
                 k = m.plan[m.plan[DEPENDENT] + r]
                 m.y[k] += (t - before) * m.u[k]
             taken += 1
