@@ -6,7 +6,7 @@ Comparisons show the curves of every sensor by several models as the paper's Fig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle, product
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +41,8 @@ _CHANGE = 1e-6
 """Change [%] at which the logarithmic axis begins."""
 _THIN = 0.09
 """Height of a bar [inches]."""
+_MARKERS = "osD^v"
+"""Markers of curves with the same colour."""
 _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 """Line styles: later curves have more gaps, so that earlier ones remain visible."""
 _SERIES = "_series"
@@ -260,8 +262,9 @@ def _over(
     page, panels = pages(len(sensors), f"{found.attributes['scene']}: {what} over {across}")
     for axes, (name, parts) in zip(panels, sensors.items(), strict=True):
         factor, unit = readable(_about(found, name)["units"], *map(np.nan_to_num, parts))
-        for (called, picked), colour in zip(_groups(found, across).items(), cycle(PALETTE), strict=False):
-            for part, style in zip(parts, styles, strict=True):
+        for k, (called, picked) in enumerate(_groups(found, across).items()):
+            colour, marker = PALETTE[k % len(PALETTE)], _MARKERS[k // len(PALETTE) % len(_MARKERS)]
+            for part, style in zip(parts, (each.replace("o", marker) for each in styles), strict=True):
                 y = factor * part[picked]
                 x = np.repeat(_values(found, across)[picked], y.size // len(picked))
                 label_of = called if part is parts[0] else None
