@@ -275,9 +275,7 @@ def follow(m, times, count, out):
             steps = _far(m, times[i])
             reached = not steps > 1.0
             before, t = t, times[i] if reached else t + (times[i] - t) / steps
-            while _far(m, t) > 2.0:  # a drive that turns back before the end
-                t = 0.5 * (before + t)
-            straight = _pace(m) * (t - before) <= 2.0 * FAR
+            straight = _pace(m) * (t - before) <= 2.0 * FAR  # else a drive turns back before the end
             for r in range(m.plan[KEPT_ROWS] if straight else 0):  # past a change point near the branch of the rates
                 k = m.plan[m.plan[DEPENDENT] + r]
                 m.y[k] += (t - before) * m.u[k]
