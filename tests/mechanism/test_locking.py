@@ -6,6 +6,7 @@ import re
 import pytest
 from runs import model
 
+from kaneflex import load, scene_of
 from kaneflex.solve.free_motion import integrated
 from kaneflex.support.errors import SceneError
 
@@ -68,3 +69,22 @@ def test_a_link_without_mass_is_named():
         "drives.elbow: the mass matrix is singular: elbow.angle carries no inertia. Give the bodies that move with it "
         "a mass and an inertia, however small, or prescribe it."
     )
+
+
+@pytest.mark.parametrize("angle", ["30 deg", "-75 deg"])
+def test_a_parallelogram_that_passes_its_change_point_is_singular_there(angle):
+    """It closes there, but for rounding."""
+    lengths = {"crank": "50 mm", "coupler": "150 mm", "rocker": "50 mm"}
+    scene = scene_of({
+        "schema": 1, "ground": {"far": ["150 mm", 0]},
+        "bodies": {name: {"length": length, "mass": "0.1 kg"} for name, length in lengths.items()},
+        "joints": {
+            "main": {"revolute": ["ground", "crank"]}, "p": {"revolute": ["crank.end", "coupler"]},
+            "q": {"revolute": ["coupler.end", "rocker.end"]}, "r": {"revolute": ["ground.far", "rocker"]},
+        },
+        "drives": {"main": {"speed": "300 rpm", "angle": angle}},
+        "sensors": {"torque": {"drive_torque": "main"}},
+        "solve": {"preset": "rigid", "duration": "0.2 s", "steps": 720},
+    })  # fmt: skip
+    with pytest.raises(SceneError, match="singular position"):
+        load(scene)

@@ -27,7 +27,7 @@ def equations(scene: SceneLike, progress: Progress | None = None) -> str:
     from kaneflex.scene.option_check import refuse_in_space
 
     scene, progress = scene_from(scene), progress or silent
-    refuse_in_space(scene, "equations", "equations are printed of")
+    refuse_in_space(scene, "equations", "LaTeX equations exist for")
     progress("importing SymPy")
     from kaneflex.derive.latex import latex
     from kaneflex.mechanism.mechanism import mechanism_of

@@ -42,7 +42,7 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
     for name in margins_of(rigid):
-        closes = rigid[name] > 0.0
+        closes = rigid[name] > -_SINGULAR
         if (rigid[name] > _SINGULAR).all():
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]

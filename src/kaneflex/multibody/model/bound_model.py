@@ -297,7 +297,7 @@ class Model:
         """
         from kaneflex.mechanism.kernels import Kernels, bind, place_of_points, scalars_of
 
-        refuse_in_space(self.scene, "kernels", "compiled kernels move")
+        refuse_in_space(self.scene, "kernels", "compiled kernels exist for")
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
