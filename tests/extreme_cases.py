@@ -123,10 +123,12 @@ def _dead_centres() -> list[Case]:
     ]  # fmt: skip
     return found + [
         Case(
-            "rod/crank", f"{ratio:g}: the loop cannot close", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
-            accurate=(), named=dict.fromkeys(METHODS, "the loop cannot close"), slow=METHODS if ratio < 1 else (),
+            "rod/crank", f"{ratio:g}: {what}", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
+            accurate=(), named=dict.fromkeys(METHODS, said), slow=METHODS if ratio < 1 else (),
         )
-        for ratio in (1.0, 0.9)
+        for ratio, what, said in (
+            (1.0, "singular position", "singular"), (0.9, "the loop cannot close", "the loop cannot close"),
+        )
     ]  # fmt: skip
 
 
