@@ -22,6 +22,8 @@ from kaneflex.support.numba_cache import ensure_cache_folder
 PACKAGE = Path(__file__).parents[1]
 _PRINTERS = "kaneflex.derive.printers"
 """By name, as they are of a higher layer."""
+_MADE = list[Any]()
+"""Functions of numba's whose addresses are in use: their code may go with them."""
 Functions = Callable[[], Iterable[tuple[Any, Sequence[Any]]]]
 """Functions with the numba types of their arguments."""
 _FLAGS = ("-O2", "-ffp-contract=fast", "-fno-math-errno")
@@ -75,11 +77,17 @@ def addresses_of(module: str, names: Sequence[str], parts: Sequence[str] = (), f
     files = [PACKAGE.joinpath(*each.split(".")).with_suffix(".py") for each in (module, *parts)]
     if found := c_addresses(module.rpartition(".")[2], files, functions, flags):
         return found
+    signature = import_module(f"kaneflex.{module}").SIGNATURE
+    return [address_by_numba(function, signature, cache=True, error_model="numpy") for function, _ in functions()]
+
+
+def address_by_numba(function: Any, signature: Any, **options: Any) -> int:
+    """Address of a compiled function for callers of C's conventions; it is valid until the process ends."""
     from numba import cfunc
 
-    signature = import_module(f"kaneflex.{module}").SIGNATURE
-    compiled = cfunc(signature, cache=True, error_model="numpy")
-    return [compiled(function.py_func).address for function, _ in functions()]
+    made = cfunc(signature, **options)(function.py_func)
+    _MADE.append(made)
+    return int(made.address)
 
 
 def _built(file: Path, functions: Functions, flags: Sequence[str]) -> bool:

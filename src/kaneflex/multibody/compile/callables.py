@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from kaneflex.multibody.compile.entries import LIBRARIES, compiling, entries_of, sources
 from kaneflex.multibody.model.layout import STRUCTURE_KERNELS, Kind
-from kaneflex.support.c_library import c_addresses
+from kaneflex.support.c_library import address_by_numba, c_addresses
 
 _C_TYPES = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "boolean": ctypes.c_bool, "void": None}
 
@@ -64,11 +64,9 @@ def kernel_addresses(kernels: Sequence[Any], in_c: bool) -> list[int]:
     """
     if in_c and (found := _kernels_in_c(kernels)):
         return found
-    from numba import cfunc
-
     with compiling():
         pairs = zip(kernels, _signatures(), strict=True)
-        return [cfunc(of)(each.py_func).address if in_c else _address(each, of) for each, of in pairs]
+        return [(address_by_numba if in_c else _address)(each, of) for each, of in pairs]
 
 
 def _kernels_in_c(kernels: Sequence[Any]) -> list[int]:
