@@ -14,7 +14,8 @@ the type of a variable is the widest type assigned to it. The subset of Python:
   bool``; ``len`` of a tuple; modules' numbers.
 - Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
-- Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors.
+- Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors. Branches of
+  another ``width(...) == D`` are left out.
 - The marks ``apart``, ``together`` and ``inside``.
 
 C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
@@ -27,7 +28,7 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from numba import types
@@ -158,12 +159,35 @@ class _Written(Expressions):
     # ---- statements -------------------------------------------------------------------------------------------
 
     def _block(self, statements: Sequence[ast.stmt], depth: int) -> None:
-        for statement in statements:
+        for statement in self._reached(statements):
             self.depth = depth
             method = getattr(self, f"_{type(statement).__name__}", None)
             if method is None:
                 self.refuse(statement)
             method(statement)
+
+    def _reached(self, statements: Sequence[ast.stmt]) -> Iterator[ast.stmt]:
+        """Statements for this dimension: neither the branches of another one, nor what follows a return of this one."""
+        for statement in statements:
+            holds = self._decided(statement.test) if isinstance(statement, ast.If) else None
+            if holds is None:
+                yield statement
+                continue
+            branch = statement.body if holds else statement.orelse
+            yield from self._reached(branch)
+            if branch and isinstance(branch[-1], ast.Return):
+                return
+
+    def _decided(self, test: ast.expr) -> bool | None:
+        """Truth of a test that ``width(...) == D`` decides; None of another one."""
+        if isinstance(test, ast.BoolOp):
+            decisive = isinstance(test.op, ast.Or)
+            return decisive if decisive in map(self._decided, test.values) else None
+        of = getattr(getattr(test, "left", None), "func", None)
+        if not isinstance(of, ast.Name) or of.id != "width":
+            return None
+        one, _, other = self.condition(test).partition(" == ")
+        return one == other
 
     def _line(self, text: str) -> None:
         self.lines.append("    " * self.depth + text)

@@ -246,15 +246,10 @@ def _ball_rates(m, n):
 @njit(**OPTIONS)
 def turn_axes(m):
     """Axes of cuts, loads and springs, in space."""
-    inside()
-
-
-@njit(**OPTIONS)
-def _turn_axes_in_space(m):
-    for n in range(m.counts[AXES]):
+    for n in range(m.counts[AXES] if width(m) == 6 else 0):
         on = m.axis_on[n]
         m.axes[n] = turned(m.R, 3 * on, m.axis_at[n]) if on >= 0 else m.axis_at[n]
 
 
 joint_place, directions = by_size(joint_place, _joint_place_in_space), by_size(directions, _directions_in_space)
-free_rates, turn_axes = by_size(free_rates, _ball_rates), by_size(turn_axes, _turn_axes_in_space)
+free_rates = by_size(free_rates, _ball_rates)

@@ -92,24 +92,24 @@ def strays(m, table, h, here):
     """True if closing the loops at a step's end changes the dependent rates as much as another branch would."""
     apart()
     plan, w, b = m.plan, m.w, table.b_1
-    n, of, fastest = plan[COORDINATES], plan[STAGE_A], _fastest(m, -1)
+    n, of, most = plan[COORDINATES], plan[STAGE_A], fastest(m, -1)
     for k in range(plan[KEPT]):
         i = plan[plan[DEPENDENT] + k]
         rate = here[1 + n + i] + h * (b[0] * w[of + i] + b[1] * w[of + n + i] + b[2] * w[of + 2 * n + i])
         moved = abs(m.u[i] - rate)
-        if moved > _STRAYED * fastest * w[plan[MEASURE] + i] and h * moved > 100.0 * w[plan[SCALE] + i]:
+        if moved > _STRAYED * most * w[plan[MEASURE] + i] and h * moved > 100.0 * w[plan[SCALE] + i]:
             return True
     return False
 
 
 @njit(**OPTIONS)
-def _fastest(m, row):
+def fastest(m, row):
     """Largest rate in units of each coordinate [1/s], of coordinates that move a kept row; of all if it is -1."""
-    plan, w, fastest = m.plan, m.w, 0.0
+    plan, w, most = m.plan, m.w, 0.0
     for i in range(plan[COORDINATES]):
         if row < 0 or m.J[plan[COORDINATES] * row + i] != 0.0:
-            fastest = larger(fastest, abs(m.u[i]) / w[plan[MEASURE] + i])
-    return fastest
+            most = larger(most, abs(m.u[i]) / w[plan[MEASURE] + i])
+    return most
 
 
 @njit(**OPTIONS)
@@ -125,6 +125,6 @@ def end(m, t, h):
         w[shared + PASSED] = w[shared + WHEN]
     elif 0.0 < now < before:
         ahead, reach = h * now / (before - now), REGULAR * h / (before - now)
-        near = ahead < 2.0 * (_BESIDE * h + reach) and SIDES * reach * _fastest(m, row) < _FAR
+        near = ahead < 2.0 * (_BESIDE * h + reach) and SIDES * reach * fastest(m, row) < _FAR
         w[shared + WHEN] = t + ahead if near and determined(m) else -math.inf
         w[shared + REACH] = reach

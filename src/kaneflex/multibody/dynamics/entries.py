@@ -15,6 +15,7 @@ from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import loop_closure, reduction
 from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
+from kaneflex.multibody.dynamics.change_points import fastest
 from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand, mass_matrix
@@ -30,7 +31,7 @@ from kaneflex.multibody.model.codes import (
 )  # fmt: skip
 from kaneflex.multibody.model.layout import (
     ACCEL, BENDS, COORDINATES, COURSE, COURSES, DEPENDENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
-    PRESCRIBED, RATE, REACTIONS, Y,
+    PRESCRIBED, REACTIONS, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
 from kaneflex.multibody.time.state_record import row_size, take
@@ -245,16 +246,10 @@ def _far(m, t):
 def _grown(m):
     """True if dependent speeds are large relative to the prescribed ones, or a dropped row to the kept ones."""
     apart()
-    plan, w, largest, driven = m.plan, m.w, 0.0, 0.0
-    if plan[KEPT_ROWS] < plan[JOINT_ROWS] and gradients(m, plan[BENDS] != 0) and outgrown(m):
+    plan, driven = m.plan, _pace(m)
+    if plan[KEPT_ROWS] < plan[JOINT_ROWS] and gradients(m, plan[BENDS] != 0, False) and outgrown(m):
         return True
-    for s in range(plan[COORDINATES]):
-        largest = larger(largest, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
-    for k in range(courses(m)):
-        s = plan[plan[PRESCRIBED] + k]
-        if s >= 0:
-            driven = larger(driven, abs(w[plan[RATE] + s]) / w[plan[MEASURE] + s])
-    return driven > 0.0 and largest > _GROWTH * driven
+    return driven > 0.0 and fastest(m, -1) > _GROWTH * driven
 
 
 @njit(**ENTRY)

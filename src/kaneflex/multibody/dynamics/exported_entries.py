@@ -9,7 +9,8 @@ from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.entries import project, unfold
-from kaneflex.multibody.dynamics.independent_speeds import choose, differs, is_dependent, open_rows
+from kaneflex.multibody.dynamics.independent_speeds import choose, differs, open_rows
+from kaneflex.multibody.dynamics.loop_condition import is_dependent
 from kaneflex.multibody.dynamics.records import give_coordinates
 from kaneflex.multibody.model.codes import DONE, ON_LOOPS, PRESCRIBED
 from kaneflex.multibody.model.layout import (

@@ -6,7 +6,7 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.compile.stand_ins import of_changes
-from kaneflex.multibody.compile.values import by_size, inside
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.unilateral import rows
 from kaneflex.multibody.compile.types import OPTIONS, apart, kernel
 from kaneflex.multibody.model.layout import (
@@ -18,19 +18,13 @@ from kaneflex.multibody.model.layout import (
 def joint_row(m, act):
     """Row of a joint in laws that is a cut, at SUMS: its coordinate and two rates, then its Jacobian; in space zero."""
     apart()
+    if width(m) == 6:
+        return
     w, j = m.w, m.acts[act, NUMBERS_AT]
     if m.acts[act, WHAT] == TURN:
         laws.turn(m.sections, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
     else:
         laws.slide(m.sections, m.acts[act, AT], m.acts[act, ON], w[j], w[j + 1], 0.0, w, m.plan[SUMS])
-
-
-@njit(**OPTIONS)
-def _unknown(m, act):
-    inside()
-
-
-joint_row = by_size(joint_row, _unknown)
 
 
 @njit(**OPTIONS)

@@ -12,10 +12,10 @@ from kaneflex.multibody.dynamics.cut_rows import cut_rows
 from kaneflex.multibody.dynamics.deformation import deform
 from kaneflex.multibody.dynamics.kinematics import place
 from kaneflex.multibody.dynamics.interactions import gradient
-from kaneflex.multibody.dynamics.loop_condition import pushes
+from kaneflex.multibody.dynamics.loop_condition import is_dependent, pushes
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, larger, shifted
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, DEPENDENT, EXTENT, GRADIENT, HOLDS, JOINT_ROWS,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, EXTENT, GRADIENT, HOLDS, JOINT_ROWS,
     KEPT, MEASURE, MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import at, contacts, rests, rigid
@@ -87,15 +87,6 @@ def choose(m, level, taken):
     _shut(m)
     if _eliminate(m, level, False, taken):
         _eliminate(m, level, True, taken)
-
-
-@njit(**OPTIONS)
-def is_dependent(m, i):
-    """True if a coordinate is dependent by the current choice."""
-    for r in range(m.plan[KEPT]):
-        if m.plan[m.plan[DEPENDENT] + r] == i:
-            return True
-    return False
 
 
 @njit(**OPTIONS)

@@ -44,9 +44,9 @@ correct rates that are nearly known."""
 
 
 @njit(**OPTIONS)
-def gradients(m, bends):
+def gradients(m, bends, across):
     """Derivatives of the kept rows at the current state, those by shapes only if requested, and factors of those by
-    dependent coordinates."""
+    dependent coordinates, of their transpose if ``across``; False: singular."""
     apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
@@ -56,8 +56,23 @@ def gradients(m, bends):
             w[at + i] = 0.0
         gradient(m, plan[plan[ROW_OF] + r], bends, at)
         for k in range(count):
-            w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
+            w[plan[LOOP] + (count * k + r if across else count * r + k)] = w[at + plan[plan[DEPENDENT] + k]]
     return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])
+
+
+@njit(**OPTIONS)
+def solve_loops(m):
+    """Solve with the factors of :func:`gradients`, in place: the right-hand side is at SIDE."""
+    plan = m.plan
+    dense_lu.substitute(m.w, plan[LOOP], plan[KEPT], m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+
+
+@njit(**OPTIONS)
+def move_dependent(m, i):
+    """Motions of the dependent coordinates for a negative unit of a coordinate, at SIDE."""
+    for r in range(m.plan[KEPT]):
+        m.w[m.plan[SIDE] + r] = m.J[m.plan[COORDINATES] * r + i]
+    solve_loops(m)
 
 
 @njit(**OPTIONS)
@@ -74,11 +89,11 @@ def close(m, near):
     place(m, 0)
     for turn in range(20 if count else 0):
         cut_rows(m)
-        if not gradients(m, plan[BENDS] != 0):
+        if not gradients(m, plan[BENDS] != 0, False):
             return False
         for r in range(count):
             w[plan[SIDE] + r] = -m.rows[row_length(m) * plan[plan[ROW_OF] + r]]
-        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        solve_loops(m)
         size = 0.0
         for k in range(count):
             i = plan[plan[DEPENDENT] + k]
@@ -142,7 +157,7 @@ def _follow_here(m, near):
                 cut_rows(m)
                 for r in range(count):
                     w[plan[SIDE] + r] = -m.rows[row_length(m) * plan[plan[ROW_OF] + r] + rate]
-                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+                solve_loops(m)
                 for k in range(count):
                     rates[plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
     return True
@@ -206,9 +221,7 @@ def _add_dependent(m, sums, weight):
         w[sums + 3 * r + 1] += weight * m.u[i]
         w[sums + 3 * r + 2] += weight * m.du[i]
     for i in range(n):
-        for r in range(count):
-            w[plan[SIDE] + r] = m.J[n * r + i]
-        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+        move_dependent(m, i)
         for r in range(count):
             w[sums + 3 * count + n * r + i] -= weight * w[plan[SIDE] + r]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
-from kaneflex.multibody.compile.values import by_size
-from kaneflex.multibody.dynamics import dense_lu
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.algebra import linear_size
 from kaneflex.multibody.dynamics.interactions import gradient
+from kaneflex.multibody.dynamics.loop_closure import move_dependent, solve_loops
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
     BENDS,
@@ -48,6 +48,15 @@ def orientation(m):
         if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
             sign = -sign
     return sign
+
+
+@njit(**OPTIONS)
+def is_dependent(m, i):
+    """True if a coordinate is dependent by the current choice."""
+    for r in range(m.plan[KEPT]):
+        if m.plan[m.plan[DEPENDENT] + r] == i:
+            return True
+    return False
 
 
 @njit(**OPTIONS)
@@ -106,12 +115,10 @@ def determined(m):
     for k in range(count):
         w[movers + k] = 0.0
     for i in range(plan[COORDINATES]):
-        chosen = False
-        for r in range(count):
-            chosen = chosen or plan[plan[DEPENDENT] + r] == i
-            w[plan[SIDE] + r] = m.J[plan[COORDINATES] * r + i]
-        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-        for k in range(0 if chosen else count):
+        if is_dependent(m, i):
+            continue
+        move_dependent(m, i)
+        for k in range(count):
             one = w[plan[MEASURE] + plan[plan[DEPENDENT] + k]]
             w[movers + k] += abs(w[plan[SIDE] + k]) * w[plan[MEASURE] + i] > _MOVED * one
             if w[movers + k] > 1.0:
@@ -145,27 +152,13 @@ def outgrown(m):
         for r in range(count):
             for k in range(count):
                 w[plan[SIDE] + k] = 1.0 if k == r else 0.0
-            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+            solve_loops(m)
             share = 0.0
             for k in range(count):
                 share += w[out + plan[plan[DEPENDENT] + k]] * w[plan[SIDE] + k]
             if abs(share) * _largest(m, plan[GRADIENT] + n * r) > least:
                 return True
     return False
-
-
-@njit(**OPTIONS)
-def _candidates(m, b):
-    """Number of a body's coordinates, the first ones, that may replace dependent ones: those of its joint."""
-    return m.bodies[b, DOF]
-
-
-@njit(**OPTIONS)
-def _with_shapes(m, b):
-    return m.bodies[b, DOF] + m.bodies[b, SHAPES]
-
-
-_candidates = by_size(_candidates, _with_shapes)
 
 
 @njit(**OPTIONS)
@@ -178,20 +171,17 @@ def ill_conditioned(m):
     """
     apart()
     plan, w = m.plan, m.w
-    count, n = plan[KEPT], plan[COORDINATES]
+    count = plan[KEPT]
     if count == 0:
         return False
     if count < plan[JOINT_ROWS] and outgrown(m):
         return True
     for b in range(plan[BODIES]):
-        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + _candidates(m, b)):
-            chosen = plan[plan[FREED] + i] == 0
-            for r in range(count):
-                chosen = chosen or plan[plan[DEPENDENT] + r] == i
-                w[plan[SIDE] + r] = m.J[n * r + i]
-            if chosen:
+        shapes = m.bodies[b, SHAPES] if width(m) == 6 else 0
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF] + shapes):
+            if plan[plan[FREED] + i] == 0 or is_dependent(m, i):
                 continue
-            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+            move_dependent(m, i)
             for r in range(count):
                 moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
                 if moved * w[plan[MEASURE] + i] > WORN:

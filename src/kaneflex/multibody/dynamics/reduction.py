@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.values import by_size, inside
+from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
-from kaneflex.multibody.dynamics.interactions import gradient
-from kaneflex.multibody.dynamics import dense_lu, rotation_vectors
-from kaneflex.multibody.dynamics.loop_closure import follow, gradients
+from kaneflex.multibody.dynamics import rotation_vectors
+from kaneflex.multibody.dynamics.loop_closure import follow, gradients, move_dependent, solve_loops
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, shifted
 from kaneflex.multibody.model.layout import (
-    COORDINATES, DEPENDENT, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, PASSING, REACTIONS, ROW_OF, SIDE,
+    COORDINATES, DEPENDENT, INPUT, KEPT, PASSING, REACTIONS, ROW_OF, SIDE,
 )  # fmt: skip
 
 
@@ -30,17 +29,11 @@ def react(m):
     apart()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
-    for r in range(count):
-        at = plan[GRADIENT] + n * r
-        for i in range(n):
-            w[at + i] = 0.0
-        gradient(m, plan[plan[ROW_OF] + r], True, at)
-        for k in range(count):
-            w[plan[LOOP] + count * k + r] = w[at + plan[plan[DEPENDENT] + k]]
-        w[plan[SIDE] + r] = m.h[plan[plan[DEPENDENT] + r]]
-    if not dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS]):
+    if not gradients(m, True, True):
         return False
-    dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
+    for r in range(count):
+        w[plan[SIDE] + r] = m.h[plan[plan[DEPENDENT] + r]]
+    solve_loops(m)
     for r in range(count):
         size = w[plan[SIDE] + r]
         m.multipliers[plan[plan[ROW_OF] + r]] += size
@@ -63,13 +56,11 @@ def stand_at(m, q):
 
 
 @njit(**OPTIONS)
-def _settled(m):
-    inside()
+def settled(m):
+    """True if rates do not yet belong to the closed position: where a ball has turned, and always in the plane."""
+    if width(m) == 6:
+        return rotation_vectors.rebase(m)
     return True
-
-
-settled = by_size(_settled, rotation_vectors.rebase)
-"""True if rates do not yet belong to the closed position: where a ball has turned, and always in the plane."""
 
 
 @njit(**OPTIONS)
@@ -123,16 +114,13 @@ def reduced_demand(m, independent, free, times, count, given, width, out):
 @njit(**ENTRY)
 def basis(m, independent, count, out):
     """Speeds for a unit of each independent one, (count, n), where the loops are closed."""
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    kept = plan[KEPT]
-    gradients(m, True)
+    plan, n = m.plan, m.plan[COORDINATES]
+    gradients(m, True, False)
     for j in range(count):
         B = shifted(out, n * j)
         for s in range(n):
             B[s] = 0.0
         B[independent[j]] = 1.0
-        for r in range(kept):
-            w[plan[SIDE] + r] = -m.J[n * r + independent[j]]
-        dense_lu.substitute(w, plan[LOOP], kept, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
-        for r in range(kept):
-            B[plan[plan[DEPENDENT] + r]] = w[plan[SIDE] + r]
+        move_dependent(m, independent[j])
+        for r in range(plan[KEPT]):
+            B[plan[plan[DEPENDENT] + r]] = -m.w[plan[SIDE] + r]

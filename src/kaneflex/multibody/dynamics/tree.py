@@ -14,7 +14,7 @@ from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart, shifted
-from kaneflex.multibody.compile.values import after, by_size, copy, inside, row_length, twists, vectors, width
+from kaneflex.multibody.compile.values import after, copy, inside, row_length, twists, vectors, width
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus, plus, scaled, times, twist_at, zero_like
 from kaneflex.multibody.dynamics.arrays import GEOMETRY, NODES, SECTIONS
 from kaneflex.multibody.dynamics.arrays import PHI as ROWS
@@ -55,16 +55,9 @@ Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room
 def place_of(m, what):
     """Place in ``w`` of the geometry at which the current factors were made."""
     inside()
+    if width(m) == 6:
+        return m.pivots[what]
     return m.plan[what]
-
-
-@njit(**OPTIONS)
-def _place_in_use(m, what):
-    inside()
-    return m.pivots[what]
-
-
-place_of = by_size(place_of, _place_in_use)
 
 
 @njit(**OPTIONS)
@@ -76,7 +69,10 @@ def _row_numbers(m):
 @once
 @njit(**OPTIONS)
 def use(m, i):
-    """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors."""
+    """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors; the plane has
+    only one."""
+    if width(m) == 3:
+        return
     n, bodies, phi, sections = m.plan[COORDINATES], m.plan[BODIES], m.counts[ROWS], 3 * m.counts[SECTIONS]
     first = m.counts[GEOMETRY] + i * (6 * (n + phi + bodies) + sections + _row_numbers(m))
     m.pivots[AXES], m.pivots[PHI] = first, first + 6 * n
@@ -84,14 +80,6 @@ def use(m, i):
     m.pivots[ARMS] = first + 6 * (n + phi) + 3 * bodies
     m.pivots[MIDDLE] = first + 6 * (n + phi + bodies)
     m.pivots[of.MIDDLE_CUT] = first + 6 * (n + phi + bodies) + sections
-
-
-@njit(**OPTIONS)
-def _only_one(m, i):
-    inside()
-
-
-use = by_size(_only_one, use)
 
 
 @njit(**OPTIONS)

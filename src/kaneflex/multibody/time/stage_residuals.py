@@ -15,7 +15,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
-from kaneflex.multibody.compile.values import by_size, copy, inside
+from kaneflex.multibody.compile.values import copy, inside, width
 from kaneflex.multibody.dynamics import load_derivatives, rotation_vectors, tree
 from kaneflex.multibody.dynamics.bushings import SIZE
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
@@ -43,8 +43,34 @@ from kaneflex.multibody.model.layout import (
 
 @njit(**OPTIONS)
 def keep(m, i, first):
-    """Store the residual of stage i; False if it is not defined (in space). ``first``: in the first iteration."""
-    copy(m.h, shifted(m.w, m.plan[RESISTING] + m.plan[COORDINATES] * i), m.plan[COORDINATES])
+    """Store the residual of stage i as forces, or as accelerations and reactions.
+
+    False: singular, or a bushing or a ball has turned too far. ``first``: in the first iteration.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    n, kept = plan[COORDINATES], plan[KEPT]
+    if width(m) == 6:
+        for act in range(plan[SPRINGS], plan[CONTACTS]):
+            if m.acts[act, WHAT] == BUSHING and not m.springs[SIZE * (act - plan[SPRINGS])] <= MOST_TURNED:
+                return False
+        if not rotation_vectors.note_turns(m, i):
+            return False
+    if width(m) == 3 or m.pivots[BY_FORCES]:
+        copy(m.h, shifted(w, plan[RESISTING] + n * i), n)
+        return True
+    A, pivots, answer = _mass(m, i), plan[MASS_PIVOTS] + plan[MASS_ROWS] * i, plan[COLUMNS] + kept * n
+    tree.use(m, i + 1)
+    if first:
+        assemble(m)
+        if not factorise_closed(m, 0.0, A, pivots):
+            return False
+    for k in range(n):
+        A[answer + k] = -m.h[k]
+    solve_closed(m, A, pivots)
+    copy(shifted(A, answer), shifted(w, plan[RESISTING] + n * i), n)
+    copy(shifted(A, plan[REACTION]), shifted(w, plan[RESISTING_R] + kept * i), kept)
+    tree.use(m, 0)
     return True
 
 
@@ -53,37 +79,6 @@ def _mass(m, i):
     """Factors of the mass matrix of a stage."""
     inside()
     return m.mass_0 if i == 0 else m.mass_1 if i == 1 else m.mass_2
-
-
-@njit(**OPTIONS)
-def _keep_accelerations(m, i, first):
-    """Store it as accelerations and reactions; False: singular, or a bushing or a ball has turned too far."""
-    apart()
-    plan, w, A = m.plan, m.w, _mass(m, i)
-    for act in range(plan[SPRINGS], plan[CONTACTS]):
-        if m.acts[act, WHAT] == BUSHING and not m.springs[SIZE * (act - plan[SPRINGS])] <= MOST_TURNED:
-            return False
-    if not rotation_vectors.note_turns(m, i):
-        return False
-    if m.pivots[BY_FORCES]:
-        copy(m.h, shifted(w, plan[RESISTING] + plan[COORDINATES] * i), plan[COORDINATES])
-        return True
-    n, kept, pivots = plan[COORDINATES], plan[KEPT], plan[MASS_PIVOTS] + plan[MASS_ROWS] * i
-    tree.use(m, i + 1)
-    if first:
-        assemble(m)
-        if not factorise_closed(m, 0.0, A, pivots):
-            return False
-    answer = plan[COLUMNS] + kept * n
-    for k in range(n):
-        A[answer + k] = -m.h[k]
-    solve_closed(m, A, pivots)
-    for k in range(n):
-        w[plan[RESISTING] + n * i + k] = A[answer + k]
-    for r in range(kept):
-        w[plan[RESISTING_R] + kept * i + r] = A[plan[REACTION] + r]
-    tree.use(m, 0)
-    return True
 
 
 @njit(**OPTIONS)
@@ -97,26 +92,12 @@ def _combine(w, into, of, count, sign, A, B, out):
 
 
 @njit(**OPTIONS)
-def _ask_by_forces(m, table, h, A, B):
+def ask(m, table, h, A, B):
     """Right-hand sides of the real and the complex system of the stages."""
     plan, n = m.plan, m.plan[COORDINATES]
-    _combine(m.w, table.into, plan[RESISTING], n, -1.0, A, B, plan[COLUMNS] + plan[KEPT] * n)
-
-
-@njit(**OPTIONS)
-def ask(m, table, h, A, B):
-    """Right-hand sides of both systems."""
-    inside()
-    _ask_by_forces(m, table, h, A, B)
-
-
-@njit(**OPTIONS)
-def _ask_in_space(m, table, h, A, B):
-    apart()
-    if m.pivots[BY_FORCES]:
-        _ask_by_forces(m, table, h, A, B)
+    if width(m) == 3 or m.pivots[BY_FORCES]:
+        _combine(m.w, table.into, plan[RESISTING], n, -1.0, A, B, plan[COLUMNS] + plan[KEPT] * n)
         return
-    plan, n = m.plan, m.plan[COORDINATES]
     _combine(m.w, table.into, plan[RESISTING], n, 1.0, A, B, plan[GIVEN])
     _combine(m.w, table.into, plan[RESISTING_R], plan[KEPT], 1.0, A, B, plan[GIVEN_REACTION])
     resist_given(m, h * table.real[0], A)
@@ -135,12 +116,7 @@ def resist_given(m, h, A):
 @njit(**OPTIONS)
 def answered(m, A):
     """Complete the solution."""
-    inside()
-
-
-@njit(**OPTIONS)
-def _add_given(m, A):
-    if m.pivots[BY_FORCES]:
+    if width(m) == 3 or m.pivots[BY_FORCES]:
         return
     plan, n = m.plan, m.plan[COORDINATES]
     answer = plan[COLUMNS] + plan[KEPT] * n
@@ -153,8 +129,5 @@ def _add_given(m, A):
 @njit(**OPTIONS)
 def settle(m):
     """Prepare the next step at the end of one."""
-    inside()
-
-
-keep, ask = by_size(keep, _keep_accelerations), by_size(ask, _ask_in_space)
-answered, settle = by_size(answered, _add_given), by_size(settle, rotation_vectors.settle)
+    if width(m) == 6:
+        rotation_vectors.settle(m)

@@ -10,7 +10,7 @@ from numba import njit
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
-from kaneflex.multibody.compile.values import by_size, row_length
+from kaneflex.multibody.compile.values import row_length, width
 from kaneflex.multibody.dynamics.algebra import (
     absolute, angular_size, axpy, cross, dot, first, linear_size, plus, scaled, zero_like,
 )  # fmt: skip
@@ -142,13 +142,8 @@ def opens(m, n):
 @njit(**OPTIONS)
 def _face(m, n, direction, beside):
     """Store a direction of slip: its sign, or turn both rows to it."""
-    m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
-
-
-@njit(**OPTIONS)
-def _face_6(m, n, direction, beside):
     other = second(m, n)
-    if other == 0:
+    if width(m) == 3 or other == 0:
         m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
         return
     e, beside_e = first(row_wrench(m, row_at(m, n), 1)), first(row_wrench(m, row_at(m, other), 1))
@@ -162,9 +157,6 @@ def _face_6(m, n, direction, beside):
     m.w[at(m, other) + MEMORY], m.w[at(m, n) + MEMORY] = k, math.atan2(dot(e, cross(normal, flat)), dot(e, flat))
     row_of(m, other)
     row_of(m, n)
-
-
-_face = by_size(_face, _face_6)
 
 
 @njit(**OPTIONS)

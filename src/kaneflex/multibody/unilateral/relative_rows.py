@@ -32,14 +32,11 @@ from kaneflex.multibody.unilateral.rows import (
 @njit(**OPTIONS)
 def angle_of(m, n):
     """Angle [rad] of the second body of flanks or a pin against the first, and the angle whose rounding it has."""
-    own = section_place(m, m.acts[act_of(m, n), ON])[2]
-    return own - section_place(m, m.acts[act_of(m, n), AT])[2], own
-
-
-@njit(**OPTIONS)
-def _angle_6(m, n):
-    own, axes = law_at(m, n), m.axes
-    if m.acts[act_of(m, n), WHAT] == FLANK:
+    act, own, axes = act_of(m, n), law_at(m, n), m.axes
+    if width(m) == 3:
+        angle = section_place(m, m.acts[act, ON])[2]
+        return angle - section_place(m, m.acts[act, AT])[2], angle
+    if m.acts[act, WHAT] == FLANK:
         angle = m.y[int(m.w[own + COORDINATE_AT])]
         return angle, angle
     axis = int(m.w[own])
@@ -47,9 +44,6 @@ def _angle_6(m, n):
     before = m.w[at(m, n) + PLACE]  # turns are counted from one evaluation to the next
     angle += math.tau * math.floor((before - angle) / math.tau + 0.5)
     return angle, angle
-
-
-angle_of = by_size(angle_of, _angle_6)
 
 
 @njit(**OPTIONS)
@@ -142,20 +136,13 @@ def between(m, act):
 def _radial(m, n, a):
     """Part of a vector of circles across the axis of their bearing; all of it in the plane and of spheres."""
     inside()
-    return a
-
-
-@njit(**OPTIONS)
-def _radial_6(m, n, a):
-    inside()
+    if width(m) == 3:
+        return a
     k = int(m.w[law_at(m, n) + AXIS_AT])
     if k < 0:
         return a
     axis = force(m, m.axes[k])
     return axpy(-dot(axis, a), axis, a)
-
-
-_radial = by_size(_radial, _radial_6)
 
 
 @njit(**OPTIONS)
@@ -195,11 +182,8 @@ def _direction(m, n, normal):
 
     The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
     """
-    return -normal[1], normal[0], 0.0
-
-
-@njit(**OPTIONS)
-def _direction_6(m, n, normal):
+    if width(m) == 3:
+        return force(m, (-normal[1], normal[0], 0.0))
     beside, other = m.acts[act_of(m, n), WHAT] == ACROSS, int(m.w[law_at(m, n) + 1])
     one, two = other if beside else n, n if beside else other
     angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
@@ -211,37 +195,25 @@ def _direction_6(m, n, normal):
 @njit(**OPTIONS)
 def _way(m, n, c, along):
     """Position [m] of a contact's friction; 0 of circles, in space its MEMORY: these are no functions of places."""
+    if width(m) == 6:
+        return m.w[at(m, n) + MEMORY]
     act, radius = act_of(m, c), m.w[law_at(m, c) + RADIUS_AT]
     x, y, phi = minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT]))
     return along[0] * x + along[1] * y - radius * phi if m.acts[act, WHAT] != CIRCLES else 0.0
 
 
 @njit(**OPTIONS)
-def _way_6(m, n, c, along):
-    return m.w[at(m, n) + MEMORY]
-
-
-_direction, _way = by_size(_direction, _direction_6), by_size(_way, _way_6)
-
-
-@njit(**OPTIONS)
 def _rubs_outside(m, c, radius):
-    """True if the friction of a contact acts at the surface of the first body: never in the plane."""
-    return False
-
-
-@njit(**OPTIONS)
-def _rubs_outside_6(m, c, radius):
-    """Points on planes and pins in space do; spheres rub at their radius.
+    """True if the friction of a contact acts at the surface of the first body: that of points on planes and pins in
+    space; spheres rub at their radius.
 
     The feet of a body, however deep each is, then stay in one plane, the ends of a pin on one line: if all stick, they
     don't hinder its tilt.
     """
+    if width(m) == 3:
+        return False
     axis = m.w[law_at(m, c) + AXIS_AT] if m.acts[act_of(m, c), WHAT] == CIRCLES else -1.0
     return axis >= 0.0 or (radius == 0.0 and m.acts[act_of(m, c), WHAT] != CIRCLES)
-
-
-_rubs_outside = by_size(_rubs_outside, _rubs_outside_6)
 
 
 @njit(**OPTIONS)

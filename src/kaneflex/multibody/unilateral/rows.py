@@ -37,8 +37,8 @@ EPS = 2.3e-16
 """Relative rounding error of numbers."""
 REACH_AT, RADIUS_AT = 2, 7
 """Places among the numbers of a contact: distance at first touch, and radius of the second side."""
-END_AT, MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 2, 3, 4, 7, 8, 9, 10, 11
-"""Places among the numbers of a friction law: end of its joint's rows, both coefficients, viscous part, preload, arm,
+END_AT, MU_AT, VISCOUS_AT, ARM, LAW_AT, OF_AT = 2, 3, 7, 9, 10, 11
+"""Places among the numbers of a friction law: end of its joint's rows, coefficient of sliding, viscous part, arm,
 number of the law, and the interaction that it belongs to."""
 VISCOUS_LAW, LUGRE = float(LAWS.index("viscous")), float(LAWS.index("lugre"))
 """Numbers of laws that neither stick nor slip."""
