@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.scene import scene_of as scene_of
     from kaneflex.scene import shipped_scenes as shipped_scenes
     from kaneflex.scene import with_settings as with_settings
-    from kaneflex.solve.coupled_state import read_state as read_state
+    from kaneflex.solve.initial import read_state as read_state
     from kaneflex.solve.linearisation import linearise as linearise
     from kaneflex.solve.loading import load as load
     from kaneflex.solve.modes import Modes as Modes
@@ -66,7 +66,7 @@ multibody.model.bound_model: Model
 plots: draw_all explore figures show
 report.page: write_report
 scene: Scene read_scene scene_of shipped_scenes with_settings
-solve.coupled_state: read_state
+solve.initial: read_state
 solve.linearisation: linearise
 solve.loading: load
 solve.modes: Modes modes

@@ -19,7 +19,7 @@ from kaneflex.derive.generate import generate
 from kaneflex.generated import beam_timoshenko, engine
 from kaneflex.mechanism import kernels as compiled
 from kaneflex.scene import Scene
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 from kaneflex.support import checking
 from kaneflex.support.errors import SceneError
 

@@ -34,7 +34,7 @@ from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import measure
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 from kaneflex.solve.one_way_run import run_of
 from kaneflex.solve.simulation import solve
 from kaneflex.support.contract import ELEMENT_KERNELS

@@ -11,8 +11,8 @@ from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.report.presentation import at_drive
-from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.mode_angle_envelope import mode_angle_spread
+from kaneflex.solve.loading import integrated
+from kaneflex.solve.modes import mode_angle_spread
 from kaneflex.solve.quasistatic import mechanism_modes
 from kaneflex.solve.simulation import solve
 

@@ -7,7 +7,7 @@ import pytest
 from runs import model
 
 from kaneflex import load, scene_of
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 from kaneflex.support.errors import SceneError
 
 RIGID = ("four-bar-motor", "solve.preset=rigid", "coupler.length=100 mm")

@@ -21,7 +21,7 @@ from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import curves
 from kaneflex.solve.engine_loading import spatial_start
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 
 SEED = 20261122
 

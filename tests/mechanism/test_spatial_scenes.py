@@ -15,7 +15,7 @@ from kaneflex.cli import main
 from kaneflex.generated import spinning_top_laws
 from kaneflex.report.checked import description
 from kaneflex.response.time_statistics import between_steps
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 from kaneflex.solve.repeated_motion import harmonics_of
 
 PENDULUM = """

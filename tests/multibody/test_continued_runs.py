@@ -12,7 +12,7 @@ from runs import solved
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
-from kaneflex.solve.coupled_state import SavedState, last_state
+from kaneflex.solve.initial import SavedState
 from kaneflex.solve.simulation import solve
 
 PENDULUM = ("elastic-pendulum", "damping.rayleigh.ratio=0.1", "damping.rayleigh.at=[5, 50]")
@@ -80,7 +80,7 @@ def test_two_halves_are_a_whole_run(given, seconds, steps, share, tmp_path):
     whole, first = run(given, 2.0 * seconds, 2 * steps), run(given, seconds, steps)
     first.to_netcdf(tmp_path / "results.nc")
     second = run(given, seconds, steps, first)
-    read, state = run(given, seconds, steps, kaneflex.read_state(tmp_path)), last_state(first)
+    read, state = run(given, seconds, steps, kaneflex.read_state(tmp_path)), first.last_state()
     in_another_order = replace(state, names=state.names[::-1], q=state.q[::-1], v=state.v[::-1])
     for found in (second, run(given, seconds, steps, in_another_order), pickle.loads(pickle.dumps(read))):
         same(found, whole, steps, share)
@@ -149,7 +149,7 @@ solve = {{preset = "coupled", duration = "0.01 s", steps = 10}}
 
 
 def test_states_that_do_not_fit(crank):
-    state, longer = last_state(crank), [*CRANK, "rod.length=0.35"]
+    state, longer = crank.last_state(), [*CRANK, "rod.length=0.35"]
     with pytest.raises(SceneError, match=r"after = .*: the state opens joint \w+ by .*Continue with the lengths"):
         run(longer, 0.02, 20, crank)
     with pytest.raises(SceneError, match=r"after = .*: the state opens joint shaft by"):
@@ -163,7 +163,7 @@ def test_states_that_do_not_fit(crank):
 
 
 def test_quaternions_that_are_not_of_unit_length():
-    state = last_state(run(ROD, 0.01, 2))
+    state = run(ROD, 0.01, 2).last_state()
     with pytest.raises(SceneError, match=r"after = .*: the quaternion of hinge has length 1\.01, which is not 1"):
         run(ROD, 0.01, 2, replace(state, q=state.q * np.where(np.arange(len(state.q)) < 4, 1.01, 1.0)))
     with pytest.raises(SceneError, match=r"solve\.start = .*: the quaternion of hinge has length 0\.5"):

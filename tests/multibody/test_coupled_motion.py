@@ -12,7 +12,7 @@ from runs import STENCIL, gaps, model, run, solved
 from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import System
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
+from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.sensors import sensor_values
@@ -20,13 +20,12 @@ from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result
 
 
-def path(system: System, *parts: np.ndarray) -> CoupledTrajectory:
-    """Coordinates of frames and shapes, and their rates, zero by default; without forces, all at t = 0."""
-    q = parts[0]
-    rows, record = np.zeros((len(q), len(system.engine.row(0.0)))), np.zeros((len(q), len(system.engine.work.kept)))
+def path(system: System, *parts: np.ndarray) -> np.ndarray:
+    """Record of coordinates of frames and shapes, and their rates, zero by default; without forces, all at t = 0."""
+    record = np.zeros((len(parts[0]), len(system.engine.work.kept)))
     for columns, part in zip(system.record, parts, strict=False):
         record[:, columns] = part
-    return by_themselves(system, rows, record)
+    return record
 
 
 def test_rates_are_the_derivatives_of_places():
@@ -37,9 +36,9 @@ def test_rates_are_the_derivatives_of_places():
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
-    moved = path(given.coupled, q, v, a)
-    moved.rows[:, 0] = times
-    solution = as_result(given, moved, 0.0)
+    moved, rows = path(given.coupled, q, v, a), np.zeros((len(times), len(given.coupled.engine.row(0.0))))
+    rows[:, 0] = times
+    solution = as_result(given, by_themselves(given.coupled, rows, moved), 0.0)
     motion, xs = solution.motion, (0.0, 0.11, 0.3)
     found = {"shapes": solution.coordinates} | {x: motion.moving.moving_place("rod", (x, 0.0)) for x in xs}
     found |= {f"{x} in its body": motion.displacement("rod", (x, 0.0)) for x in xs}
@@ -58,7 +57,8 @@ def test_constraints_are_the_gaps_between_these_places():
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
-        first, second = (motion.joined(address)[0][:, 0] for address in addresses)
+        places = (motion.moving_place(of.body, given.scene.point(of)) for of in addresses)
+        first, second = (place[0][:, 0] for place in places)
         for k, axis in enumerate("xy"):
             assert found[f"{joint}.force_{axis}"] == pytest.approx(second[k] - first[k], abs=1e-12), (joint, axis)
 
@@ -78,8 +78,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     system = replace(given.coupled, engine=engine, shapes=shapes)
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
-    trajectory = path(system, q, v, a)
-    motion = FloatingMotion.of(system, given.motion.at(0.0), trajectory)
+    motion = FloatingMotion.of(system, given.motion.at(0.0), path(system, q, v, a))
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0
 

@@ -15,8 +15,8 @@ from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.run import integrate
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.coupled_linearisation import unresolved
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.unresolved import unresolved
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 

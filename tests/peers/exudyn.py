@@ -50,8 +50,7 @@ def solve(
     """
     exudyn = check(scene)
     from kaneflex.scene import with_settings
-    from kaneflex.solve.free_motion import integrated
-    from kaneflex.solve.loading import load
+    from kaneflex.solve.loading import integrated, load
 
     preset = "stiffened" if not scene.is_spatial else scene.solve.preset if has_elastic(scene) else "rigid"
     model = integrated(load(with_settings(scene, [f"solve.preset={preset}"]), progress))

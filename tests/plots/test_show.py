@@ -21,7 +21,7 @@ from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scener
 from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 SCENES = tuple(name for name, scene in shipped().items() if not scene.is_spatial)  # those have tests of their own

@@ -17,8 +17,8 @@ from kaneflex.multibody.model import assembly
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.time import shooting
 from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections, one_way_steps
-from kaneflex.solve.coupled_state import state_after
 from kaneflex.solve.error_stages import Read
+from kaneflex.solve.initial import state_after
 from kaneflex.solve.run_result import nominal_seconds, seconds_of_steps
 from kaneflex.solve.simulation import solve
 

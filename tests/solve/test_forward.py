@@ -11,7 +11,7 @@ from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.report.summary import summarise
 from kaneflex.solve.coupled import method_of
-from kaneflex.solve.free_motion import integrated
+from kaneflex.solve.loading import integrated
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 

@@ -12,8 +12,8 @@ from scipy.linalg import eigh
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.initial import given_state
+from kaneflex.solve.quasistatic import first_rates, slow_start
 from kaneflex.solve.simulation import solve
-from kaneflex.solve.slow_start import first_rates, slow_start
 from kaneflex.study.plan import file_places
 
 STILL = (

@@ -69,8 +69,7 @@ def check(asked: SceneArguments, as_json: bool) -> None:
     from kaneflex.report.checked import description, notes, warnings
     from kaneflex.report.presentation import as_json as blocks_as_json
     from kaneflex.report.presentation import printed
-    from kaneflex.solve.free_motion import uncoupled
-    from kaneflex.solve.loading import load
+    from kaneflex.solve.loading import load, uncoupled
 
     scene = asked.read()
     with Waiting() as waiting:

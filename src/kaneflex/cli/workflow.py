@@ -112,7 +112,7 @@ def _solve(scene: Scene, waiting: Waiting, after: Path | None, parameters: Seque
 
     state = None
     if after is not None:
-        from kaneflex.solve.coupled_state import read_state
+        from kaneflex.solve.initial import read_state
 
         state = read_state(after)
     if parameters:  # what can't be differentiated is known before anything is derived

@@ -14,8 +14,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
-from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.loading import load
+from kaneflex.solve.loading import integrated, load
 from kaneflex.solve.repeated_motion import Harmonics, check_cycle, harmonics_of, one_way_cure
 from kaneflex.solve.simulation import solve
 from kaneflex.support.c_language import c_comment, c_inline, c_literal, header_text

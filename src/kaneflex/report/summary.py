@@ -206,12 +206,12 @@ def _of_its_preset(solution: Solution) -> dict[str, Any]:
     model = solution.model
     found: dict[str, Any] = {"mode_angle_spread": {}, "contacts": {}, "frictions": {}, "unresolved_modes": []}
     if model.options.dynamics == "frozen":
-        from kaneflex.solve.mode_angle_envelope import mode_angle_spread
+        from kaneflex.solve.modes import mode_angle_spread
 
         found["mode_angle_spread"] = mode_angle_spread(model)
     if model.options.dynamics == "coupled":
+        from kaneflex.solve.coupled_linearisation import unresolved
         from kaneflex.solve.touching import contact_summaries, friction_summaries
-        from kaneflex.solve.unresolved import unresolved
 
         found["contacts"], found["frictions"] = contact_summaries(solution), friction_summaries(solution)
         found["unresolved_modes"] = unresolved(solution)

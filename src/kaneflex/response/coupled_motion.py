@@ -22,7 +22,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.time.sections import DeformingMotion
-from kaneflex.multibody.time.trajectory import by_themselves
 from kaneflex.response.dalembert import Balance, Balanced, balanced
 from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.motion import Motion, Section
@@ -52,11 +51,10 @@ class CoupledMotion(Motion):
     def rigid_forces(self) -> RigidMotion:
         motion = cast(Any, self.model.motion)
         system, record = motion.module.system, motion.curve.record(self.times)
-        trajectory = by_themselves(system, self.times[:, None], record)
-        return FloatingMotion.of(system, self.rigid, trajectory)
+        return FloatingMotion.of(system, self.rigid, record)
 
     @property
-    def scalars(self) -> RigidMotion:
+    def scalars(self) -> Any:
         return self.moving
 
     def taken(self, instants: np.ndarray) -> CoupledMotion:
@@ -70,19 +68,11 @@ class CoupledMotion(Motion):
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
         elastic = self.model.scene.bodies[link].elastic
-        return self._elastic_section(link, x, after) if elastic else super().section(link, x, after)
-
-    def _elastic_section(self, link: str, x: float, after: bool) -> Section:
-        return self._balances[link].section(x, after)
+        return self._balances[link].section(x, after) if elastic else super().section(link, x, after)
 
     @cached_property
     def _balances(self) -> Mapping[str, Balance | Balanced]:
         return balanced(self.moving)
-
-    @property
-    def _floating(self) -> FloatingMotion:
-        """Motion of a planar mechanism."""
-        return cast(FloatingMotion, self.moving)
 
     def place(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
         """Global position of a point in this motion, known even where the rigid mechanism does not close."""
@@ -96,10 +86,10 @@ class CoupledMotion(Motion):
     def angle(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
         """Angle of a body at a point in this motion, with the full turns that sensors leave out."""
         left_out = self._turns_left_out.get(body, 0.0)
-        return self._floating.moving_place(body, cast(tuple[float, float], at))[0][2] - left_out
+        return np.asarray(self.scalars.moving_place(body, at)[0][2] - left_out)
 
     def slide(self, joint: str) -> np.ndarray:
-        return self._floating.coordinate(joint)[0]
+        return np.asarray(self.scalars.coordinate(joint)[0])
 
     def seen_from(self, body: str, vector: np.ndarray) -> np.ndarray:
         deforms = body != GROUND and self.model.scene.bodies[body].deforms
@@ -126,7 +116,7 @@ class CoupledMotion(Motion):
         """Angle of the rigid motion with the turns counted by the run, including earlier ones."""
         frame = self.rigid.frame(body)
         angle = np.arctan2(frame.s, frame.c)
-        return angle + whole_turns(self._floating[f"{body}.phi"] - self._turns_left_out[body] - angle)
+        return angle + whole_turns(self.moving[f"{body}.phi"] - self._turns_left_out[body] - angle)
 
     @cached_property
     def _turns_left_out(self) -> Mapping[str, float]:
@@ -156,7 +146,7 @@ class CoupledMotion(Motion):
 def coupled_motion(model: Model, moved: RigidMotion, trajectory: Any, whole: Motion | None = None) -> CoupledMotion:
     """Motion of a run; ``moved``: the model's motion at its instants, in space of the bodies that deform."""
     if model.coupled is not None:
-        moving = FloatingMotion.of(model.coupled, moved, trajectory)
+        moving = FloatingMotion.of(model.coupled, moved, trajectory.record)
         return CoupledMotion(model, moved, moving, whole=whole)
     deforming = cast(DeformingMotion, moved)
     return CoupledMotion(model, deforming.motion.rigid.later(deforming.times), deforming, whole=whole)

@@ -66,7 +66,9 @@ class ElasticMotion(Motion):
         directed = spring.torsional_at is not None or spring.length or spring.damping
         return force[0] if directed else reduce(np.hypot, force[1:])
 
-    def _elastic_section(self, link: str, x: float, after: bool) -> Section:
+    def section(self, link: str, x: float, after: bool = False) -> Section:
+        if link not in self.model.links:
+            return super().section(link, x, after)
         return self._displaced.links[link].section(x, after)
 
     @cached_property
@@ -98,7 +100,7 @@ class ElasticMotion(Motion):
     def change_of(self, name: str, freedom: str) -> Rates:
         """Change of the coordinate of a joint in space ("angle" or "position") by deformation, with rates, (n_times,)
         each."""
-        from kaneflex.fem.spatial_rates import product
+        from kaneflex.fem.spatial_joined import product
 
         joined, found = self._map.joined, np.zeros((3, len(self.times)))
         joint = joined.mechanism.joints[name]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,10 +16,6 @@ from kaneflex.mechanism.planar import wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.section_forces import LinkForces
-
-if TYPE_CHECKING:
-    from kaneflex.multibody.time.sections import DeformingMotion
-    from kaneflex.response.floating_motion import FloatingMotion
 
 Section = np.ndarray
 """Axial force N (tension positive), shear force V [N] and bending moment M [N m] in link axes, exerted by the part
@@ -87,11 +83,12 @@ class Motion(ABC):
 
     def modal(self, body: str) -> Rates:
         """Modal coordinates of a body and their two rates, (n, n_times) each; exist under preset coupled only."""
-        return cast("DeformingMotion", self.scalars).modal(body)
+        return cast(Rates, self.scalars.modal(body))
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Gap [m] and normal force [N] of a contact, (n_times,) each; exist in coupled motions only."""
-        return cast("FloatingMotion", self.scalars).contact(name)
+        gap, force = self.scalars.contact(name)
+        return gap, force
 
     def clearance(self, name: str) -> np.ndarray:
         """Position of a pin or block in a joint with clearance, (3, n_times).
@@ -99,20 +96,18 @@ class Motion(ABC):
         Relative to the other side: x and y in m, and the angle [rad]. For a pin in global axes; for a block along its
         guide, across it to the left, and its tilt. For a ball in space x, y and z, global.
         """
-        return cast("FloatingMotion", self.scalars).clearance(name)
+        return np.asarray(self.scalars.clearance(name))
 
     def friction(self, name: str) -> np.ndarray:
         """Friction force or torque on the second side of a joint or contact [N or N m], (n_times,)."""
-        return cast("FloatingMotion", self.scalars).friction(name)
+        return np.asarray(self.scalars.friction(name))
 
     def section(self, link: str, x: float, after: bool = False) -> Section:
         """Section forces x [m] from a link's start; at a load, ``after`` selects the side."""
-        if link in self.model.links:
-            return self._elastic_section(link, x, after)
         return self._link_forces.section(link, x, after)
 
     @property
-    def scalars(self) -> RigidMotion:
+    def scalars(self) -> Any:
         """Frames of the bodies and forces on them in this motion, by the names of a rigid motion's scalars."""
         return self.rigid
 
@@ -121,20 +116,14 @@ class Motion(ABC):
         """Rigid mechanism with its joint forces; valid if ``has_rigid_forces``."""
         return self.rigid
 
-    @abstractmethod
-    def _elastic_section(self, link: str, x: float, after: bool) -> Section: ...
-
-    def rigid_section(self, link: str, x: float, after: bool = False) -> Section:
-        """Section forces of the rigid mechanism."""
-        return self._rigid_link_forces.section(link, x, after)
+    @cached_property
+    def of_rigid(self) -> Motion:
+        """Motion of the rigid mechanism alone, with its own forces; valid if ``has_rigid_forces``."""
+        return RigidForces(self.model, self.rigid_forces)
 
     @cached_property
     def _link_forces(self) -> LinkForces:
         return LinkForces(mechanism_of(self.model.scene), self.scalars)
-
-    @cached_property
-    def _rigid_link_forces(self) -> LinkForces:
-        return LinkForces(mechanism_of(self.model.scene), self.rigid_forces)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], continuous over turns."""
@@ -196,6 +185,16 @@ class Motion(ABC):
         """Zero displacement."""
         still = np.zeros((self.rigid.freedoms, len(self.times)))
         return still, still, still
+
+
+class RigidForces(Motion):
+    """Motion of a rigid mechanism, without displacements."""
+
+    def taken(self, instants: np.ndarray) -> RigidForces:
+        return replace(self, rigid=self.rigid.taken(instants))
+
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> Rates:
+        return self._still()
 
 
 def beside(moved: Rates, arm: Sequence[float]) -> Rates:

@@ -74,10 +74,6 @@ def carried(mechanism: Any, rigid: RigidMotion, link: str) -> tuple[np.ndarray, 
     if rigid.freedoms == 3:
         specific_force = np.array([rigid[f"{link}.link.a_x"], rigid[f"{link}.link.a_y"]])
         return specific_force, rigid[f"{link}.omega"], rigid[f"{link}.epsilon"]
-    if f"{link}.link.a_x" in rigid:
-        a, omega, epsilon = (np.array([rigid[f"{link}.link.{kind}_{axis}"] for axis in "xyz"])
-                             for kind in ("a", "omega", "epsilon"))  # fmt: skip
-        return a, omega, epsilon
     frame, gravity = rigid.frame(link), np.reshape(mechanism.gravity, (3, 1))
     of = frame.acceleration(np.zeros(3)) - gravity, frame.omega, frame.epsilon
     return frame.to_body(of[0]), frame.to_body(of[1]), frame.to_body(of[2])

@@ -63,7 +63,8 @@ def reads(motion: Motion, only: Container[str] | None = None) -> Iterator[Read]:
         reaction, frozen = sensor.kind in ("joint_force", *DRIVE_KINDS), motion.model.options.dynamics == "frozen"
         yield Read(name, sensor.unit, meaning + OF_RIGID * (reaction and frozen), partial(reader.read, sensor))
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):
-            yield Read(f"{name}_rigid", sensor.unit, meaning + OF_RIGID, partial(reader.read_rigid, sensor))
+            of_rigid = partial(sensor_values, motion.of_rigid, sensor)
+            yield Read(f"{name}_rigid", sensor.unit, meaning + OF_RIGID, of_rigid)
 
 
 def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Series]:
@@ -140,11 +141,11 @@ class Reader:
         if sensor.kind in SECTION_KINDS:
             return self._of_section(sensor, self._section(sensor))
         if sensor.kind == "joint_force":
-            return self._joint_component(sensor, motion.reaction)
+            return self._joint_component(sensor)
         if sensor.kind in DRIVE_KINDS:
             return motion.reaction(f"{target}.drive")
         if sensor.kind in SPRING_KINDS:
-            return self._of_bushing(sensor) if self._is_bushing(sensor) else motion.spring_tension(target)
+            return self._of_bushing(sensor) if self.scene.springs[target].bushing else motion.spring_tension(target)
         if sensor.kind in CONTACT_KINDS:
             return motion.contact(target)[sensor.kind in ("contact_force", "contact_torque")]
         if sensor.kind in FRICTION_KINDS:
@@ -162,19 +163,6 @@ class Reader:
             joints = {name for name, joint in of if body in {side.body for side in joint.addresses}}
         lost = getattr(self.motion.model.module, "open_reactions", ())  # in the plane `load` refuses such mechanisms
         return not any(each.rpartition(".")[0] in joints for each in lost)
-
-    def read_rigid(self, sensor: Sensor) -> np.ndarray:
-        """Value of the rigid mechanism."""
-        if sensor.kind in SECTION_KINDS:
-            return self._of_section(sensor, self.motion.rigid_section(*self._cut(sensor)))
-        if sensor.kind in DRIVE_KINDS:
-            return self.motion.rigid_forces[f"{sensor.target}.drive"]
-        if sensor.kind in SPRING_KINDS:
-            if self._is_bushing(sensor):
-                return self._of_bushing(sensor)
-            exerted = "tension" if sensor.kind == "spring_force" else "torque"
-            return self.motion.rigid_forces[f"{sensor.target}.{exerted}"]
-        return self._joint_component(sensor, self.motion.rigid_forces.__getitem__, True)
 
     # ---- motion of points -------------------------------------------------------------------------------------
 
@@ -274,9 +262,6 @@ class Reader:
             return section[first + max(0, "xyz".find(sensor.component))]
         return section[1 + (sensor.kind == "bending_moment")]
 
-    def _is_bushing(self, sensor: Sensor) -> bool:
-        return self.scene.springs[str(sensor.target)].bushing is not None
-
     def _of_bushing(self, sensor: Sensor) -> np.ndarray:
         part = "force" if sensor.kind == "spring_force" else "moment"
         return self.motion.scalars[f"{sensor.target}.{part}_{sensor.component}"]
@@ -298,23 +283,19 @@ class Reader:
         address = address_of(sensor)
         return address.body, self.scene.point(address)[0], sensor.cut == "after"
 
-    def _joint_component(
-        self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool = False
-    ) -> np.ndarray:
-        """Component of a joint's force or moment on ``sensor.body`` (by default the second), or that of the rigid
-        mechanism."""
+    def _joint_component(self, sensor: Sensor) -> np.ndarray:
+        """Component of a joint's force or moment on ``sensor.body`` (by default the second)."""
         first, second = (address.body for address in self.scene.joints[str(sensor.joint_force)].addresses)
-        exerted = (-1.0 if sensor.body == first else 1.0) * self._exerted(sensor, reaction, of_rigid)
+        exerted = (-1.0 if sensor.body == first else 1.0) * self._exerted(sensor)
         if sensor.component == "angle":
             return exerted
         if sensor.axes == "body":
-            on = sensor.body or second
-            exerted = self.rigid.frame(on).to_body(exerted) if of_rigid else self.motion.seen_from(on, exerted)
+            exerted = self.motion.seen_from(sensor.body or second, exerted)
         return exerted["xyz".index(sensor.component[-1])]
 
-    def _exerted(self, sensor: Sensor, reaction: Callable[[str], np.ndarray], of_rigid: bool) -> np.ndarray:
+    def _exerted(self, sensor: Sensor) -> np.ndarray:
         """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
-        name, mechanism = str(sensor.joint_force), mechanism_of(self.scene)
+        name, mechanism, motion = str(sensor.joint_force), mechanism_of(self.scene), self.motion
         if sensor.component.startswith("angle"):
-            return joint_moment(mechanism, name, reaction)
-        return joint_force(mechanism, self.rigid if of_rigid else self.motion.scalars, name, reaction)
+            return joint_moment(mechanism, name, motion.reaction)
+        return joint_force(mechanism, motion.scalars, name, motion.reaction)

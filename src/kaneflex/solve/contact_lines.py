@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.response.floating_motion import FloatingMotion
     from kaneflex.solve.run_result import RunResult
 
 _SHARE = 0.01
@@ -53,9 +52,10 @@ def off_their_lines(solution: RunResult) -> Iterator[str]:
         pushed = np.flatnonzero(motion.contact(name)[1] > 0.0)
         if not len(pushed):
             continue
-        taken = cast("FloatingMotion", motion.scalars.taken(pushed))
+        taken = motion.scalars.taken(pushed)
         frame, _ = taken.section_frame(BodyPoint(line.body, line.point, scene.point(line)))
-        (x, y), (n_x, n_y) = frame.to_body(taken.joined(point)[0][:2] - frame.origin), contact.direction
+        touched = taken.moving_place(point.body, scene.point(point))[0][:2]
+        (x, y), (n_x, n_y) = frame.to_body(touched - frame.origin), contact.direction
         along, places = n_y * x - n_x * y, solution.model.links[line.body].nodes
         nodes = (taken.moving_place(line.body, (float(x), 0.0))[0][:2] - frame.origin for x in places)
         above = np.array([n_x * u + n_y * v for u, v in map(frame.to_body, nodes)])

@@ -27,14 +27,13 @@ from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
 from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
+from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.floating_motion import FloatingMotion
-from kaneflex.solve.coupled_state import SavedState, closed_state, laid_state, state_after
 from kaneflex.solve.events import happens, until_stop
-from kaneflex.solve.initial import given_start
+from kaneflex.solve.initial import SavedState, closed_state, given_start, laid_state, state_after
+from kaneflex.solve.quasistatic import slow_state
 from kaneflex.solve.run_checks import check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
-from kaneflex.solve.slow_start import slow_state
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
@@ -167,7 +166,7 @@ def _given(model: Model, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives, the others of the start; with as many full
     turns as drives, welds and guides prescribe.
 
-    Raises SceneError if springs or laws depend on others, and as :func:`kaneflex.solve.coupled_state.closed_state`.
+    Raises SceneError if springs or laws depend on others, and as :func:`kaneflex.solve.initial.closed_state`.
     """
     system, tables = model.coupled, given_start(model.scene)
     assert system is not None
@@ -190,7 +189,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     if system is None:
         return _in_space(model, trajectory, trajectory.curve, seconds)
     assert isinstance(rigid, ReferenceKinematics)
-    bare = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory)
+    bare = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory.record)
     frames = [k + j for k in system.start.values() for j in range(BODY)]
     q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], bare.courses(rigid.module.FREE)
     free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
@@ -246,8 +245,8 @@ def _check_speeds(model: Model, start: State) -> None:
         system.project(start.t, start.q, start.u, system.engine.chosen_at(start))
     except ArithmeticError:  # the run reports it
         return
-    found = by_themselves(system, system.engine.row(start.t)[None])
-    moved = FloatingMotion.of(system, model.motion.at(found.times), found)
+    record = system.unfold(system.engine.row(start.t)[None])
+    moved = FloatingMotion.of(system, model.motion.at(start.t), record)
     rates = {name: float(moved.coordinate(name)[1][0]) for name in speeds}
     for name, speed in speeds.items():
         if not abs(rates[name] - speed) <= _MISSED * abs(speed):
@@ -255,7 +254,7 @@ def _check_speeds(model: Model, start: State) -> None:
 
 
 def _slow(model: Model, start: State) -> State:
-    """State of a quasi-static start (:mod:`kaneflex.solve.slow_start`), from that of undeformed bodies."""
+    """State of a quasi-static start (:mod:`kaneflex.solve.quasistatic`), from that of undeformed bodies."""
     if free := model.scene.free_joints:
         raise SceneError(
             "solve.start", model.options.start, f"{free[0]} is free and has no equilibrium",

@@ -19,9 +19,8 @@ from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.solve.coupled import simulate_coupled
-from kaneflex.solve.coupled_state import SavedState, with_turns
 from kaneflex.solve.error_stages import TOGETHER, Progress, Read, Stage, Unknown, values_of, with_half_elements
-from kaneflex.solve.initial import start_coordinates
+from kaneflex.solve.initial import SavedState, start_coordinates, with_turns
 from kaneflex.solve.loading import load, neighbour
 from kaneflex.solve.one_way_run import run_one_way, storing
 from kaneflex.solve.run_result import RunResult

@@ -50,8 +50,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.start import Start
 from kaneflex.solve.contact_lines import check_lines
-from kaneflex.solve.coupled_state import closed_state, laid_state
-from kaneflex.solve.initial import given_start
+from kaneflex.solve.initial import closed_state, given_start, laid_state
 from kaneflex.solve.run_checks import check_laws, check_memory
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
@@ -284,7 +283,7 @@ def _before(system: System, sensor: Sensor) -> Iterator[str]:
 def given_state(system: System, tables: Start, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives; whole turns of drives are removed.
 
-    Raises SceneError as :func:`kaneflex.solve.coupled_state.closed_state`.
+    Raises SceneError as :func:`kaneflex.solve.initial.closed_state`.
     """
     driven = system.columns(system.driven, COORDINATE)
     given = laid_state(tables, system, start)

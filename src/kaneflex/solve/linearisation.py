@@ -24,8 +24,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.time.linearisation import state_matrix
 from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
-from kaneflex.solve.free_motion import integrated
-from kaneflex.solve.loading import model_from
+from kaneflex.solve.loading import integrated, model_from
 from kaneflex.solve.statespace import StateSpace
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError, nearest

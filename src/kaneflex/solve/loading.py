@@ -1,4 +1,8 @@
-"""Loading of a scene: find or derive its module, bind the numbers, check that it closes, build the model."""
+"""Loading of a scene: find or derive its module, bind the numbers, check that it closes, build the model.
+
+Loading knows a motion that the drives do not prescribe (of free joints, and of coupled mechanisms in space) at its
+start only. A run integrates it, and whatever else reads the motion asks :func:`integrated` for it.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +27,12 @@ from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
 from kaneflex.support.arguments import takes
+from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import compiled_by, silent
 
 Progress = Callable[[str], None]
+Share = Callable[[float], None]
+_INTEGRATED: Kept[Model, Model] = Kept()
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation does not act back on its motion"
 """Note of every run with free joints."""
 
@@ -78,6 +85,29 @@ def model_from(given: SceneLike) -> Model:
     """Model of a Model or a Solution; a Scene or a path is loaded."""
     found = getattr(given, "model", given)
     return found if isinstance(found, Model) else load(found)
+
+
+def integrated(model: Model, share: Share = silent) -> Model:
+    """The model with its motion over the run, integrated once per model; unchanged if the drives prescribe it.
+
+    ``share`` is called with the finished share, 0 to 1.
+
+    Raises SceneError if the motion can't continue; it names the time. That of a coupled mechanism then ends early.
+    """
+    if not model.awaits_run:
+        return model
+    if model.options.dynamics == "coupled":
+        from kaneflex.solve.coupled import simulate_coupled
+
+        return _INTEGRATED.of(model, lambda: simulate_coupled(model, share).model)
+    from kaneflex.solve.forward import integrate_free_joints
+
+    return _INTEGRATED.of(model, lambda: integrate_free_joints(model, share))
+
+
+def uncoupled(model: Model, share: Share = silent) -> Model:
+    """As :func:`integrated` for models without coupling, whose equations need the motion; others unchanged."""
+    return model if model.options.dynamics == "coupled" else integrated(model, share)
 
 
 def _bind_one_way(

@@ -1,4 +1,5 @@
-"""Natural frequencies and mode shapes of a mechanism in a position, and a check of its mesh."""
+"""Natural frequencies and mode shapes of a mechanism in a position, a check of its mesh, and the dependence of the
+paper's frozen model on the position."""
 
 from __future__ import annotations
 
@@ -9,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import reference_modes
+from kaneflex.multibody.model.building import build_model, reference_modes, stands_at
 from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
-from kaneflex.solve.free_motion import uncoupled
-from kaneflex.solve.loading import load
+from kaneflex.scene.sensors import DRIVE_KINDS
+from kaneflex.solve.loading import load, uncoupled
 from kaneflex.solve.run_result import MOST_FREQUENCIES
+from kaneflex.solve.summary_tables import PeakSpread
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import SceneError
 
@@ -24,6 +26,9 @@ above which nothing is compared."""
 _RIGID = 1e-6
 """Share of the highest frequency, from the matrices' diagonals, below which a mode is a rigid-body mode: its squared
 frequency is a difference of numbers rounded at 1e-16."""
+ANGLES = 12
+"""Crank angles, equally spaced over a turn, at which the model is frozen."""
+_RIGID_KINDS = ("joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,3 +129,32 @@ def mesh_hint(found: Modes) -> str:
     mode = int((change > _TOO_FAR).argmax())
     elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
     return f"mode {mode + 1} changes by {change[mode]:.1%} with {elements}: use more elements"
+
+
+def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
+    """Smallest and largest peak of each sensor over the mode angle.
+
+    The decoupled equations (143) use the mass and stiffness at one crank angle, which the paper does not state; a
+    single result of this model is of little use without its spread.
+
+    Returns
+    -------
+    dict
+        Sensor -> smallest and largest max |y| over the ANGLES mode angles that the first drive reaches, in the
+        sensor's SI unit; empty if the equations are not frozen.
+    """
+    from kaneflex.solve.simulation import solve
+
+    peaks: dict[str, list[float]] = {}
+    if model.options.dynamics != "frozen":
+        return {}
+    for k in range(ANGLES):
+        angle = 2 * np.pi * k / ANGLES
+        if stands_at(model, angle) is None:  # a drive may not reach every angle
+            continue
+        options = model.options._replace(mode_angle=angle)
+        solution = solve(build_model(model.scene, options, model.motion))
+        for name, sensor in model.scene.sensors.items():
+            if sensor.kind not in _RIGID_KINDS:
+                peaks.setdefault(name, []).append(float(abs(solution.series[name].values).max()))
+    return {name: PeakSpread(smallest=min(values), largest=max(values)) for name, values in peaks.items()}

@@ -40,7 +40,7 @@ def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
 def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
     """Model with an integrated motion, which half of the work is if elastic equations follow, and the rest's progress.
     """
-    from kaneflex.solve.free_motion import integrated
+    from kaneflex.solve.loading import integrated
 
     part = 1.0 if model.options.dynamics == "rigid" else 0.5
     found = integrated(model, lambda done: progress(part * done))
@@ -113,7 +113,7 @@ def run_of(model: Model) -> Run:
     if options.start == "periodic":
         refuse_unrepeated(not_repeated(model))
     if options.start == "quasistatic":
-        from kaneflex.solve.slow_start import slow_start
+        from kaneflex.solve.quasistatic import slow_start
 
         start = slow_start(model)
     if options.start == "given":

@@ -117,7 +117,7 @@ def _start(richer: Model, near: ElasticMotion, read: Read) -> tuple[np.ndarray, 
     """Initial state of a richer model: that of the run, or for periodic motions near the start of another cycle."""
     options, own = read.model.options, near.model
     if not read.periodic and "quasistatic" in (options.start, options.dynamics):
-        from kaneflex.solve.slow_start import slow_start
+        from kaneflex.solve.quasistatic import slow_start
 
         return slow_start(richer)
     basis = richer.modal_basis

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
     from kaneflex.response.sensors import Series
     from kaneflex.response.stresses import LinkStresses
+    from kaneflex.solve.initial import SavedState
 
 MOST_FREQUENCIES = 50
 """Largest number of natural frequencies of a run; more would take longer than the run."""
@@ -153,6 +154,19 @@ class RunResult:
         # too small for a scene, and for a run the same as zero
         numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved)
         return {key: dict(zip(names, part, strict=True)) for key, part in zip(STATE, numbers, strict=True)}
+
+    def last_state(self) -> SavedState:
+        """Last state of a coupled run. Raises SceneError if there is none."""
+        from kaneflex.solve.initial import SavedState, no_state, start_coordinates, with_turns
+
+        model = self.model
+        if model.options.dynamics != "coupled":
+            raise no_state(repr(self))
+        t = float(self.times[-1])
+        names, (q, v) = start_coordinates(model), (part[:, -1] for part in self.motion.taken(np.array([-1])).state)
+        if model.in_space is not None:
+            names, q, v = with_turns(names, q, v, model.in_space.turned(t))
+        return SavedState(repr(self), t, names, q, v)
 
     def at(self, times: np.ndarray) -> Self:
         """The same motion at other instants within the run (dense output).

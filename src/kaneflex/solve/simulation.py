@@ -15,7 +15,7 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import ValidityWarning, refuse
 
 if TYPE_CHECKING:
-    from kaneflex.solve.coupled_state import SavedState
+    from kaneflex.solve.initial import SavedState
 
 
 @takes(model="model", progress="function", after="state")
@@ -57,9 +57,7 @@ def simulate(
 def solve(model: Model, progress: Progress | None = None, after: Solution | SavedState | None = None) -> Solution:
     """Like :func:`simulate`, without issuing the warnings."""
     if after is not None:
-        from kaneflex.solve.coupled_state import last_state
-
-        after = last_state(after) if isinstance(after, Solution) else after
+        after = after.last_state() if isinstance(after, Solution) else after
         refuse(
             (model.options.dynamics != "coupled", "solve.preset", model.options.preset,
              "only coupled runs can be continued", "Choose preset coupled"),

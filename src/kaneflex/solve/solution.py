@@ -169,8 +169,7 @@ def _restored(
     scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
 ) -> Solution:
     """Solution from its pickled parts."""
-    from kaneflex.solve.free_motion import integrated
-    from kaneflex.solve.loading import load
+    from kaneflex.solve.loading import integrated, load
 
     model = load(scene)
     if isinstance(trajectory, Trajectory):
@@ -237,9 +236,7 @@ def labelled(solution: RunResult) -> Labelled:
 
 def _last_state(solution: RunResult) -> tuple[tuple, dict[str, tuple]]:
     """Names of the coordinates, and their last values and rates, from which another run can continue."""
-    from kaneflex.solve.coupled_state import last_state
-
-    state = last_state(solution)
+    state = solution.last_state()
     about = {"long_name": "coordinates at the last time", "units": "1", "comment": "m; rad where a name ends in phi"}
     return ("state", np.array(state.names), {"long_name": "coordinates of all bodies"}), {
         "last_state": ("state", state.q, about),

@@ -366,7 +366,7 @@ def _left_ringing(solution: RunResult) -> list[str]:
     omega^2 d. This is checked by a run with a tenth of the tolerance.
     """
     from kaneflex.solve.coupled import longest, simulate_coupled
-    from kaneflex.solve.unresolved import left_by_gauss, unresolved
+    from kaneflex.solve.coupled_linearisation import left_by_gauss, unresolved
 
     model, series, found = solution.model, solution.series, left_by_gauss(solution)
     options, length = model.options, longest(model)

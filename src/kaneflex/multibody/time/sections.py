@@ -15,6 +15,7 @@ from kaneflex.generated.spatial_shapes import section
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, acceleration, applied, cross, turning, velocity
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame
+from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.support.array_kernels import on_arrays
@@ -81,16 +82,18 @@ class DeformingMotion(RigidMotion, ABC):
 
     motion: Any
     system: Any
+    record: Any
+    """Record of the instants, (n_times, kept)."""
 
     @property
     def mechanism(self) -> Any:
         """NumericMechanism or SpatialMechanism."""
         return self.system.mechanism
 
-    @property
-    @abstractmethod
-    def recorded(self) -> np.ndarray:
-        """Record of the instants, (n_times, kept)."""
+    @cached_property
+    def instants(self) -> Instants:
+        """Record of the instants by names."""
+        return self.system.engine.instants(self.record)
 
     @abstractmethod
     def taken(self, instants: np.ndarray) -> Self: ...
@@ -98,9 +101,8 @@ class DeformingMotion(RigidMotion, ABC):
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates of the equations and their rates, (n, n_times) each."""
-        engine = self.system.engine
-        found = engine.instants(self.recorded)
-        return found.q.T, rates_of(engine, found.q, found.u).T
+        found = self.instants
+        return found.q.T, rates_of(self.system.engine, found.q, found.u).T
 
     @property
     def shapes(self) -> Mapping[str, Any]:
@@ -110,9 +112,16 @@ class DeformingMotion(RigidMotion, ABC):
 
     def modal(self, body: str) -> Rates:
         """Amplitudes of a body's shapes, their rates and accelerations, (count, n_times) each."""
-        engine, found = self.system.engine, self.system.engine.instants(self.recorded)
-        places, speeds = engine.amplitudes(body)
+        found, (places, speeds) = self.instants, self.system.engine.amplitudes(body)
         return found.q[:, places].T, found.u[:, speeds].T, found.du[:, speeds].T
+
+    def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Gap [m or rad] and normal force [N or N m] of a contact."""
+        return self[f"{name}.gap"], self[f"{name}.force"]
+
+    def friction(self, name: str) -> np.ndarray:
+        """Friction force or torque on the second side of a joint or contact [N or N m]."""
+        return self[f"{name}.friction"]
 
     @abstractmethod
     def recording(self, record: np.ndarray) -> Self:
@@ -126,12 +135,11 @@ class DeformingMotion(RigidMotion, ABC):
         motion, up to the squared ratio of frequencies. The motion is unchanged if masses differ too much for a
         solution, and at instants at which friction sticks or rigid sides rest on each other.
         """
-        engine, of, record = self.system.engine, self.system.record, self.recorded.copy()
+        engine, of, record, seen = self.system.engine, self.system.record, self.record.copy(), self.instants
         still = [speed for body, shapes in self.shapes.items()
                  for speed in engine.amplitudes(body)[1][: shapes.counts[0]].tolist()]  # fmt: skip
         if not still:
             return self
-        seen = engine.instants(record)
         rows = engine.rows_of(self.times, seen.q, seen.u, seen.du)
         modes = seen.touching[:, :, -at.MODE_SIZE :]
         rows[:, engine.columns["modes"]] = modes.reshape(len(rows), -1)

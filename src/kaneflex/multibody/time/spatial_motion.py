@@ -275,17 +275,8 @@ class SpatialMotion(DeformingMotion):
     freedoms = 6
 
     @property
-    def recorded(self) -> np.ndarray:
-        assert self.record is not None  # of bodies that deform
-        return self.record
-
-    @property
     def system(self) -> System:  # type: ignore[override]
         return self.motion.module.system
-
-    def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Gap [m or rad] and normal force [N or N m] of a contact."""
-        return self[f"{name}.gap"], self[f"{name}.force"]
 
     def clearance(self, name: str) -> np.ndarray:
         """Position of the second side of a joint with clearance, or of a contact, from the first, global [m],
@@ -294,10 +285,6 @@ class SpatialMotion(DeformingMotion):
         sides = [Side(at.body, point(at)) for at in loose[name].sides] if name in loose else contacts[name].sides
         (first, one), (second, other) = (self.section_frame(side) for side in sides)
         return second.place(other.at) - first.place(one.at)
-
-    def friction(self, name: str) -> np.ndarray:
-        """Friction force or torque on the second body of a joint [N or N m]."""
-        return self[f"{name}.friction"]
 
     def recording(self, record: np.ndarray) -> SpatialMotion:  # type: ignore[override]
         moved: SpatialMotion = self.motion.at(self.times, record)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,11 +106,6 @@ class RowRecord:
         gap, speed, force, pressed, _, _, mode, memory = states.transpose(2, 0, 1)
         bristles = np.where(mode == at.BENDING, memory, 0.0)
         return cls(names, gap, speed, force, pressed, lost, mode, bristles, impacts, jams)
-
-    def taken(self, instants: np.ndarray) -> RowRecord:
-        """The same at some of the stored instants, with all impacts."""
-        keys = ("gap", "speed", "force", "pressed", "lost", "mode", "bristles")
-        return replace(self, **{key: getattr(self, key)[instants] for key in keys})
 
     def impacts_of(self, name: str) -> tuple[Impact, ...]:
         """Impacts of one contact."""

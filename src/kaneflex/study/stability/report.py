@@ -11,8 +11,7 @@ import numpy as np
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.free_motion import uncoupled
-from kaneflex.solve.loading import load
+from kaneflex.solve.loading import load, uncoupled
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.study.stability.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep

@@ -13,7 +13,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.whirl import Whirl, turns, whirl
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
-from kaneflex.solve.free_motion import uncoupled
+from kaneflex.solve.loading import uncoupled
 from kaneflex.solve.variants import Variants
 from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.study.stability.frozen import FEW_INSTANTS, freeze
