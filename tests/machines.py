@@ -8,37 +8,73 @@ the plane.
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+PLAIN = ("ground", "damping")
+"""Tables of plain values."""
 WEIGHT = [0, "-9.81 m/s^2"]
 """Gravity in the plane."""
 STRIP = 'length = "0.3 m", beam = {material = "steel", section = {rectangle = ["4 mm", "20 mm"]}}'
 """Inside of the entry for a body that bends easily in the plane."""
 
 
+JOINT = re.compile(r"(\w+) (\S+) ([^\s,]+)(.*)")
+"""Kind and both sides of a joint, and the rest of its entry."""
+SENSOR = re.compile(r"(\w+) ([^\s,]+)(?: (\w+))?(.*)")
+"""Kind, target and component of a sensor, and the rest of its entry."""
+
+
 def _value(value: Any) -> str:
     """A value in TOML; tables are inline."""
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {_value(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
     return json.dumps(value)
+
+
+def _inside(table: str, of: str) -> str:
+    """Inside of an entry, of a joint or a sensor perhaps by its short form."""
+    if table == "joints" and (joint := JOINT.fullmatch(of)) and joint[2] != "=":
+        return f'{joint[1]} = ["{joint[2]}", "{joint[3]}"]{joint[4]}'
+    if table == "sensors" and (sensor := SENSOR.fullmatch(of)) and sensor[2] != "=":
+        return f'{sensor[1]} = "{sensor[2]}"' + f', component = "{sensor[3]}"' * bool(sensor[3]) + sensor[4]
+    return of
+
+
+def machine(**tables: Any) -> str:
+    """Text of a scene by its tables.
+
+    A table of bodies, joints, sensors and so on has the insides of entries by names. Joints and sensors have a short
+    form, which a comma and the rest of the entry may follow: "revolute ground crank.start", "position rod.end x".
+    """
+    lines = ["schema = 1"]
+    for table, entries in tables.items():
+        if isinstance(entries, str) and table not in ("name", "description", "like"):
+            lines += [f"{table}.{line}" for line in entries.splitlines() if line]
+        elif isinstance(entries, Mapping) and table != "solve":
+            raw = table not in PLAIN
+            lines += [
+                f"{table}.{name} = " + (f"{{{_inside(table, of)}}}" if raw and isinstance(of, str) else _value(of))
+                for name, of in entries.items()
+            ]
+        else:
+            lines.append(f"{table} = {_value(entries)}")
+    return "\n".join(lines) + "\n"
 
 
 def text(bodies: Mapping[str, str], joints: Mapping[str, str], drives: Mapping[str, str], **tables: Any) -> str:
     """Text of a scene; see the module for ``tables``."""
     more, title = tables.pop("more", {}), tables.pop("title", None)
     joined = {name: f"{of}, {more[name]}" if name in more else of for name, of in joints.items()}
-    lines = ["schema = 1", *([] if title is None else [f'name = "{title}"'])]
-    for table, entries in (("bodies", bodies), ("joints", joined), ("drives", drives)):
-        lines += [f"{table}.{name} = {{{inside}}}" for name, inside in entries.items()]
-    for table, entries in tables.items():
-        if isinstance(entries, str):
-            lines += [f"{table}.{line}" for line in entries.splitlines() if line]
-        elif isinstance(entries, Mapping):
-            lines += [f"{table}.{key} = {_value(value)}" for key, value in entries.items()]
-        else:
-            lines.append(f"{table} = {_value(entries)}")
-    return "\n".join(lines) + "\n"
+    named = {} if title is None else {"name": title}
+    if isinstance(solve := tables.get("solve"), Mapping):  # by lines, which others may follow
+        tables["solve"] = "\n".join(f"{key} = {_value(value)}" for key, value in solve.items())
+    return machine(**named, bodies=bodies, joints=joined, drives=drives, **tables)
 
 
 def changed(of: str, *changes: tuple[str, str]) -> str:

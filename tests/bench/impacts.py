@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
+from machines import machine
 
 from bench.interleave import Timed, interleave
 from bench.rows import Row, Target
@@ -25,33 +26,24 @@ ten times onto a linear spring. Exudyn (ObjectContactCoordinate, generalised-alp
 the impacts. The error is the rms difference from the closed form at 60 instants; the ratio is to kaneflex."""
 ROUNDS = 5
 G = 9.81
-BALL = """
-schema = 1
-description = "A ball that bounces on the floor"
-gravity = [0, "-9.81 m/s^2"]
-bodies.ball.mass = "1 kg"
-joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-drives.fall = {free = true, position = "1 mm"}
-contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = CONTACT}
-sensors.height = {position = "fall", component = "x"}
-solve = {preset = "coupled", duration = "60 s", steps = 10}
-"""
-CRANK = """
-schema = 1
-description = "A slider-crank with room in its wrist pin"
-bodies.crank = {length = "50 mm", mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-bodies.rod = {length = "120 mm", mass = "68 g", inertia = "8.2e-5 kg m^2", centre = ["60 mm", 0]}
-bodies.piston.mass = "0.14 kg"
-joints.main = {revolute = ["ground", "crank"]}
-joints.pin = {revolute = ["crank.end", "rod"]}
-joints.bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-joints.wrist = {revolute = ["rod.end", "piston"], clearance = {radial = "0.2 mm", contact = CONTACT}}
-drives.main = {speed = "3000 rpm"}
-drives.pin = {free = true, initial_speed = "-4250 rpm"}
-drives.bore = {free = true, position = "170 mm"}
-sensors.slide = {position = "bore", component = "x"}
-solve = {preset = "coupled", duration = "0.2 s", steps = 20}
-"""
+BALL = machine(
+    description="A ball that bounces on the floor", gravity=[0, "-9.81 m/s^2"], bodies=dict(ball='mass = "1 kg"'),
+    joints=dict(fall="prismatic ground ball, direction = [0, 1]"), drives=dict(fall='free = true, position = "1 mm"'),
+    contacts=dict(floor='point_on_line = ["ball", "ground"], normal = [0, 1], contact = CONTACT'),
+    sensors=dict(height="position fall x"), solve=dict(preset="coupled", duration="60 s", steps=10),
+)
+CRANK = machine(
+    description="A slider-crank with room in its wrist pin",
+    bodies=dict(crank='length = "50 mm", mass = "0.3 kg", inertia = "1e-4 kg m^2"',
+                rod='length = "120 mm", mass = "68 g", inertia = "8.2e-5 kg m^2", centre = ["60 mm", 0]',
+                piston='mass = "0.14 kg"'),
+    joints=dict(main="revolute ground crank", pin="revolute crank.end rod",
+                bore="prismatic ground piston, direction = [1, 0]",
+                wrist='revolute rod.end piston, clearance = {radial = "0.2 mm", contact = CONTACT}'),
+    drives=dict(main='speed = "3000 rpm"', pin='free = true, initial_speed = "-4250 rpm"',
+                bore='free = true, position = "170 mm"'),
+    sensors=dict(slide="position bore x"), solve=dict(preset="coupled", duration="0.2 s", steps=20),
+)
 NEWTON, HERTZ = Target(reach=10e-6, dream=5e-6), Target(reach=100e-6, dream=50e-6)
 CASES = {
     "one impact of a ball": (BALL, {

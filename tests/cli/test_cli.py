@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.shell_completion import ShellComplete
 from command_line import cli, refused
+from machines import machine
 from places import ROOT
 from runs import shipped
 
@@ -82,13 +83,11 @@ def test_a_plain_number_of_millimetres_is_named_before_anything_is_solved():
         assert "is 137 m" not in cli("check", "engine", "--set", f"rod.length={meant}").stderr
 
 
-OWN = """
-schema = 1
-bodies = {wheel = {mass = 1, inertia = 1, points = {pen = [0.1, 0.2]}}, bob = {mass = 1}}
-joints = {shaft = {revolute = ["ground", "wheel"]}, tack = {revolute = ["wheel.pen", "bob"]}}
-drives = {shaft = {speed = 1, cycle = "360 deg"}, tack = {law = "sin(3 * t)"}}
-solve = {preset = "rigid"}
-"""
+OWN = machine(
+    bodies=dict(wheel="mass = 1, inertia = 1, points = {pen = [0.1, 0.2]}", bob="mass = 1"),
+    joints=dict(shaft="revolute ground wheel", tack="revolute wheel.pen bob"),
+    drives=dict(shaft='speed = 1, cycle = "360 deg"', tack='law = "sin(3 * t)"'), solve=dict(preset="rigid"),
+)
 """Of a structure that no shipped module serves."""
 
 
@@ -259,12 +258,10 @@ def test_check_warns_of_terms_that_the_preset_has_no_place_for():
     assert cli("check", "engine", "--preset", "quasistatic").stderr.count("Warning") == 0
 
 
-REDUNDANT = """schema = 1
-ground = {far = [1, 0]}
-bodies = {rod = {length = 1, mass = 1, beam = {material = "steel", I = "100 mm^4"}}}
-joints = {clamp = {weld = ["ground", "rod"]}, pin = {revolute = ["ground.far", "rod.end"]}}
-solve = {duration = 1}
-"""
+REDUNDANT = machine(
+    ground=dict(far=[1, 0]), bodies=dict(rod='length = 1, mass = 1, beam = {material = "steel", I = "100 mm^4"}'),
+    joints=dict(clamp="weld ground rod", pin="revolute ground.far rod.end"), solve=dict(duration=1),
+)
 
 
 @pytest.mark.parametrize("command", [("check",), ("derive", "-o", "rod.py"), ("equations",)])

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from interpreted import interpreted
+from machines import machine
 
 from kaneflex import read_scene, scene_of
 from kaneflex.derive.bodies import kinds
@@ -303,13 +304,11 @@ def test_a_cube_of_shapes(count):
 # ---- blocks of a scene --------------------------------------------------------------------------------------------
 
 
-LOADED = """
-schema = 1
-like = "slider-crank-150-coupled"
-description = "Loads spread over its rod and its crank"
-loads.on_rod = {spread_on = "rod", direction = [0, -1], value = "1 N/m"}
-loads.on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
-"""
+LOADED = machine(
+    like="slider-crank-150-coupled", description="Loads spread over its rod and its crank",
+    loads=dict(on_rod='spread_on = "rod", direction = [0, -1], value = "1 N/m"',
+               on_crank='spread_on = "crank", direction = [0, -1], value = "1 N/m"'),
+)
 
 
 @pytest.fixture(scope="module")

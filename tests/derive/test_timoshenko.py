@@ -5,7 +5,7 @@ import re
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from machines import on_supports
+from machines import machine, on_supports
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 from sympy import Matrix
@@ -187,23 +187,17 @@ def test_a_uniform_euler_bernoulli_beam_reads_no_more_than_it_needs(folder, theo
     assert found.M.__module__ == f"kaneflex.generated.beam_{module}"
 
 
-SWINGING = """
-schema = 1
-gravity = [0, -9.81]
-bodies.thick.length = "0.5 m"
-bodies.thick.beam.material = "steel"
-bodies.thick.beam.section = {rectangle = ["100 mm", "20 mm"]}
-bodies.thick.beam.theory = "timoshenko"
-bodies.thick.beam.elements = 3
-bodies.thin = {length = "0.8 m", beam = {material = "aluminium", section = {tube = ["30 mm", "2 mm"]}, elements = 3}}
-joints.hub = {revolute = ["ground", "thick.start"]}
-joints.elbow = {weld = ["thick.end", "thin.start"]}
-drives.hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
-sensors.torque = {drive_torque = "hub"}
-sensors.elbow_x = {joint_force = "elbow", component = "x"}
-sensors.elbow_moment = {joint_force = "elbow", component = "angle"}
-solve.preset = "quasistatic"
-"""
+SWINGING = machine(
+    gravity=[0, -9.81],
+    bodies=dict(thick='length = "0.5 m", beam.material = "steel", beam.section = {rectangle = ["100 mm", "20 mm"]}, '
+                      'beam.theory = "timoshenko", beam.elements = 3',
+                thin='length = "0.8 m", '
+                     'beam = {material = "aluminium", section = {tube = ["30 mm", "2 mm"]}, elements = 3}'),
+    joints=dict(hub="revolute ground thick.start", elbow="weld thick.end thin.start"),
+    drives=dict(hub='law = "1.2*sin(20*t)", period = "0.3141592653589793 s"'),
+    sensors=dict(torque="drive_torque hub", elbow_x="joint_force elbow x", elbow_moment="joint_force elbow angle"),
+    solve='preset = "quasistatic"',
+)
 
 
 @pytest.fixture(scope="module")

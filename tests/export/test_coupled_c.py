@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from hostile_names import NAME
-from machines import FREE_CRANK, scotch_yoke, slider_crank
+from machines import FREE_CRANK, machine, scotch_yoke, slider_crank
 from numba import njit, types
 from runs import model, run, solved
 from test_c import HEADS, SHARED, built
@@ -112,26 +112,21 @@ def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
         assert abs(found[:, k] - series[name]).max() <= 1e-9 * peak, name
 
 
-BALL = """
-schema = 1
-description = "A ball above a plane"
-gravity = [0, 0, -9.81]
-bodies.ball = {mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}}
-ground.foot = [0.2, 0.1, -0.4]
-contacts.floor.point_on_plane = ["ball", "ground.foot"]
-contacts.floor.normal = [1, 2, 5]
-contacts.floor.radius = "50 mm"
-contacts.floor.contact = {law = "hertz", stiffness = "2e6 N/m", exponent = 1}
-sensors.push = {contact_force = "floor"}
-sensors.room = {contact_gap = "floor"}
-solve = {preset = "coupled", duration = "0.4 s", steps = 100, tolerance = 1e-10}
-"""
+BALL = machine(
+    description="A ball above a plane", gravity=[0, 0, -9.81],
+    bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}"),
+    ground=dict(foot=[0.2, 0.1, -0.4]),
+    contacts=dict(floor='point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", '
+                        'contact = {law = "hertz", stiffness = "2e6 N/m", exponent = 1}'),
+    sensors=dict(push="contact_force floor", room="contact_gap floor"),
+    solve=dict(preset="coupled", duration="0.4 s", steps=100, tolerance=1e-10),
+)
 
 
-@pytest.mark.parametrize("more", ["", "contacts.floor.friction = {mu = 0.2}"])
+@pytest.mark.parametrize("more", ["", ", friction = {mu = 0.2}"])
 def test_a_ball_is_thrown_back_in_c_as_in_python(more, compiler, tmp_path):
     """A contact in space, by one impact: 3e-15 of each coordinate's largest was seen, with friction 5e-11."""
-    solution = solved(kaneflex.scene_of(BALL.replace("sensors.push", f"{more}\nsensors.push")))
+    solution = solved(kaneflex.scene_of(BALL.replace("exponent = 1}", f"exponent = 1}}{more}")))
     names, found = in_c(solution.model.scene, tmp_path, compiler)
     motion, times = solution.model.motion, found[:, 0]
     moving = motion.at(times)
@@ -181,15 +176,12 @@ def in_c(scene, folder, compiler, **how):
     return names, np.genfromtxt(io.StringIO(written.stdout), delimiter=",", skip_header=1)
 
 
-DEEP = """
-schema = 1
-name = "deep"
-like = "spatial-slider-crank-elastic"
-bodies.bob = {mass = 0.02, inertia = [2e-6, 2e-6, 1e-6], centre = [0.01, 0, -0.03]}
-joints.hanger = {spherical = ["rod.end", "bob.start"]}
-drives.hanger = {free = true}
-solve = {preset = "coupled", modes = 2, start = "zero"}
-"""
+DEEP = machine(
+    name="deep", like="spatial-slider-crank-elastic",
+    bodies=dict(bob="mass = 0.02, inertia = [2e-6, 2e-6, 1e-6], centre = [0.01, 0, -0.03]"),
+    joints=dict(hanger="spherical rod.end bob.start"), drives=dict(hanger="free = true"),
+    solve=dict(preset="coupled", modes=2, start="zero"),
+)
 
 
 @pytest.mark.exhaustive(share=2)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lifting import lifted
+from machines import machine
 from runs import alike, solved
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
@@ -150,24 +151,16 @@ def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half():
     assert tip == pytest.approx(expected, rel=1e-5)
 
 
-BOOM = """
-schema = 1
-gravity = [-4, -9]
-bodies.boom = {length = 1.5, beam = {material = "steel", section = {rectangle = [0.015, 0.02]}, elements = 8}}
-bodies.holder = {mass = 0.001, inertia = 1e-6}
-bodies.car = {mass = MASS, inertia = 0.02}
-joints.root = {weld = ["ground", "boom.start"]}
-joints.bracket = {weld = ["boom.end", "holder"]}
-damping.modal = {ratio = 0.3}
-sensors.slope = {position = "holder", component = "angle"}
-sensors.held_x = {acceleration = "car", component = "x"}
-sensors.held_y = {acceleration = "car", component = "y"}
-sensors.force_x = {joint_force = "hold", component = "x"}
-sensors.force_y = {joint_force = "hold", component = "y"}
-sensors.own_x = {joint_force = "hold", component = "x", axes = "body"}
-sensors.own_y = {joint_force = "hold", component = "y", axes = "body"}
-solve = {preset = "PRESET", start = "quasistatic", duration = 0.1, steps = 10}
-"""
+BOOM = machine(
+    gravity=[-4, -9],
+    bodies=dict(boom='length = 1.5, beam = {material = "steel", section = {rectangle = [0.015, 0.02]}, elements = 8}',
+                holder="mass = 0.001, inertia = 1e-6", car="mass = MASS, inertia = 0.02"),
+    joints=dict(root="weld ground boom.start", bracket="weld boom.end holder"), damping=dict(modal=dict(ratio=0.3)),
+    sensors=dict(slope="position holder angle", held_x="acceleration car x", held_y="acceleration car y",
+                 force_x="joint_force hold x", force_y="joint_force hold y", own_x='joint_force hold x, axes = "body"',
+                 own_y='joint_force hold y, axes = "body"'),
+    solve=dict(preset="PRESET", start="quasistatic", duration=0.1, steps=10),
+)
 GUIDE = 'joints.hold = {prismatic = ["holder", "car"], direction = [1, 0]}\ndrives.hold = {speed = 0, position = 0.4}'
 WELD = 'joints.hold = {weld = ["holder", "car"]}'
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import derived_on_the_fly, model, peaks, run
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
@@ -237,16 +238,14 @@ def scalars(of, t):
     return {name: rigid[name] for name in of.motion.column}
 
 
-PLANE = """
-schema = 1
-gravity = [0, -9.81]
-bodies.bar = {length = "1 m", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}, elements = 2}}
-bodies.block = {mass = "1 kg"}
-joints.wall = {weld = ["ground", "bar.start"]}
-joints.tip = {weld = ["bar.end", "block"]}
-sensors.y = {position = "block", component = "y"}
-solve = {preset = "coupled", duration = "0.02 s", steps = 20, errors = "none"}
-"""
+PLANE = machine(
+    gravity=[0, -9.81],
+    bodies=dict(bar='length = "1 m", '
+                    'beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}, elements = 2}',
+                block='mass = "1 kg"'),
+    joints=dict(wall="weld ground bar.start", tip="weld bar.end block"), sensors=dict(y="position block y"),
+    solve=dict(preset="coupled", duration="0.02 s", steps=20, errors="none"),
+)
 """As ``shared/cases/default_modes.toml`` has it, for a shorter time."""
 SAG = 9.81 * (1.0 / 3 + 7850 * 1e-4 / 8) / (210e9 * 1e-8 / 12)
 """Of the tip by the weights of block and bar [m], by Euler and Bernoulli."""

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from lifting import lifted
+from machines import machine
 from runs import alike, shipped, solved
 from scipy.linalg import eig, eigh
 from test_spatial_links import swept
@@ -88,23 +89,19 @@ def test_a_slow_start_asks_for_no_reactions_that_rigid_bodies_share():
         assert deep[sensor].values == pytest.approx(flat[sensor].values, rel=5e-3), sensor
 
 
-CARRIED = """
-schema = 1
-gravity = [3.0, -9.0]
-bodies.arm = {length = 0.5, beam = {material = "aluminium", section = {rectangle = [0.004, 0.02]}, elements = 3}}
-bodies.plate = {length = 0.1, mass = 0.2, inertia = 3e-4, centre = [0.04, 0.01], points = {q = [0.05, 0.03]}}
-joints.root = {revolute = ["ground", "arm.start"]}
-joints.tip = {weld = ["arm.end", "plate.start"]}
-drives.root = {law = "0.7*sin(6*t)"}
-loads.push = {force_on = "plate.q", axes = "body", direction = [0.3, 1], law = "2*sin(20*t)"}
-sensors.speed_x = {velocity = "plate.q"}
-sensors.speed_y = {velocity = "plate.q", component = "y"}
-sensors.felt_x = {acceleration = "plate.start"}
-sensors.felt_y = {acceleration = "plate.start", component = "y"}
-sensors.force_x = {joint_force = "tip", axes = "body"}
-sensors.force_y = {joint_force = "tip", axes = "body", component = "y"}
-solve.duration = 0.4
-"""
+CARRIED = machine(
+    gravity=[3.0, -9.0],
+    bodies=dict(arm='length = 0.5, '
+                    'beam = {material = "aluminium", section = {rectangle = [0.004, 0.02]}, elements = 3}',
+                plate="length = 0.1, mass = 0.2, inertia = 3e-4, centre = [0.04, 0.01], points = {q = [0.05, 0.03]}"),
+    joints=dict(root="revolute ground arm.start", tip="weld arm.end plate.start"),
+    drives=dict(root='law = "0.7*sin(6*t)"'),
+    loads=dict(push='force_on = "plate.q", axes = "body", direction = [0.3, 1], law = "2*sin(20*t)"'),
+    sensors=dict(speed_x="velocity plate.q", speed_y="velocity plate.q y", felt_x="acceleration plate.start",
+                 felt_y="acceleration plate.start y", force_x='joint_force tip, axes = "body"',
+                 force_y='joint_force tip, axes = "body", component = "y"'),
+    solve="duration = 0.4",
+)
 
 
 @pytest.mark.parametrize("preset", ["quasistatic", "linear"])
@@ -431,21 +428,16 @@ def test_sensors_share_a_panel_with_those_of_their_unit(name):
         assert len({scene.sensors[each].unit for each in names}) == 1, title
 
 
-HINGED = """
-schema = 1
-gravity = ["1 m/s^2", "-2 m/s^2", "-9.81 m/s^2"]
-springs.s = {torsional_at = "hinge", stiffness = "900 N m/rad", angle = 0}
-bodies.hub.length = "0.3 m"
-bodies.hub.mass = "1 kg"
-bodies.hub.rotation = {x = [1, 0, 0]}
-bodies.top.mass = "2 kg"
-bodies.top.centre = ["0.2 m", "0.05 m", "-0.08 m"]
-bodies.top.inertia = [0.03, 0.05, 0.04, 0.004, -0.003, 0.002]
-joints.shaft = {revolute = ["ground", "hub.start"], axis = [0.6, 0, 0.8]}
-joints.hinge = {revolute = ["CARRIER", "top.start"], axis = [0.48, -0.6, 0.64]}
-drives.shaft = {law = "2 * sin(3 * t)"}
-solve.duration = "1 s"
-"""
+HINGED = machine(
+    gravity=["1 m/s^2", "-2 m/s^2", "-9.81 m/s^2"],
+    springs=dict(s='torsional_at = "hinge", stiffness = "900 N m/rad", angle = 0'),
+    bodies=dict(hub='length = "0.3 m", mass = "1 kg", rotation = {x = [1, 0, 0]}, points.far = ["1.3 m", 0, 0]',
+                top='mass = "2 kg", centre = ["0.2 m", "0.05 m", "-0.08 m"], '
+                    'inertia = [0.03, 0.05, 0.04, 0.004, -0.003, 0.002]'),
+    joints=dict(shaft="revolute ground hub.start, axis = [0.6, 0, 0.8]",
+                hinge="revolute CARRIER top.start, axis = [0.48, -0.6, 0.64]"),
+    drives=dict(shaft='law = "2 * sin(3 * t)"'), solve='duration = "1 s"',
+)
 
 
 @pytest.mark.parametrize("t", [0.0, 0.37, 0.8])
@@ -460,7 +452,6 @@ solve.preset = "stiffened"
 solve.start = "zero"
 """
     rigid = HINGED.replace("CARRIER", "hub.far") + """
-bodies.hub.points.far = ["1.3 m", 0, 0]
 drives.hinge.free = true
 solve.preset = "rigid"
 """

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import changed, machine, pendulum
 from runs import STENCIL, alike, waving
 from scipy.optimize import brentq
 
@@ -17,7 +18,7 @@ EI, MASS = E * I, RHO * A
 
 
 def written(text, *settings) -> Scene:
-    return with_settings(scene_of("schema = 1\n" + text), list(settings))
+    return with_settings(scene_of(text), list(settings))
 
 
 def loaded(text, *settings):
@@ -31,32 +32,21 @@ def frequencies(model) -> np.ndarray:
 
 
 # A cantilever on a hub that is held, so that there is a rigid motion with reactions; or a frame that stands.
-HELD = """
-ground.below = [{L}, -0.3]
-bodies.bar = {{{BEAM}}}
-joints.root = {{revolute = ["ground", "bar.start"]}}
-drives.root = {{speed = 0}}
-solve.duration = 1.0
-springs.{spring}
-"""
-STANDING = """
-ground.below = [{L}, -0.3]
-bodies.bar = {{pose = {{}}, {BEAM}}}
-joints.root = {{JOINT = ["ground", "bar.start"]}}
-sensors.tip = {{displacement = "bar.end", component = "y"}}
-solve.duration = 1.0
-springs.{spring}
-"""
+HELD = pendulum(BEAM, "speed = 0", hinge="root", ground=dict(below=[L, -0.3]), solve=dict(duration=1.0))
+STANDING = machine(
+    ground=dict(below=[L, -0.3]), bodies=dict(bar=f"pose = {{}}, {BEAM}"), joints=dict(root="JOINT ground bar.start"),
+    sensors=dict(tip="displacement bar.end y"), solve=dict(duration=1.0),
+)
 WELDED = STANDING.replace("JOINT", "weld")
 
 
-def scene_text(template, spring):
-    return template.format(L=L, BEAM=BEAM, spring=spring)
+def scene_text(base, spring):
+    return f"{base}springs.{spring}\n"
 
 
-@pytest.mark.parametrize("template", [HELD, WELDED], ids=["held", "standing"])
+@pytest.mark.parametrize("base", [HELD, WELDED], ids=["held", "standing"])
 @pytest.mark.parametrize("stiffness", [50.0, 3e3])
-def test_a_cantilever_with_a_spring_at_its_tip(template, stiffness):
+def test_a_cantilever_with_a_spring_at_its_tip(base, stiffness):
     """(1 + cos cosh) b^3 + kL^3/EI (cosh sin - sinh cos) = 0 (Blevins 1979, ch. 8); no tension at its free length."""
     spring = f'tip = {{between = ["ground.below", "bar.end"], stiffness = {stiffness}, length = 0.3}}'
     ratio = stiffness * L**3 / EI
@@ -69,7 +59,7 @@ def test_a_cantilever_with_a_spring_at_its_tip(template, stiffness):
     values = [characteristic(b) for b in grid]
     signs = np.flatnonzero(np.diff(np.sign(values)))[:2]
     roots = np.array([brentq(characteristic, grid[k], grid[k + 1]) for k in signs])
-    found = frequencies(loaded(scene_text(template, spring)))
+    found = frequencies(loaded(scene_text(base, spring)))
     assert found[:2] == pytest.approx(roots**2 * math.sqrt(EI / MASS) / L**2, rel=2e-4)
 
 
@@ -94,7 +84,7 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension():
     1961); without geometric stiffness F L^3 / 3 EI.
     """
     text = scene_text(HELD, 'tip = {between = ["bar.end", "ground.far"], stiffness = 400, length = 0.1}')
-    text = text.replace("below =", f"far = [{L + 0.3}, 0]\nground.below =")
+    text = changed(text, ("", f"ground.far = [{L + 0.3}, 0]"))
     text += "loads.push = {force_on = 'bar.end', direction = [0, 1], value = 2}\n"
     text += "sensors.tip_y = {displacement = 'bar.end', component = 'y'}\n"
     tension = 400 * 0.2
@@ -109,15 +99,11 @@ def test_a_stretched_spring_across_is_stiff_by_its_tension():
 
 def test_a_spring_between_two_links():
     """Two equal cantilevers side by side, tips tied: in phase the spring rests, in antiphase it acts doubly."""
-    text = f"""
-bodies.one = {{pose = {{}}, {BEAM}}}
-bodies.two = {{pose = {{at = [0, 0.1]}}, {BEAM}}}
-ground.up = [0, 0.1]
-joints.a = {{weld = ["ground", "one.start"]}}
-joints.b = {{weld = ["ground.up", "two.start"]}}
-springs.tie = {{between = ["one.end", "two.end"], stiffness = 700, length = 0.1}}
-solve.duration = 1.0
-"""
+    text = machine(
+        bodies=dict(one=f"pose = {{}}, {BEAM}", two=f"pose = {{at = [0, 0.1]}}, {BEAM}"), ground=dict(up=[0, 0.1]),
+        joints=dict(a="weld ground one.start", b="weld ground.up two.start"),
+        springs=dict(tie='between = ["one.end", "two.end"], stiffness = 700, length = 0.1'), solve="duration = 1.0",
+    )
     tip = 'tip = {{between = ["ground.below", "bar.end"], stiffness = {}, length = 0.3}}'
     found = frequencies(loaded(text))
     alone, doubled = (frequencies(loaded(scene_text(WELDED, tip.format(k)))) for k in (1e-12, 1400))
@@ -149,31 +135,21 @@ def test_dampers_take_out_what_the_energy_loses():
 
 
 # An elastic arm swings between springs: to the ground from its middle, to its own payload, whose wrist has one, too.
-ARM = f"""
-gravity = [0, -9.81]
-ground.post = [0.3, 0.9]
-bodies.arm = {{{BEAM}}}
-bodies.hand = {{length = "0.15 m", mass = "0.05 kg"}}
-joints.shoulder = {{revolute = ["ground", "arm.start"]}}
-joints.wrist = {{revolute = ["arm.end", "hand.start"]}}
-drives.shoulder = {{law = "0.6 * sin(3 * t)"}}
-drives.wrist = {{law = "0.4 * sin(5 * t)"}}
-damping.rayleigh = {{ratio = 0.05, at = [0.05, 300]}}
-springs.band = {{between = ["ground.post", "arm.mid"], stiffness = 40, length = "0.4 m", damping = 0.5}}
-springs.coil = {{torsional_at = "wrist", stiffness = 2, damping = 0.01}}
-springs.guy = {{between = ["arm.start", "hand.end"], stiffness = 30, length = "0.8 m"}}
-sensors.mid = {{displacement = "arm.mid", component = "y"}}
-sensors.tip = {{displacement = "arm.end", component = "y"}}
-sensors.root = {{bending_moment = "arm.start"}}
-sensors.torque = {{drive_torque = "shoulder"}}
-sensors.wrist = {{drive_torque = "wrist"}}
-sensors.pull_band = {{spring_force = "band"}}
-sensors.pull_guy = {{spring_force = "guy"}}
-sensors.twist = {{spring_torque = "coil"}}
-sensors.wrist_x = {{joint_force = "wrist", component = "x"}}
-sensors.wrist_y = {{joint_force = "wrist", component = "y"}}
-solve = {{duration = "1 s", steps = 4000}}
-"""
+ARM = machine(
+    gravity=[0, -9.81], ground=dict(post=[0.3, 0.9]),
+    bodies=dict(arm=f"{BEAM}", hand='length = "0.15 m", mass = "0.05 kg"'),
+    joints=dict(shoulder="revolute ground arm.start", wrist="revolute arm.end hand.start"),
+    drives=dict(shoulder='law = "0.6 * sin(3 * t)"', wrist='law = "0.4 * sin(5 * t)"'),
+    damping=dict(rayleigh=dict(ratio=0.05, at=[0.05, 300])),
+    springs=dict(band='between = ["ground.post", "arm.mid"], stiffness = 40, length = "0.4 m", damping = 0.5',
+                 coil='torsional_at = "wrist", stiffness = 2, damping = 0.01',
+                 guy='between = ["arm.start", "hand.end"], stiffness = 30, length = "0.8 m"'),
+    sensors=dict(mid="displacement arm.mid y", tip="displacement arm.end y", root="bending_moment arm.start",
+                 torque="drive_torque shoulder", wrist="drive_torque wrist", pull_band="spring_force band",
+                 pull_guy="spring_force guy", twist="spring_torque coil", wrist_x="joint_force wrist x",
+                 wrist_y="joint_force wrist y"),
+    solve=dict(duration="1 s", steps=4000),
+)
 
 
 def test_the_coupled_equations_agree():

@@ -5,6 +5,7 @@ import math
 import matplotlib
 import numpy as np
 import pytest
+from machines import machine
 from runs import run
 
 from kaneflex.integrate.system import Outcome
@@ -15,17 +16,13 @@ from kaneflex.plots.style import styled
 from kaneflex.plots.view import view
 from kaneflex.scene.contact_check import CONTACT_RESULTS, FRICTION_RESULTS
 
-LOOSE = """
-schema = 1
-like = "slider-crank-clearance"
-sensors.own_x = {position = "wrist", axes = "body"}
-sensors.own_y = {position = "wrist", component = "y", axes = "body"}
-sensors.swing = {position = "wrist", component = "angle"}
-sensors.rod_end_x = {position = "rod.end", component = "x"}
-sensors.rod_end_y = {position = "rod.end", component = "y"}
-sensors.rod_end_angle = {position = "rod.end", component = "angle"}
-solve = {duration = "8 ms", errors = "none"}
-"""
+LOOSE = machine(
+    like="slider-crank-clearance",
+    sensors=dict(own_x='position wrist, axes = "body"', own_y='position wrist y, axes = "body"',
+                 swing="position wrist angle", rod_end_x="position rod.end x", rod_end_y="position rod.end y",
+                 rod_end_angle="position rod.end angle"),
+    solve=dict(duration="8 ms", errors="none"),
+)
 RUBS = """
 schema = 1
 description = "A slider-crank with room in a pin and in its bore, where both rub"

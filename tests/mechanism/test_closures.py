@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from machines import machine
 from newton_euler import imbalance, motion_of, place, turned
 from scipy.linalg import eigvalsh
 
@@ -189,18 +190,14 @@ def test_branch_chooses_the_side(mechanism):
 def test_a_cylinder_whose_ends_keep_their_distance_is_named():
     """Both turn about the same pivot: the eyes of the cylinder stay 0.5 m apart wherever the lever stands."""
     with pytest.raises(SceneError, match=r"barrel, rod, lever can still move together.*cylinder") as refusal:
-        placed(mechanism_of(scene_of("""
-schema = 1
-bodies.barrel = {length = "0.3 m", mass = "5 kg"}
-bodies.rod = {length = "0.4 m", mass = "5 kg"}
-bodies.lever = {length = "1 m", mass = "20 kg"}
-joints.foot = {revolute = ["ground", "lever.start"]}
-joints.base = {revolute = ["ground", "barrel.start"]}
-joints.cylinder = {prismatic = ["barrel.start", "rod.start"], direction = [1, 0]}
-joints.eye = {revolute = ["rod.end", "lever.mid"], near = {lever = "60 deg"}}
-drives.cylinder = {law = "0.1"}
-solve = {preset = "rigid", duration = "1 s"}
-""")))
+        placed(mechanism_of(scene_of(machine(
+            bodies=dict(barrel='length = "0.3 m", mass = "5 kg"', rod='length = "0.4 m", mass = "5 kg"',
+                        lever='length = "1 m", mass = "20 kg"'),
+            joints=dict(foot="revolute ground lever.start", base="revolute ground barrel.start",
+                        cylinder="prismatic barrel.start rod.start, direction = [1, 0]",
+                        eye='revolute rod.end lever.mid, near = {lever = "60 deg"}'),
+            drives=dict(cylinder='law = "0.1"'), solve=dict(preset="rigid", duration="1 s"),
+        ))))
     assert refusal.value.key == "joints.eye"
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import solved
 
 from kaneflex import SceneError, load, read_scene, scene_of
@@ -69,19 +70,17 @@ def test_a_motor_whose_force_falls_with_the_speed(tmp_path):
     np.testing.assert_allclose(solution["x"], 0.6 * (t - lag * (1 - np.exp(-t / lag))), atol=1e-8)
 
 
-SHAKEN = """
-schema = 1
-name = "shaken cantilever"
-bodies.cart = {mass = 2.0}
-bodies.mast.length = 0.5
-bodies.mast.beam = {E = "210 GPa", rho = 7850, section = {rectangle = ["4 mm", "10 mm"]}, elements = 8}
-joints.bore = {prismatic = ["ground", "cart"], direction = [1, 0]}
-joints.foot = {weld = ["cart", "mast.start"], relative_angle = "90 deg"}
-drives.bore = {law = "0.001 * sin(40 * t)", period = "TURN s"}
-sensors.tip = {displacement = "mast.end", component = "y"}
-sensors.force = {drive_force = "bore"}
-solve = {start = "periodic", steps = 800, preset = "linear"}
-"""
+SHAKEN = machine(
+    name="shaken cantilever",
+    bodies=dict(cart="mass = 2.0",
+                mast='length = 0.5, '
+                     'beam = {E = "210 GPa", rho = 7850, section = {rectangle = ["4 mm", "10 mm"]}, elements = 8}'),
+    joints=dict(bore="prismatic ground cart, direction = [1, 0]",
+                foot='weld cart mast.start, relative_angle = "90 deg"'),
+    drives=dict(bore='law = "0.001 * sin(40 * t)", period = "TURN s"'),
+    sensors=dict(tip="displacement mast.end y", force="drive_force bore"),
+    solve=dict(start="periodic", steps=800, preset="linear"),
+)
 
 
 def test_a_shaken_cantilever_in_its_steady_state():
@@ -165,19 +164,13 @@ def test_a_revolute_drive_takes_no_speed_in_metres():
         scene_of(scene)
 
 
-ARM = """
-schema = 1
-name = "slider on an arm"
-bodies.arm = {inertia = 0.02}
-bodies.slider = {mass = 0.7}
-joints.hub = {revolute = ["ground", "arm.start"]}
-joints.rail = {prismatic = ["arm.start", "slider"], direction = [1, 0]}
-drives.rail = {law = "0.2 + 0.05 * sin(9 * t)"}
-drives.hub = {speed = "12 rad/s"}
-sensors.along = {drive_force = "rail"}
-sensors.turning = {drive_torque = "hub"}
-solve = {preset = "rigid", duration = 1.0, steps = 300}
-"""
+ARM = machine(
+    name="slider on an arm", bodies=dict(arm="inertia = 0.02", slider="mass = 0.7"),
+    joints=dict(hub="revolute ground arm.start", rail="prismatic arm.start slider, direction = [1, 0]"),
+    drives=dict(rail='law = "0.2 + 0.05 * sin(9 * t)"', hub='speed = "12 rad/s"'),
+    sensors=dict(along="drive_force rail", turning="drive_torque hub"),
+    solve=dict(preset="rigid", duration=1.0, steps=300),
+)
 
 
 def test_a_slider_driven_along_a_turning_arm():
@@ -218,20 +211,14 @@ def test_what_the_rest_of_a_scene_cannot_ask_of_a_guide(tmp_path, text, said):
 
 def test_a_cylinder_between_two_bodies_that_turn():
     """A driven guide whose two bodies hang on others: a triangle with a known side, by the rule of cosines."""
-    scene = """
-schema = 1
-name = "cylinder"
-ground.high = [0.5, 0.0]
-bodies.barrel = {mass = 1.0}
-bodies.stem = {mass = 1.0}
-bodies.lever = {length = 0.4, mass = 1.0}
-joints.foot = {revolute = ["ground", "barrel"]}
-joints.bore = {prismatic = ["barrel", "stem"], direction = [1, 0]}
-joints.eye = {revolute = ["stem", "lever.end"]}
-joints.pivot = {revolute = ["ground.high", "lever.start"], near = {lever = "120 deg"}}
-drives.bore = {law = "0.4 + 0.05 * sin(t)"}
-solve = {preset = "rigid", duration = 1.0}
-"""
+    scene = machine(
+        name="cylinder", ground=dict(high=[0.5, 0.0]),
+        bodies=dict(barrel="mass = 1.0", stem="mass = 1.0", lever="length = 0.4, mass = 1.0"),
+        joints=dict(foot="revolute ground barrel", bore="prismatic barrel stem, direction = [1, 0]",
+                    eye="revolute stem lever.end",
+                    pivot='revolute ground.high lever.start, near = {lever = "120 deg"}'),
+        drives=dict(bore='law = "0.4 + 0.05 * sin(t)"'), solve=dict(preset="rigid", duration=1.0),
+    )
     rigid = load(scene_of(scene)).motion.at(np.linspace(0.0, 1.0, 50))
     u = rigid["bore.angle"]
     assert np.arctan2(rigid["barrel.s"], rigid["barrel.c"]) == pytest.approx(np.arccos((u**2 + 0.09) / u), abs=1e-12)

@@ -4,6 +4,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import solved
 from test_mobility import CARRIED_RHOMBUS, TAIL, THREE_CRANKS, TWO_GUIDES
 
@@ -91,24 +92,18 @@ def test_a_rhombus_of_rigid_bars_on_an_elastic_arm():
     assert abs(balance - balance[0]).max() < 1e-6 * abs(energy.kinetic).max()
 
 
-CYLINDER = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {foot = ["0.5 m", "-0.5 m"]}
-bodies.boom.length = "2 m"
-bodies.boom.beam = {material = "steel", A = "1000 mm^2", I = "200000 mm^4"}
-bodies.boom.points = {lug = ["1 m", 0]}
-bodies.barrel = {length = "0.5 m", mass = "2 kg"}
-bodies.rod = {length = "0.5 m", mass = "1 kg"}
-joints.pivot = {revolute = ["ground", "boom.start"]}
-joints.foot = {revolute = ["ground.foot", "barrel.start"]}
-joints.cylinder = {prismatic = ["barrel", "rod.start"], direction = [1, 0]}
-joints.head = {revolute = ["rod.end", "boom.lug"], near = {boom = "3 deg"}}
-drives.cylinder = {law = "0.25 + 0.02 * sin(10 * t)"}
-sensors.tip = {position = "boom.end", component = "y"}
-sensors.push = {drive_force = "cylinder"}
-solve = {preset = "coupled", duration = "0.3 s", steps = 100}
-"""
+CYLINDER = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(foot=["0.5 m", "-0.5 m"]),
+    bodies=dict(boom='length = "2 m", beam = {material = "steel", A = "1000 mm^2", I = "200000 mm^4"}, '
+                     'points = {lug = ["1 m", 0]}', barrel='length = "0.5 m", mass = "2 kg"',
+                rod='length = "0.5 m", mass = "1 kg"'),
+    joints=dict(pivot="revolute ground boom.start", foot="revolute ground.foot barrel.start",
+                cylinder="prismatic barrel rod.start, direction = [1, 0]",
+                head='revolute rod.end boom.lug, near = {boom = "3 deg"}'),
+    drives=dict(cylinder='law = "0.25 + 0.02 * sin(10 * t)"'),
+    sensors=dict(tip="position boom.end y", push="drive_force cylinder"),
+    solve=dict(preset="coupled", duration="0.3 s", steps=100),
+)
 
 
 @pytest.mark.parametrize("text", [
@@ -120,17 +115,13 @@ def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(text):
     assert abs(balance - balance[0]).max() < 1e-7 * energy.kinetic.max()
 
 
-SLED = """
-schema = 1
-gravity = ["-9.81 m/s^2", 0]
-ground = {h = [0, "0.2 m"]}
-bodies.sled = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
-joints.G = {prismatic = ["ground", "sled"], direction = [1, 0]}
-joints.H = {prismatic = ["ground.h", "sled.up"], direction = [1, 0]}
-drives.G = {free = true}
-sensors.s = {position = "G"}
-solve = {preset = "coupled", duration = "0.5 s", steps = 50}
-"""
+SLED = machine(
+    gravity=["-9.81 m/s^2", 0], ground=dict(h=[0, "0.2 m"]),
+    bodies=dict(sled='mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}'),
+    joints=dict(G="prismatic ground sled, direction = [1, 0]", H="prismatic ground.h sled.up, direction = [1, 0]"),
+    drives=dict(G="free = true"), sensors=dict(s="position G"),
+    solve=dict(preset="coupled", duration="0.5 s", steps=50),
+)
 
 
 @pytest.mark.parametrize("direction", [(1, 0), (1, 1), (0.3, -0.7), (-0.6, 0.8)])
@@ -141,22 +132,16 @@ def test_two_equal_guides_in_any_direction(direction):
     assert solution.series["s"].values == pytest.approx(along * solution.times**2 / 2.0, abs=1e-9)
 
 
-TWICE_GUIDED = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {h = [0, "0.2 m"]}
-bodies.crank = {length = "0.1 m", mass = "0.5 kg"}
-bodies.rod = {length = "0.3 m", mass = "0.4 kg"}
-bodies.slider = {mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}}
-joints.A = {revolute = ["ground", "crank.start"]}
-joints.B = {revolute = ["crank.end", "rod.start"]}
-joints.C = {revolute = ["rod.end", "slider"]}
-joints.G = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
-joints.H = {prismatic = ["ground.h", "slider.up"], direction = [1, 0]}
-drives.A = {free = true, angle = 1.0, initial_speed = "2 rad/s"}
-sensors.phi = {position = "A", component = "angle"}
-solve = {preset = "coupled", duration = "0.3 s", steps = 50}
-"""
+TWICE_GUIDED = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(h=[0, "0.2 m"]),
+    bodies=dict(crank='length = "0.1 m", mass = "0.5 kg"', rod='length = "0.3 m", mass = "0.4 kg"',
+                slider='mass = "1 kg", inertia = "0.01 kg m^2", points = {up = [0, "0.2 m"]}'),
+    joints=dict(A="revolute ground crank.start", B="revolute crank.end rod.start", C="revolute rod.end slider",
+                G='prismatic ground slider, direction = [1, 0], branch = "+"',
+                H="prismatic ground.h slider.up, direction = [1, 0]"),
+    drives=dict(A='free = true, angle = 1.0, initial_speed = "2 rad/s"'), sensors=dict(phi="position A angle"),
+    solve=dict(preset="coupled", duration="0.3 s", steps=50),
+)
 
 
 @pytest.mark.parametrize("branch", ["+", "-"])
@@ -167,27 +152,17 @@ def test_a_second_guide_on_a_slider_changes_nothing(branch):
     assert twice.series["phi"].values == pytest.approx(once.series["phi"].values, abs=1e-7)
 
 
-THREE_LEGS = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {g2 = ["0.3 m", 0], g3 = ["0.15 m", "0.2 m"]}
-bodies.plate.mass = "3 kg"
-bodies.plate.inertia = "0.05 kg m^2"
-bodies.plate.centre = ["0.15 m", "0.05 m"]
-bodies.plate.points = {p1 = [0, 0], p2 = ["0.3 m", 0], p3 = ["0.15 m", "0.2 m"]}
-bodies.c1 = {length = "0.1 m", mass = "0.5 kg"}
-bodies.c2 = {like = "c1"}
-bodies.c3 = {like = "c1"}
-joints.g_1 = {revolute = ["ground", "c1.start"]}
-joints.g_2 = {revolute = ["ground.g2", "c2.start"]}
-joints.g_3 = {revolute = ["ground.g3", "c3.start"]}
-joints.p_1 = {revolute = ["c1.end", "plate.p1"]}
-joints.p_2 = {revolute = ["c2.end", "plate.p2"], near = {c2 = 1.0}}
-joints.p_3 = {revolute = ["c3.end", "plate.p3"], near = {c3 = 1.0}}
-drives.g_1 = {free = true, angle = 1.0, initial_speed = "3 rad/s"}
-sensors.phi = {position = "g_1", component = "angle"}
-solve = {preset = "coupled", duration = "1 s", steps = 200, tolerance = 1e-9}
-"""
+THREE_LEGS = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(g2=["0.3 m", 0], g3=["0.15 m", "0.2 m"]),
+    bodies=dict(plate='mass = "3 kg", inertia = "0.05 kg m^2", centre = ["0.15 m", "0.05 m"], '
+                      'points = {p1 = [0, 0], p2 = ["0.3 m", 0], p3 = ["0.15 m", "0.2 m"]}',
+                c1='length = "0.1 m", mass = "0.5 kg"', c2='like = "c1"', c3='like = "c1"'),
+    joints=dict(g_1="revolute ground c1.start", g_2="revolute ground.g2 c2.start", g_3="revolute ground.g3 c3.start",
+                p_1="revolute c1.end plate.p1", p_2="revolute c2.end plate.p2, near = {c2 = 1.0}",
+                p_3="revolute c3.end plate.p3, near = {c3 = 1.0}"),
+    drives=dict(g_1='free = true, angle = 1.0, initial_speed = "3 rad/s"'), sensors=dict(phi="position g_1 angle"),
+    solve=dict(preset="coupled", duration="1 s", steps=200, tolerance=1e-9),
+)
 
 
 def test_rows_that_come_to_say_the_same_are_changed_for_others():

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from command_line import cli
-from machines import changed, four_bar
+from machines import changed, four_bar, machine
 from runs import solved
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
@@ -19,54 +19,35 @@ from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.multibody.model import module_loading
 from kaneflex.report.checked import description, notes
 
-THREE_CRANKS = """
-schema = 1
-ground = {b = ["200 mm", 0], c = ["400 mm", 0]}
-bodies.crank = {length = "50 mm", mass = "0.1 kg"}
-bodies.second = {length = "50 mm", mass = "0.1 kg"}
-bodies.third = {length = "50 mm", mass = "0.1 kg"}
-bodies.bar = {length = "400 mm", mass = "0.3 kg"}
-joints.main = {revolute = ["ground", "crank.start"]}
-joints.near_pin = {revolute = ["crank.end", "bar.start"]}
-joints.middle_pin = {revolute = ["bar.mid", "second.end"]}
-joints.middle = {revolute = ["ground.b", "second.start"]}
-joints.far_pin = {revolute = ["bar.end", "third.end"]}
-joints.far = {revolute = ["ground.c", "third.start"]}
-drives.main = {speed = "60 rpm", cycle = "360 deg"}
-"""
-TWO_GUIDES = """
-schema = 1
-bodies.cart = {length = "400 mm", mass = "1 kg"}
-joints.left = {prismatic = ["ground", "cart.start"], direction = [1, 0]}
-joints.right = {prismatic = ["ground", "cart.end"], direction = [1, 0]}
-drives.left = {speed = "1 m/s"}
-solve.duration = "1 s"
-"""
-HANGING = """
-schema = 1
-bodies.crank = {length = "50 mm", mass = "0.1 kg"}
-bodies.tail = {length = "50 mm", mass = "0.1 kg"}
-joints.main = {revolute = ["ground", "crank.start"]}
-joints.swing = {revolute = ["crank.end", "tail.start"]}
-drives.main = {speed = "60 rpm", cycle = "360 deg"}
-"""
-CARRIED_RHOMBUS = """
-schema = 1
-bodies.arm = {length = "300 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4"}}
-bodies.a = {length = "200 mm", mass = "1 kg"}
-bodies.b = {length = "200 mm", mass = "1 kg"}
-bodies.c = {length = "200 mm", mass = "1 kg"}
-bodies.d = {length = "200 mm", mass = "1 kg"}
-joints.main = {revolute = ["ground", "arm.start"]}
-joints.grip = {weld = ["arm.end", "a.start"]}
-joints.ab = {revolute = ["a.end", "b.start"]}
-joints.opening = {revolute = ["a.start", "d.start"]}
-joints.dc = {revolute = ["d.end", "c.start"]}
-joints.bc = {revolute = ["b.end", "c.end"]}
-drives.main = {law = "0.6 + 0.1 * sin(2 * t)"}
-drives.opening = {law = "1.0 + 0.1 * sin(2 * t)"}
-solve.duration = "1 s"
-"""
+THREE_CRANKS = machine(
+    ground=dict(b=["200 mm", 0], c=["400 mm", 0]),
+    bodies=dict(crank='length = "50 mm", mass = "0.1 kg"', second='length = "50 mm", mass = "0.1 kg"',
+                third='length = "50 mm", mass = "0.1 kg"', bar='length = "400 mm", mass = "0.3 kg"'),
+    joints=dict(main="revolute ground crank.start", near_pin="revolute crank.end bar.start",
+                middle_pin="revolute bar.mid second.end", middle="revolute ground.b second.start",
+                far_pin="revolute bar.end third.end", far="revolute ground.c third.start"),
+    drives=dict(main='speed = "60 rpm", cycle = "360 deg"'),
+)
+TWO_GUIDES = machine(
+    bodies=dict(cart='length = "400 mm", mass = "1 kg"'),
+    joints=dict(left="prismatic ground cart.start, direction = [1, 0]",
+                right="prismatic ground cart.end, direction = [1, 0]"),
+    drives=dict(left='speed = "1 m/s"'), solve='duration = "1 s"',
+)
+HANGING = machine(
+    bodies=dict(crank='length = "50 mm", mass = "0.1 kg"', tail='length = "50 mm", mass = "0.1 kg"'),
+    joints=dict(main="revolute ground crank.start", swing="revolute crank.end tail.start"),
+    drives=dict(main='speed = "60 rpm", cycle = "360 deg"'),
+)
+CARRIED_RHOMBUS = machine(
+    bodies=dict(arm='length = "300 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4"}',
+                a='length = "200 mm", mass = "1 kg"', b='length = "200 mm", mass = "1 kg"',
+                c='length = "200 mm", mass = "1 kg"', d='length = "200 mm", mass = "1 kg"'),
+    joints=dict(main="revolute ground arm.start", grip="weld arm.end a.start", ab="revolute a.end b.start",
+                opening="revolute a.start d.start", dc="revolute d.end c.start", bc="revolute b.end c.end"),
+    drives=dict(main='law = "0.6 + 0.1 * sin(2 * t)"', opening='law = "1.0 + 0.1 * sin(2 * t)"'),
+    solve='duration = "1 s"',
+)
 
 
 @pytest.fixture
@@ -109,19 +90,13 @@ def test_rigid_bodies_that_elastic_ones_can_not_carry_name_the_preset_that_can(n
     assert "connect it to rigid bodies that move apart as links deform" in said and "Use preset coupled" in said
 
 
-TWO_AT_A_POINT = """
-schema = 1
-bodies.arm = {length = "300 mm", beam = {material = "steel", section = {circle = "10 mm"}}}
-bodies.a = {length = "200 mm", mass = "1 kg"}
-bodies.b = {length = "200 mm", mass = "1 kg"}
-joints.main = {revolute = ["ground", "arm.start"]}
-joints.first = {revolute = ["arm.end", "a.start"]}
-joints.second = {revolute = ["arm.end", "b.start"]}
-drives.main = {law = "0.6 + 0.1 * sin(2 * t)"}
-drives.first = {law = "0"}
-drives.second = {law = "1"}
-solve = {duration = "1 s", steps = 20}
-"""
+TWO_AT_A_POINT = machine(
+    bodies=dict(arm='length = "300 mm", beam = {material = "steel", section = {circle = "10 mm"}}',
+                a='length = "200 mm", mass = "1 kg"', b='length = "200 mm", mass = "1 kg"'),
+    joints=dict(main="revolute ground arm.start", first="revolute arm.end a.start", second="revolute arm.end b.start"),
+    drives=dict(main='law = "0.6 + 0.1 * sin(2 * t)"', first='law = "0"', second='law = "1"'),
+    solve=dict(duration="1 s", steps=20),
+)
 
 
 def test_two_rigid_bodies_at_one_point_of_a_link():
@@ -135,17 +110,14 @@ def test_two_rigid_bodies_at_one_point_of_a_link():
         assert other.motion.displacement("a", at)[0] == pytest.approx(moved, abs=1e-9 * abs(moved).max())
 
 
-HUB = """
-schema = 1
-gravity = [0, -9.81]
-bodies.arm = {length = 1, beam = {material = "steel", A = 1e-4, I = 1e-9, elements = 2}}
-bodies.hub = {mass = 1, inertia = 0.01}
-joints.pivot = {revolute = ["ground", "arm.start"]}
-joints.fix = {weld = ["arm.start", "hub"]}
-drives.pivot = {speed = "10 rad/s", cycle = "360 deg"}
-sensors.base = {displacement = "arm.start", component = "y"}
-solve = {preset = "linear", start = "zero", duration = 0.1, steps = 10}
-"""
+HUB = machine(
+    gravity=[0, -9.81],
+    bodies=dict(arm='length = 1, beam = {material = "steel", A = 1e-4, I = 1e-9, elements = 2}',
+                hub="mass = 1, inertia = 0.01"),
+    joints=dict(pivot="revolute ground arm.start", fix="weld arm.start hub"),
+    drives=dict(pivot='speed = "10 rad/s", cycle = "360 deg"'), sensors=dict(base="displacement arm.start y"),
+    solve=dict(preset="linear", start="zero", duration=0.1, steps=10),
+)
 
 
 def test_a_rigid_body_on_a_pivoted_end_of_a_link_stays_there():
@@ -154,14 +126,11 @@ def test_a_rigid_body_on_a_pivoted_end_of_a_link_stays_there():
     assert not found["base"].values.any()
 
 
-TAIL = """
-schema = 1
-like = "six-bar"
-bodies.tail = {length = "50 mm", mass = "0.1 kg"}
-joints.hook = {revolute = ["ground", "tail.start"]}
-drives.hook = {free = true}
-solve = {start = "zero", duration = "0.05 s"}
-"""
+TAIL = machine(
+    like="six-bar", bodies=dict(tail='length = "50 mm", mass = "0.1 kg"'),
+    joints=dict(hook="revolute ground tail.start"), drives=dict(hook="free = true"),
+    solve=dict(start="zero", duration="0.05 s"),
+)
 
 
 def test_a_free_drive_beside_another_one_in_a_larger_loop(nothing_is_derived):
@@ -169,25 +138,17 @@ def test_a_free_drive_beside_another_one_in_a_larger_loop(nothing_is_derived):
     assert "drives.hook" in said and "a free drive must be the only drive" in said and "of more than two bodies" in said
 
 
-BOOM = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {foot = ["400 mm", 0]}
-bodies.boom = {length = "1 m", points = {lug = ["500 mm", 0]}}
-bodies.tube = {}
-bodies.stem = {}
-bodies.jib = {length = "1 m", beam = {E = "2e14 Pa", rho = 7850, A = "400 mm^2", I = "13333 mm^4"}}
-joints.heel = {revolute = ["ground", "boom.start"]}
-joints.eye = {revolute = ["ground.foot", "tube"]}
-joints.stroke = {prismatic = ["tube", "stem"], direction = [1, 0]}
-joints.lug = {revolute = ["stem", "boom.lug"], near = {boom = "35 deg"}}
-joints.root = {weld = ["boom.end", "jib.start"]}
-drives.stroke = {speed = 0, position = "300 mm"}
-sensors.push = {drive_force = "stroke"}
-sensors.root_moment = {joint_force = "root", component = "angle"}
-sensors.heel_x = {joint_force = "heel", component = "x"}
-solve = {preset = "quasistatic", duration = "1 s", steps = 2}
-"""
+BOOM = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(foot=["400 mm", 0]),
+    bodies=dict(boom='length = "1 m", points = {lug = ["500 mm", 0]}', tube="", stem="",
+                jib='length = "1 m", beam = {E = "2e14 Pa", rho = 7850, A = "400 mm^2", I = "13333 mm^4"}'),
+    joints=dict(heel="revolute ground boom.start", eye="revolute ground.foot tube",
+                stroke="prismatic tube stem, direction = [1, 0]",
+                lug='revolute stem boom.lug, near = {boom = "35 deg"}', root="weld boom.end jib.start"),
+    drives=dict(stroke='speed = 0, position = "300 mm"'),
+    sensors=dict(push="drive_force stroke", root_moment="joint_force root angle", heel_x="joint_force heel x"),
+    solve=dict(preset="quasistatic", duration="1 s", steps=2),
+)
 
 
 def test_a_cylinder_raises_a_boom_with_an_elastic_jib():
@@ -208,19 +169,15 @@ PARALLEL = changed(
     THREE_CRANKS, ('speed = "60 rpm", cycle = "360 deg"', 'law = "1.5 + 0.1 * sin(2 * t)"'),
     ("", 'solve = {preset = "coupled", duration = "1 s"}'),
 )
-OFFSET_SLIDE = """
-schema = 1
-ground = {pivot = ["-100 mm", 0]}
-bodies.crank = {length = "40 mm", mass = "1 kg"}
-bodies.block = {mass = "0.2 kg", inertia = "5e-5 kg m^2"}
-bodies.lever = {length = "300 mm", mass = "3 kg", points = {slot = [0, "30 mm"]}}
-joints.main = {revolute = ["ground", "crank.start"]}
-joints.pin = {revolute = ["crank.end", "block"]}
-joints.foot = {revolute = ["ground.pivot", "lever.start"]}
-joints.slot = {prismatic = ["lever.slot", "block"], direction = [1, 0], branch = "+"}
-drives.main = {speed = "120 rpm", cycle = "360 deg"}
-solve.preset = "rigid"
-"""
+OFFSET_SLIDE = machine(
+    ground=dict(pivot=["-100 mm", 0]),
+    bodies=dict(crank='length = "40 mm", mass = "1 kg"', block='mass = "0.2 kg", inertia = "5e-5 kg m^2"',
+                lever='length = "300 mm", mass = "3 kg", points = {slot = [0, "30 mm"]}'),
+    joints=dict(main="revolute ground crank.start", pin="revolute crank.end block",
+                foot="revolute ground.pivot lever.start",
+                slot='prismatic lever.slot block, direction = [1, 0], branch = "+"'),
+    drives=dict(main='speed = "120 rpm", cycle = "360 deg"'), solve='preset = "rigid"',
+)
 
 
 @cache

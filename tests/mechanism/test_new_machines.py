@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from command_line import cli, unrendered
+from machines import machine
 from runs import solved
 
 from kaneflex import SceneError, scene_of
@@ -14,52 +15,34 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.report.presentation import parts, printed
 
-PEAUCELLIER = """
-schema = 1
-description = "Peaucellier's straight-line linkage"
-ground = {fix = [0, 0], centre = ["100 mm", 0]}
-bodies.crank = {length = "100 mm", mass = "0.1 kg"}
-bodies.arm_up = {length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "4 mm"]}}}
-bodies.arm_down = {length = "300 mm", mass = "0.1 kg"}
-bodies.near_up = {length = "120 mm", mass = "0.05 kg"}
-bodies.near_down = {length = "120 mm", mass = "0.05 kg"}
-bodies.far_up = {length = "120 mm", mass = "0.05 kg"}
-bodies.far_down = {length = "120 mm", mass = "0.05 kg"}
-joints.main = {revolute = ["ground.centre", "crank.start"]}
-joints.fix_up = {revolute = ["ground.fix", "arm_up.start"]}
-joints.fix_down = {revolute = ["ground.fix", "arm_down.start"]}
-joints.in_up = {revolute = ["crank.end", "near_up.start"]}
-joints.up = {revolute = ["near_up.end", "arm_up.end"], branch = "-"}
-joints.in_down = {revolute = ["crank.end", "near_down.start"]}
-joints.down = {revolute = ["near_down.end", "arm_down.end"], branch = "+"}
-joints.far_u = {revolute = ["near_up.end", "far_up.start"]}
-joints.far_d = {revolute = ["arm_down.end", "far_down.start"]}
-joints.pen = {revolute = ["far_up.end", "far_down.end"], branch = "+"}
-drives.main = {law = "0.5*sin(2*pi*t)", period = "1 s"}
-sensors.x = {position = "far_up.end", component = "x"}
-sensors.y = {position = "far_up.end", component = "y"}
-solve.preset = "PRESET"
-"""
+PEAUCELLIER = machine(
+    description="Peaucellier's straight-line linkage", ground=dict(fix=[0, 0], centre=["100 mm", 0]),
+    bodies=dict(crank='length = "100 mm", mass = "0.1 kg"',
+                arm_up='length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "4 mm"]}}',
+                arm_down='length = "300 mm", mass = "0.1 kg"', near_up='length = "120 mm", mass = "0.05 kg"',
+                near_down='length = "120 mm", mass = "0.05 kg"', far_up='length = "120 mm", mass = "0.05 kg"',
+                far_down='length = "120 mm", mass = "0.05 kg"'),
+    joints=dict(main="revolute ground.centre crank.start", fix_up="revolute ground.fix arm_up.start",
+                fix_down="revolute ground.fix arm_down.start", in_up="revolute crank.end near_up.start",
+                up='revolute near_up.end arm_up.end, branch = "-"', in_down="revolute crank.end near_down.start",
+                down='revolute near_down.end arm_down.end, branch = "+"', far_u="revolute near_up.end far_up.start",
+                far_d="revolute arm_down.end far_down.start", pen='revolute far_up.end far_down.end, branch = "+"'),
+    drives=dict(main='law = "0.5*sin(2*pi*t)", period = "1 s"'),
+    sensors=dict(x="position far_up.end x", y="position far_up.end y"), solve='preset = "PRESET"',
+)
 
-WIPER = """
-schema = 1
-description = "A windscreen wiper that rubs"
-ground = {pivot = ["240 mm", 0]}
-bodies.crank = {length = "35 mm", mass = "0.1 kg"}
-bodies.link = {length = "235 mm", mass = "0.15 kg"}
-bodies.rocker = {length = "60 mm", mass = "0.1 kg"}
-bodies.arm = {length = "550 mm", beam = {material = "steel", section = {rectangle = ["12 mm", "6 mm"]}}}
-joints.motor = {revolute = ["ground", "crank.start"]}
-joints.pin = {revolute = ["crank.end", "link.start"]}
-joints.spindle = {revolute = ["ground.pivot", "rocker.start"]}
-joints.ball = {revolute = ["link.end", "rocker.end"], branch = "+"}
-joints.hub = {weld = ["rocker.start", "arm.start"], relative_angle = "30 deg"}
-drives.motor = {speed = "60 rpm", cycle = "360 deg"}
-sensors.wipe = {position = "spindle", component = "angle"}
-sensors.torque = {drive_torque = "motor"}
-sensors.link = {joint_force = "ball", component = "x"}
-solve = {preset = "coupled", steps = 120}
-"""
+WIPER = machine(
+    description="A windscreen wiper that rubs", ground=dict(pivot=["240 mm", 0]),
+    bodies=dict(crank='length = "35 mm", mass = "0.1 kg"', link='length = "235 mm", mass = "0.15 kg"',
+                rocker='length = "60 mm", mass = "0.1 kg"',
+                arm='length = "550 mm", beam = {material = "steel", section = {rectangle = ["12 mm", "6 mm"]}}'),
+    joints=dict(motor="revolute ground crank.start", pin="revolute crank.end link.start",
+                spindle="revolute ground.pivot rocker.start", ball='revolute link.end rocker.end, branch = "+"',
+                hub='weld rocker.start arm.start, relative_angle = "30 deg"'),
+    drives=dict(motor='speed = "60 rpm", cycle = "360 deg"'),
+    sensors=dict(wipe="position spindle angle", torque="drive_torque motor", link="joint_force ball x"),
+    solve=dict(preset="coupled", steps=120),
+)
 
 BOOM = """
 schema = 1

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 from lifting import TURN, lifted
+from machines import changed, machine
 from places import DATA
 from runs import solved
 
-import kaneflex
-from kaneflex import SceneError, load, read_scene, simulate, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.assembly import rigid_system
@@ -24,10 +24,6 @@ from kaneflex.solve.engine_loading import spatial_start
 from kaneflex.solve.loading import integrated
 
 SEED = 20261122
-
-
-def scene_of(text):
-    return kaneflex.scene_of("schema = 1\n" + text)
 
 
 def system_of(scene):
@@ -61,6 +57,7 @@ def test_a_body_asks_for_what_newton_and_euler_say():
         assert mass.reshape(6, 6) == pytest.approx(np.array(columns).T, rel=1e-12, abs=1e-12)
 
 
+BLOCK = "mass = 1, inertia = [1, 1, 1]"
 KINDS = {
     "revolute": ("axis = [1, 2, 2]", 5),
     "prismatic": ("direction = [1, 2, 2]", 5),
@@ -79,25 +76,15 @@ def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(kind, tu
     Both hang on a body whose axes are turned against those of the ground.
     """
     given, held = KINDS[kind]
-    sides = '["base.away", "block.corner"]' if not turned else '["block.corner", "base.away"]'
-    joint = f"{{{kind} = {sides}, {given}}}".replace(", }", "}")
-    drives = "" if kind == "weld" else "drives.first = {free = true}"
-    scene = scene_of(f"""
-gravity = [0, 0, -9.81]
-bodies.base.mass = 1
-bodies.base.inertia = [1, 1, 1]
-bodies.base.rotation = {{axis = [0.5, -1, 2], angle = 0.9}}
-bodies.base.points = {{away = [0.3, -0.2, 0.1]}}
-bodies.block.mass = 1
-bodies.block.inertia = [1, 1, 1]
-bodies.block.rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
-bodies.block.points = {{corner = [0.1, 0.2, 0.3]}}
-joints.held = {{weld = ["ground", "base.start"]}}
-joints.first = {joint}
-joints.second = {joint}
-{drives}
-solve.duration = 1
-""")
+    sides = "block.corner base.away" if turned else "base.away block.corner"
+    joint = ", ".join(filter(None, (f"{kind} {sides}", given)))
+    scene = scene_of(machine(
+        gravity=[0, 0, -9.81],
+        bodies=dict(base=f"{BLOCK}, rotation = {{axis = [0.5, -1, 2], angle = 0.9}}, points.away = [0.3, -0.2, 0.1]",
+                    block=f"{BLOCK}, rotation = {{axis = [1, 1, 0.5], angle = 0.7}}, points.corner = [0.1, 0.2, 0.3]"),
+        joints=dict(held="weld ground base.start", first=joint, second=joint),
+        drives={} if kind == "weld" else dict(first="free = true"), solve=dict(duration=1),
+    ))  # fmt: skip
     mechanism = mechanism_of(scene)
     tables = build_tables(mechanism, SpatialBlocks(mechanism, RIGID)).tables
     cuts = tables.acts[: tables.ranges[1], WHAT]
@@ -116,26 +103,17 @@ solve.duration = 1
 # ---- joints written by hand ---------------------------------------------------------------------------------------
 
 
-GUIDED = """
-ground.o = [0.3, -0.2, 0.1]
-bodies.base = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], pin = [0.2, -0.4, 0.7]}}
-bodies.once = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-bodies.twice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-bodies.thrice = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0]}}
-bodies.block = {mass = 1, inertia = [1, 1, 1], points = {o = [0, 0, 0], corner = [0.5, 0.3, -0.6]}}
-joints.hub = {revolute = ["ground.o", "base.o"], axis = [1, 2, 2]}
-joints.along_y = {prismatic = ["base.o", "once.o"], direction = [0, 1, 0]}
-joints.along_z = {prismatic = ["once.o", "twice.o"], direction = [0, 0, 1]}
-joints.on_x = {cylindrical = ["twice.o", "thrice.o"], axis = [1, 0, 0]}
-joints.cardan = {universal = ["thrice.o", "block.o"], axes = [[0, 1, 0], [0, 0, 1]]}
-joints.tested = {%s = ["base.pin", "block.corner"]%s}
-drives.hub = {free = true}
-drives.along_y = {free = true}
-drives.along_z = {free = true}
-drives.on_x = {free = true}
-drives.cardan = {free = true}
-solve.duration = 1
-"""
+GUIDED = machine(
+    ground=dict(o=[0.3, -0.2, 0.1]),
+    bodies=dict(base=f"{BLOCK}, points.pin = [0.2, -0.4, 0.7]", once=BLOCK, twice=BLOCK, thrice=BLOCK,
+                block=f"{BLOCK}, points.corner = [0.5, 0.3, -0.6]"),
+    joints=dict(hub="revolute ground.o base, axis = [1, 2, 2]", along_y="prismatic base once, direction = [0, 1, 0]",
+                along_z="prismatic once twice, direction = [0, 0, 1]",
+                on_x="cylindrical twice thrice, axis = [1, 0, 0]",
+                cardan="universal thrice block, axes = [[0, 1, 0], [0, 0, 1]]",
+                tested="KIND base.pin block.corner, AXES"),
+    drives=dict.fromkeys(("hub", "along_y", "along_z", "on_x", "cardan"), "free = true"), solve=dict(duration=1),
+)
 AXES = {
     "revolute": ", axis = [0, 0, 1]", "cylindrical": ", axis = [0, 0, 1]", "prismatic": ", direction = [0, 0, 1]",
     "universal": ", axes = [[1, 0, 0], [0, 1, 0]]", "spherical": "", "weld": "",
@@ -189,7 +167,7 @@ def joint_by_hand(kind, q):
 @pytest.mark.parametrize("kind", AXES)
 def test_rows_of_joints_by_hand(kind):
     """Residuals and both Jacobians at poses drawn by lot, where no joint closes; a thousandth in one entry is seen."""
-    scene = scene_of(GUIDED % (kind, AXES[kind]))
+    scene = scene_of(changed(GUIDED, ("KIND", kind), (", AXES", AXES[kind])))
     system = system_of(scene)
     assert len(system.engine.layout.positions) == 7 and list(system.layout.cuts) == ["tested"]
     for q in np.random.default_rng(SEED).uniform(-1.4, 1.4, (3, 7)):
@@ -288,7 +266,7 @@ def test_bricard_against_the_reference():
 
 
 def test_bricards_shared_forces_are_not_numbers():
-    scene = '\nlike = "bricard"\nsensors.shared = {joint_force = "second", component = "x"}\n'
+    scene = machine(like="bricard", sensors=dict(shared="joint_force second x"))
     with pytest.raises(Exception, match=r"sensors.shared.joint_force.*second.force_x is statically indeterminate"):
         load(scene_of(scene))
     model = load(read_scene("bricard"))
@@ -316,18 +294,17 @@ def test_the_slider_crank_moves_as_the_reference():
     assert solution.energy.drift < 1e-7
 
 
-DEAD_CENTRE = """
-gravity = [0, -9.81, 0]
-bodies.crank = {length = "1 m", mass = "2 kg", inertia = [0.01, 0.2, 0.2], rotation = {axis = [0, 0, 1], angle = 0.958}}
-bodies.rod = {length = "2 m", mass = "3 kg", inertia = [0.01, 1.0, 1.0], rotation = {axis = [0, 0, 1], angle = -0.421}}
-bodies.piston = {mass = "1 kg"}
-joints.shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
-joints.pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
-joints.wrist = {revolute = ["rod.end", "piston"], axis = [0, 0, 1]}
-joints.slide = {prismatic = ["ground", "piston"], direction = [1, 0, 0]}
-drives.slide = {law = "2.4 + 0.5985*sin(2*pi*t)"}
-solve.duration = 1
-"""
+DEAD_CENTRE = machine(
+    gravity=[0, -9.81, 0],
+    bodies=dict(
+        crank='length = "1 m", mass = "2 kg", inertia = [0.01, 0.2, 0.2], rotation = {axis = [0, 0, 1], angle = 0.958}',
+        rod='length = "2 m", mass = "3 kg", inertia = [0.01, 1.0, 1.0], rotation = {axis = [0, 0, 1], angle = -0.421}',
+        piston='mass = "1 kg"'),
+    joints=dict(shaft="revolute ground crank, axis = [0, 0, 1]", pin="revolute crank.end rod, axis = [0, 0, 1]",
+                wrist="revolute rod.end piston, axis = [0, 0, 1]",
+                slide="prismatic ground piston, direction = [1, 0, 0]"),
+    drives=dict(slide='law = "2.4 + 0.5985*sin(2*pi*t)"'), solve=dict(duration=1),
+)
 
 
 def test_a_loop_is_followed_close_to_where_its_speeds_grow(monkeypatch):
@@ -358,19 +335,16 @@ def test_a_drive_of_a_loop_whose_law_has_a_pole_is_named():
         load(scene_of(turned)).motion.at(np.linspace(0.0, 1.0, 11))
 
 
-PARALLELOGRAM = """
-ground.d = ["300 mm", 0, 0]
-bodies.crank = {length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}}
-bodies.coupler = {length = "300 mm", mass = 0.1}
-bodies.rocker = {length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}}
-joints.a = {revolute = ["ground", "crank"], axis = [0, 0, 1]}
-joints.d = {revolute = ["ground.d", "rocker"], axis = [0, 0, 1]}
-joints.b = {universal = ["crank.end", "coupler"], axes = [[0, 0, 1], [0, 1, 0]]}
-joints.c = {spherical = ["coupler.end", "rocker.end"]}
-drives.a.speed = "10 rad/s"
-sensors.y = {position = "rocker.end", component = "y"}
-solve = {preset = "rigid", duration = "0.3 s", steps = 30}
-"""
+PARALLELOGRAM = machine(
+    ground=dict(d=["300 mm", 0, 0]),
+    bodies=dict(crank='length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}',
+                coupler='length = "300 mm", mass = 0.1',
+                rocker='length = "100 mm", mass = 0.1, rotation = {axis = [0, 0, 1], angle = "60 deg"}'),
+    joints=dict(a="revolute ground crank, axis = [0, 0, 1]", d="revolute ground.d rocker, axis = [0, 0, 1]",
+                b="universal crank.end coupler, axes = [[0, 0, 1], [0, 1, 0]]", c="spherical coupler.end rocker.end"),
+    drives=dict(a='speed = "10 rad/s"'), sensors=dict(y="position rocker.end y"),
+    solve=dict(preset="rigid", duration="0.3 s", steps=30),
+)
 
 
 def test_a_prescribed_loop_that_would_leave_its_branch_is_refused():
@@ -421,14 +395,12 @@ def test_the_top_nutates_between_its_two_angles():
 
 def test_a_free_body_flips_and_keeps_its_momentum():
     """Dzhanibekov's flip: about its middle principal axis a rotation is unstable; energy and momentum stay."""
-    scene = scene_of("""
-gravity = [0, 0, 0]
-bodies.nut.mass = 1
-bodies.nut.inertia = [3, 2, 1.2]
-bodies.nut.free = {at = [1, 2, 3], velocity = [0.1, 0.2, 0.3], angular_velocity = [0.001, 5, 0.002]}
-sensors.spin = {velocity = "nut", component = "angle_y"}
-solve.duration = 30
-""")
+    scene = scene_of(machine(
+        gravity=[0, 0, 0],
+        bodies=dict(nut="mass = 1, inertia = [3, 2, 1.2], "
+                        "free = {at = [1, 2, 3], velocity = [0.1, 0.2, 0.3], angular_velocity = [0.001, 5, 0.002]}"),
+        sensors=dict(spin="velocity nut angle_y"), solve="duration = 30",
+    ))
     solution = solved(scene)
     rigid = solution.motion.rigid
     frame = rigid.frame("nut")
@@ -447,7 +419,7 @@ def test_a_planar_mechanism_moves_the_same_in_space(name):
     """Lifted into space and turned by any rotation, where redundant constraints hold it: places, rates, drive."""
     planar = read_scene(name)
     planar = planar.model_copy(update={"loads": {}, "masses": {}, "sensors": {}, "damping": None, "events": {}})
-    model = load(kaneflex.scene_of(lifted(planar) | {"solve": {"preset": "rigid"}}))
+    model = load(scene_of(lifted(planar) | {"solve": {"preset": "rigid"}}))
     flat = load(planar.model_copy(update={"solve": planar.solve.model_copy(update={"preset": "rigid"})}))
     times = np.linspace(0.0, 0.7 * planar.horizon, 23)
     here, there = model.motion.at(times), flat.motion.at(times)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from command_line import unrendered
-from machines import changed
+from machines import changed, machine
 from runs import solved
 
 from kaneflex import SceneError, draw_all, load, read_scene, scene_of, with_settings
@@ -18,15 +18,11 @@ from kaneflex.response.time_statistics import between_steps
 from kaneflex.solve.loading import integrated
 from kaneflex.solve.repeated_motion import harmonics_of
 
-PENDULUM = """
-schema = 1
-gravity = [0, 0, "-9.81 m/s^2"]
-bodies.bar = {length = "1 m", mass = "1 kg", inertia = [0.001, 0.08, 0.08]}
-joints.hinge = {revolute = ["ground", "bar.start"], axis = [0, 1, 0]}
-drives.hinge = {free = true}
-sensors.angle = {position = "hinge", component = "angle"}
-solve = {preset = "rigid", duration = "1 s"}
-"""
+PENDULUM = machine(
+    gravity=[0, 0, "-9.81 m/s^2"], bodies=dict(bar='length = "1 m", mass = "1 kg", inertia = [0.001, 0.08, 0.08]'),
+    joints=dict(hinge="revolute ground bar.start, axis = [0, 1, 0]"), drives=dict(hinge="free = true"),
+    sensors=dict(angle="position hinge angle"), solve=dict(preset="rigid", duration="1 s"),
+)
 
 
 def pendulum(*changes, text=PENDULUM):
@@ -413,21 +409,19 @@ def test_a_drive_asks_for_the_moment_that_the_weight_takes():
 
 def test_a_slider_passes_its_dead_centres_in_free_motion():
     """Where crank and rod are in line the slider's speed says nothing of the crank's: other speeds are chosen there."""
-    solution = solved(scene_of("""
-schema = 1
-gravity = [0, 0, 0]
-joints.shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
-joints.pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
-joints.wrist = {revolute = ["rod.end", "slider.start"], axis = [0, 0, 1]}
-joints.guide = {prismatic = ["ground", "slider.start"], direction = [1, 0, 0]}
-drives.guide = {free = true, position = "300 mm", initial_speed = "3 m/s"}
-sensors.turn = {position = "shaft", component = "angle"}
-solve.duration = "1 s"
-[bodies]
-crank = {length = "100 mm", mass = "0.2 kg", inertia = [1e-5, 2e-4, 2e-4], rotation = {axis = [0, 0, 1], angle = 0.9}}
-rod = {length = "250 mm", mass = "0.3 kg", inertia = [1e-5, 2e-3, 2e-3], rotation = {axis = [0, 0, 1], angle = -0.3}}
-slider = {mass = "1 kg"}
-"""))
+    solution = solved(scene_of(machine(
+        gravity=[0, 0, 0],
+        joints=dict(shaft="revolute ground crank.start, axis = [0, 0, 1]",
+                    pin="revolute crank.end rod.start, axis = [0, 0, 1]",
+                    wrist="revolute rod.end slider.start, axis = [0, 0, 1]",
+                    guide="prismatic ground slider.start, direction = [1, 0, 0]"),
+        drives=dict(guide='free = true, position = "300 mm", initial_speed = "3 m/s"'),
+        sensors=dict(turn="position shaft angle"), solve='duration = "1 s"',
+        bodies=dict(crank='length = "100 mm", mass = "0.2 kg", inertia = [1e-5, 2e-4, 2e-4], '
+                          'rotation = {axis = [0, 0, 1], angle = 0.9}',
+                    rod='length = "250 mm", mass = "0.3 kg", inertia = [1e-5, 2e-3, 2e-3], '
+                        'rotation = {axis = [0, 0, 1], angle = -0.3}', slider='mass = "1 kg"'),
+    )))
     assert abs(solution["turn"].values[-1]) > 4 * math.pi  # it goes around, past eight dead centres and more
     kinetic = solution.energy.kinetic
     assert np.ptp(kinetic) < 1e-6 * kinetic[0]
@@ -475,16 +469,13 @@ solve.duration = "0.5 s"
     assert solution["side"].values == pytest.approx(-2 * mass * omega * rate, abs=1e-6)
 
 
-RAIL = """
-schema = 1
-gravity = [0, -9.81, 0]
-bodies.bar = {length = 1, beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}}
-bodies.block = {mass = "1 kg", inertia = [0.01, 0.01, 0.01]}
-joints.hold = {weld = ["ground", "bar.start"]}
-joints.slide = {KIND = ["bar.start", "block"], WAY = [1, 0, 0]}
-drives.slide = {free = true}
-solve = {preset = "coupled", duration = "1 ms"}
-"""
+RAIL = machine(
+    gravity=[0, -9.81, 0],
+    bodies=dict(bar='length = 1, beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}}',
+                block='mass = "1 kg", inertia = [0.01, 0.01, 0.01]'),
+    joints=dict(hold="weld ground bar.start", slide='KIND = ["bar.start", "block"], WAY = [1, 0, 0]'),
+    drives=dict(slide="free = true"), solve=dict(preset="coupled", duration="1 ms"),
+)
 
 
 @pytest.mark.parametrize(("kind", "way"), [("prismatic", "direction"), ("cylindrical", "axis")])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from machines import pendulum, slider_crank
+from machines import machine, pendulum, slider_crank
 from matplotlib.text import Text
 from runs import solved
 
@@ -12,12 +12,10 @@ from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
 from kaneflex.report.presentation import parts, printed
 
-BAR = """
-schema = 1
-bodies.bar = {length = "0.5 m", mass = "2 kg"}
-ground.post = ["0.2 m", "0.6 m"]
-joints.pivot = {revolute = ["ground", "bar.start"]}
-"""
+BAR = machine(
+    bodies=dict(bar='length = "0.5 m", mass = "2 kg"'), ground=dict(post=["0.2 m", "0.6 m"]),
+    joints=dict(pivot="revolute ground bar.start"),
+)
 DRIVEN = BAR + 'drives.pivot = {speed = "100 rpm", cycle = "360 deg"}\n'
 RIGID = 'solve.preset = "rigid"\nsolve.steps = 360\n'
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from machines import machine
 from newton_euler import imbalance, motion_of, place
 from runs import solved
 from scipy.optimize import fsolve
@@ -22,17 +23,12 @@ from kaneflex.multibody.model.module_loading import bind_parameters, generate_te
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.structure import structure_hash
 
-HEAD = """
-schema = 1
-gravity = [1.0, -9.81]
-[ground]
-left = ["150 mm", "-40 mm"]
-right = ["350 mm", 0]
-[bodies]
-crank = {length = "30 mm", mass = "0.1 kg"}
-rod = {length = "200 mm", mass = "0.2 kg", centre = ["80 mm", "5 mm"], inertia = "1e-3 kg m^2"}
-left_rocker = {length = "140 mm", mass = "0.05 kg"}
-"""
+HEAD = machine(
+    gravity=[1.0, -9.81], ground=dict(left=["150 mm", "-40 mm"], right=["350 mm", 0]),
+    bodies=dict(crank='length = "30 mm", mass = "0.1 kg"',
+                rod='length = "200 mm", mass = "0.2 kg", centre = ["80 mm", "5 mm"], inertia = "1e-3 kg m^2"',
+                left_rocker='length = "140 mm", mass = "0.05 kg"'),
+)
 PLATE = """
 [bodies.platform]
 length = "120 mm"

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import alike
 
 from kaneflex import SceneError, load, scene_of, with_settings
@@ -13,20 +14,15 @@ from kaneflex.scene.contact_check import CONTACT_RESULTS
 from kaneflex.solve.simulation import solve
 
 PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
-SCENE = """
-schema = 1
-description = "A flywheel between the flanks of a coupling"
-bodies.shaft = {mass = "1 kg", inertia = "0.01 kg m^2"}
-bodies.wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
-joints.hub = {revolute = ["ground", "shaft"]}
-joints.coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
-drives.hub = {speed = 0}
-drives.coupling = {free = true, initial_speed = "10 rad/s"}
-sensors.angle = {position = "coupling", component = "angle"}
-sensors.on = {contact_torque = "coupling_1"}
-sensors.room = {contact_angle = "coupling_2"}
-solve = {preset = "coupled", duration = "0.1 s", steps = 500}
-"""
+SCENE = machine(
+    description="A flywheel between the flanks of a coupling",
+    bodies=dict(shaft='mass = "1 kg", inertia = "0.01 kg m^2"', wheel='mass = "2 kg", inertia = "0.02 kg m^2"'),
+    joints=dict(hub="revolute ground shaft",
+                coupling='revolute shaft wheel, clearance = {angle = "0.5 deg", contact = CONTACT}'),
+    drives=dict(hub="speed = 0", coupling='free = true, initial_speed = "10 rad/s"'),
+    sensors=dict(angle="position coupling angle", on="contact_torque coupling_1", room="contact_angle coupling_2"),
+    solve=dict(preset="coupled", duration="0.1 s", steps=500),
+)
 ELASTIC = '{law = "hertz", stiffness = "2e5 N m/rad", exponent = 1}'
 EXACT = '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'
 FREE = ("drives.hub={speed='none', free=true, initial_speed='-5 rad/s'}", "solve.tolerance=1e-10")

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from machines import changed
+from machines import changed, machine
 from runs import solved
 
 import kaneflex
@@ -18,22 +18,19 @@ from kaneflex.study.sensitivity.parameters import find_parameters
 STIFF, DAMPED = (1e5, 2e5, 3e5, 500.0, 700.0, 900.0), (80.0, 60.0, 40.0, 0.3, 0.4, 0.5)
 MASS, INERTIA = 20.0, (0.5, 0.8, 1.1)
 
-ENGINE = f"""
-gravity = [0, 0, 0]
-ground.seat = [0.3, -0.2, 0.1]
-bodies.engine = {{mass = {MASS}, inertia = {list(INERTIA)}, rotation = {{axis = [1, 2, 0.5], angle = 0.7}}}}
-springs.mount = {{bushing = ["ground.seat", "engine.start"], stiffness = {list(STIFF)}, damping = {list(DAMPED)}}}
-sensors.x = {{position = "engine.start", component = "x"}}
-sensors.y = {{position = "engine.start", component = "y"}}
-sensors.z = {{position = "engine.start", component = "z"}}
-sensors.force_x = {{spring_force = "mount", component = "x"}}
-sensors.turning_z = {{spring_torque = "mount", component = "z"}}
-solve = {{preset = "rigid", duration = "0.3 s", steps = 600}}
-"""
+ENGINE = machine(
+    gravity=[0, 0, 0], ground=dict(seat=[0.3, -0.2, 0.1]),
+    bodies=dict(engine=f"mass = {MASS}, inertia = {list(INERTIA)}, rotation = {{axis = [1, 2, 0.5], angle = 0.7}}"),
+    springs=dict(mount=f'bushing = ["ground.seat", "engine.start"], stiffness = {list(STIFF)}, '
+                       f'damping = {list(DAMPED)}'),
+    sensors=dict(x="position engine.start x", y="position engine.start y", z="position engine.start z",
+                 force_x="spring_force mount x", turning_z="spring_torque mount z"),
+    solve=dict(preset="rigid", duration="0.3 s", steps=600),
+)
 
 
 def scene_of(text, *changes):
-    return kaneflex.scene_of("schema = 1\n" + changed(text, *changes))
+    return kaneflex.scene_of(changed(text, *changes))
 
 
 def swing(t, speed, inertia, stiffness, damping):
@@ -66,21 +63,16 @@ def test_a_body_on_a_bushing_swings_in_six_ways():
     assert solution.energy.drift < 1e-6 and solution.energy.dissipated[-1] > 0
 
 
-PAIR = """
-gravity = [0, 0, 0]
-bodies.one.mass = 2
-bodies.one.inertia = [0.02, 0.05, 0.04]
-bodies.one.free = {at = [0, 0, 0], velocity = [0.1, 0, 0.2], angular_velocity = [3, -1, 2]}
-bodies.one.rotation = {axis = [1, 0, 1], angle = 0.4}
-bodies.one.points = {side = [0.2, 0.1, 0]}
-bodies.two.mass = 1
-bodies.two.inertia = [0.02, 0.01, 0.025]
-bodies.two.centre = [0.1, 0, 0.05]
-bodies.two.free = {at = [0.2, 0.15, -0.1], angular_velocity = [-4, 5, 1]}
-springs.mount = {bushing = ["one.side", "two.start"], stiffness = [300, 200, 400, 2, 3, 4]}
-sensors.x = {position = "one.start", component = "x"}
-solve = {preset = "rigid", duration = "2 s", steps = 200}
-"""
+PAIR = machine(
+    gravity=[0, 0, 0],
+    bodies=dict(one="mass = 2, inertia = [0.02, 0.05, 0.04], "
+                    "free = {at = [0, 0, 0], velocity = [0.1, 0, 0.2], angular_velocity = [3, -1, 2]}, "
+                    "rotation = {axis = [1, 0, 1], angle = 0.4}, points = {side = [0.2, 0.1, 0]}",
+                two="mass = 1, inertia = [0.02, 0.01, 0.025], centre = [0.1, 0, 0.05], "
+                    "free = {at = [0.2, 0.15, -0.1], angular_velocity = [-4, 5, 1]}"),
+    springs=dict(mount='bushing = ["one.side", "two.start"], stiffness = [300, 200, 400, 2, 3, 4]'),
+    sensors=dict(x="position one.start x"), solve=dict(preset="rigid", duration="2 s", steps=200),
+)
 
 
 def test_two_bodies_in_flight_keep_energy_and_momentum():
@@ -103,29 +95,19 @@ def test_two_bodies_in_flight_keep_energy_and_momentum():
     assert np.arccos(0.5 * (np.trace(turned) - 1.0)).max() > 1.5
 
 
-ARM = """
-gravity = [0, 0, 0]
-bodies.arm.length = "0.5 m"
-bodies.arm.beam.section = {rectangle = ["10 mm", "10 mm"]}
-bodies.arm.beam.E = "210 GPa"
-bodies.arm.beam.nu = 0.3
-bodies.arm.beam.rho = "7800 kg/m^3"
-bodies.arm.beam.elements = 4
-bodies.arm.free = {at = [0, 0, 0]}
-bodies.arm.rotation = {x = [0, 1, 0]}
-springs.seat.bushing = ["ground", "arm.start"]
-springs.seat.stiffness = [2e3, 3e3, 2e3, 100, 50, 80]
-springs.seat.damping = [56, 70, 56, 3.6, 0.2, 3.6]
-loads.push = {force_on = "arm.end", direction = [0, 0, 1], law = "0.1 * (1 - exp(-400 * t**2))"}
-damping.modal = {ratio = 0.3}
-sensors.tip = {position = "arm.end", component = "z"}
-sensors.root = {position = "arm.start", component = "z"}
-sensors.force = {spring_force = "seat", component = "z"}
-sensors.moment = {spring_torque = "seat", component = "x"}
-sensors.bending = {bending_moment = "arm.start", component = "z"}
-sensors.shear = {shear_force = "arm.start", component = "y"}
-solve = {preset = "PRESET", duration = "0.6 s", steps = 60}
-"""
+ARM = machine(
+    gravity=[0, 0, 0],
+    bodies=dict(arm='length = "0.5 m", beam.section = {rectangle = ["10 mm", "10 mm"]}, beam.E = "210 GPa", '
+                    'beam.nu = 0.3, beam.rho = "7800 kg/m^3", beam.elements = 4, free = {at = [0, 0, 0]}, '
+                    'rotation = {x = [0, 1, 0]}'),
+    springs=dict(seat='bushing = ["ground", "arm.start"], stiffness = [2e3, 3e3, 2e3, 100, 50, 80], '
+                      'damping = [56, 70, 56, 3.6, 0.2, 3.6]'),
+    loads=dict(push='force_on = "arm.end", direction = [0, 0, 1], law = "0.1 * (1 - exp(-400 * t**2))"'),
+    damping=dict(modal=dict(ratio=0.3)),
+    sensors=dict(tip="position arm.end z", root="position arm.start z", force="spring_force seat z",
+                 moment="spring_torque seat x", bending="bending_moment arm.start z", shear="shear_force arm.start y"),
+    solve=dict(preset="PRESET", duration="0.6 s", steps=60),
+)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "coupled"])
@@ -200,15 +182,13 @@ def test_one_way_presets_and_planar_scenes_have_none():
 
 
 def test_a_drive_that_turns_a_bushing_too_far_is_refused():
-    text = """
-bodies.disc = {mass = 1, inertia = [1, 1, 1]}
-joints.pin = {revolute = ["ground", "disc.start"], axis = [0, 0, 1]}
-drives.pin = {speed = "1 rad/s"}
-springs.mount = {bushing = ["ground", "disc.start"], stiffness = [0, 0, 0, 1, 1, 1]}
-sensors.twist = {spring_torque = "mount", component = "z"}
-sensors.motor = {drive_torque = "pin"}
-solve = {preset = "rigid", duration = "2 s", steps = 20}
-"""
+    text = machine(
+        bodies=dict(disc="mass = 1, inertia = [1, 1, 1]"),
+        joints=dict(pin="revolute ground disc.start, axis = [0, 0, 1]"), drives=dict(pin='speed = "1 rad/s"'),
+        springs=dict(mount='bushing = ["ground", "disc.start"], stiffness = [0, 0, 0, 1, 1, 1]'),
+        sensors=dict(twist="spring_torque mount z", motor="drive_torque pin"),
+        solve=dict(preset="rigid", duration="2 s", steps=20),
+    )
     found = solved(scene_of(text))
     for name in ("twist", "motor"):
         assert found[name].values == pytest.approx(found.times, abs=1e-9)
@@ -217,16 +197,13 @@ solve = {preset = "rigid", duration = "2 s", steps = 20}
 
 
 def test_a_free_elastic_body_that_turns_its_bushing_too_far_stops_by_name():
-    text = """
-gravity = [0, 0, 0]
-ground.seat = [0, 0, 0]
-bodies.bar.length = "300 mm"
-bodies.bar.beam = {material = "steel", section = {circle = "20 mm"}, elements = 4}
-bodies.bar.free = {at = [0, 0, 0], angular_velocity = [0, 0, 30]}
-springs.mount = {bushing = ["ground.seat", "bar.start"], stiffness = [1e5, 1e5, 1e5, 1, 1, 1]}
-sensors.x = {position = "bar.end", component = "x"}
-solve = {preset = "coupled", duration = "0.3 s", steps = 300}
-"""
+    text = machine(
+        gravity=[0, 0, 0], ground=dict(seat=[0, 0, 0]),
+        bodies=dict(bar='length = "300 mm", beam = {material = "steel", section = {circle = "20 mm"}, elements = 4}, '
+                        'free = {at = [0, 0, 0], angular_velocity = [0, 0, 30]}'),
+        springs=dict(mount='bushing = ["ground.seat", "bar.start"], stiffness = [1e5, 1e5, 1e5, 1, 1, 1]'),
+        sensors=dict(x="position bar.end x"), solve=dict(preset="coupled", duration="0.3 s", steps=300),
+    )
     found = solved(scene_of(text))
     expected = r"the motion can't continue after t = 0\.11\d+ s: bushing mount .* Limit the"
     assert found.outcome is Outcome.STUCK and re.match(expected, found.message)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import folded, solved
 from test_contact_runs import BALL
 
@@ -264,27 +265,19 @@ def test_a_cascade_without_time_between_stops_with_its_name(scenes):
     assert again.contacts.impacts[0].begin == pytest.approx(math.sqrt(0.2 / G), rel=1e-12)
 
 
-SLIDING = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.crank = {length = 0.153, mass = 0.038, inertia = 7.4e-5, centre = [0.0765, 0]}
-bodies.rod = {length = 0.306, mass = 0.038, inertia = 5.9e-4, centre = [0.153, 0]}
-bodies.slider = {mass = 0.076, inertia = 2.7e-6}
-joints.main = {revolute = ["ground", "crank"]}
-joints.pin = {revolute = ["crank.end", "rod"]}
-joints.wrist = {revolute = ["rod.end", "slider"]}
-joints.bore.prismatic = ["ground", "slider"]
-joints.bore.direction = [1, 0]
-joints.bore.clearance.gap = "1 mm"
-joints.bore.clearance.length = "100 mm"
-joints.bore.clearance.height = "50 mm"
-joints.bore.clearance.contact = {stiffness = 1e13, restitution = 0.4}
-drives.main = {free = true, initial_speed = 150}
-drives.pin = {free = true, initial_speed = -225}
-drives.wrist = {free = true, initial_speed = 75}
-sensors.y = {position = "slider", component = "y"}
-solve = {preset = "coupled", duration = "18 ms", steps = 90}
-"""
+SLIDING = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(crank="length = 0.153, mass = 0.038, inertia = 7.4e-5, centre = [0.0765, 0]",
+                rod="length = 0.306, mass = 0.038, inertia = 5.9e-4, centre = [0.153, 0]",
+                slider="mass = 0.076, inertia = 2.7e-6"),
+    joints=dict(main="revolute ground crank", pin="revolute crank.end rod", wrist="revolute rod.end slider",
+                bore='prismatic ground slider, direction = [1, 0], clearance.gap = "1 mm", '
+                     'clearance.length = "100 mm", clearance.height = "50 mm", '
+                     'clearance.contact = {stiffness = 1e13, restitution = 0.4}'),
+    drives=dict(main="free = true, initial_speed = 150", pin="free = true, initial_speed = -225",
+                wrist="free = true, initial_speed = 75"),
+    sensors=dict(y="position slider y"), solve=dict(preset="coupled", duration="18 ms", steps=90),
+)
 
 
 def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says():

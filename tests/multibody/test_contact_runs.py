@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from machines import machine
 from scipy.integrate import solve_ivp
 
 from kaneflex import SceneError, linearise, load, scene_of, with_settings
@@ -17,19 +18,14 @@ from kaneflex.study.sensitivity.report import check_differentiable
 from kaneflex_peers.buildable import check_buildable
 
 G = 9.81
-BALL = """
-schema = 1
-description = "A ball that bounces on the floor"
-gravity = [0, "-9.81 m/s^2"]
-bodies.ball = {mass = "1 kg"}
-joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-drives.fall = {free = true, position = "1 m"}
-contacts.floor = {point_on_line = ["ball", "ground"], normal = [0, 1], contact = {stiffness = 1e9, restitution = 0.7}}
-sensors.height = {position = "fall", component = "x"}
-sensors.push = {contact_force = "floor"}
-sensors.air = {contact_gap = "floor"}
-solve = {preset = "coupled", duration = "2 s", steps = 500}
-"""
+BALL = machine(
+    description="A ball that bounces on the floor", gravity=[0, "-9.81 m/s^2"], bodies=dict(ball='mass = "1 kg"'),
+    joints=dict(fall="prismatic ground ball, direction = [0, 1]"), drives=dict(fall='free = true, position = "1 m"'),
+    contacts=dict(floor='point_on_line = ["ball", "ground"], normal = [0, 1], '
+                        'contact = {stiffness = 1e9, restitution = 0.7}'),
+    sensors=dict(height="position fall x", push="contact_force floor", air="contact_gap floor"),
+    solve=dict(preset="coupled", duration="2 s", steps=500),
+)
 CRANK, ROD, PISTON, INERTIA, MASS, SPEED = 0.05, 0.12, 0.14, 8.2e-5, 0.068, 314.0
 LOOSE = f"""
 schema = 1
@@ -165,24 +161,18 @@ def test_a_slider_crank_knocks_as_its_own_two_equations_say():
     assert solution.series["slide"].values == pytest.approx(slide, abs=1e-11)
 
 
-BAR = """
-schema = 1
-description = "A hinged elastic bar that falls on a stop below its end"
-gravity = [0, "-9.81 m/s^2"]
-ground.stop = ["0.5 m", "-10 mm"]
-bodies.bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
-joints.hinge = {revolute = ["ground", "bar"]}
-drives.hinge = {free = true, angle = "2 deg"}
-contacts.stop.point_on_line = ["bar.end", "ground.stop"]
-contacts.stop.normal = [0, 1]
-contacts.stop.radius = "10 mm"
-contacts.stop.contact = {materials = ["steel", "steel"], restitution = 0.3}
-damping.rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
-sensors.angle = {position = "hinge", component = "angle"}
-sensors.moment = {bending_moment = "bar.mid"}
-sensors.shear = {shear_force = "bar.end"}
-solve = {preset = "coupled", duration = "0.5 s", steps = 1000}
-"""
+BAR = machine(
+    description="A hinged elastic bar that falls on a stop below its end", gravity=[0, "-9.81 m/s^2"],
+    ground=dict(stop=["0.5 m", "-10 mm"]),
+    bodies=dict(bar='length = "0.5 m", '
+                    'beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}'),
+    joints=dict(hinge="revolute ground bar"), drives=dict(hinge='free = true, angle = "2 deg"'),
+    contacts=dict(stop='point_on_line = ["bar.end", "ground.stop"], normal = [0, 1], radius = "10 mm", '
+                       'contact = {materials = ["steel", "steel"], restitution = 0.3}'),
+    damping=dict(rayleigh=dict(ratio="5 %", at=["300 Hz", "3000 Hz"])),
+    sensors=dict(angle="position hinge angle", moment="bending_moment bar.mid", shear="shear_force bar.end"),
+    solve=dict(preset="coupled", duration="0.5 s", steps=1000),
+)
 
 
 def test_section_forces_know_what_touches_the_link():
@@ -259,35 +249,23 @@ def test_free_joints_beside_a_clearance_start_as_the_tight_mechanism():
     assert behind == pytest.approx(math.radians(160) + math.asin(CRANK / ROD * math.sin(math.radians(20))), rel=1e-12)
 
 
-LOOSE_FOUR_BAR = """
-schema = 1
-description = "A four-bar whose coupler is loose at both ends"
-ground = {left = [0, 0], right = ["254 mm", 0]}
-bodies.crank = {length = "108 mm", mass = "31.6 g"}
-bodies.coupler = {length = "279.4 mm", mass = "30 g", free = {}}
-bodies.follower = {length = "270.5 mm", mass = "29.8 g"}
-joints.main = {revolute = ["ground.left", "crank.start"]}
-joints.rocker = {revolute = ["ground.right", "follower.start"]}
-joints.first.revolute = ["crank.end", "coupler.start"]
-joints.first.clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}
-joints.second.revolute = ["coupler.end", "follower.end"]
-joints.second.clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}
-drives.main = {speed = "200 rpm", angle = "60 deg"}
-drives.rocker.free = true
-sensors.rocker = {position = "rocker", component = "angle"}
-sensors.turning = {velocity = "coupler", component = "angle"}
-sensors.v_x = {velocity = "coupler.start", component = "x", axes = "global"}
-sensors.v_y = {velocity = "coupler.start", component = "y", axes = "global"}
-sensors.a_x = {acceleration = "coupler.mid", component = "x", axes = "global"}
-sensors.a_y = {acceleration = "coupler.mid", component = "y", axes = "global"}
-sensors.first_x = {position = "first", component = "x"}
-sensors.first_y = {position = "first", component = "y"}
-sensors.first_force = {contact_force = "first"}
-sensors.second_x = {position = "second", component = "x"}
-sensors.second_y = {position = "second", component = "y"}
-sensors.second_force = {contact_force = "second"}
-solve = {preset = "coupled", duration = "0.1 s", steps = 5000}
-"""
+LOOSE_FOUR_BAR = machine(
+    description="A four-bar whose coupler is loose at both ends", ground=dict(left=[0, 0], right=["254 mm", 0]),
+    bodies=dict(crank='length = "108 mm", mass = "31.6 g"', coupler='length = "279.4 mm", mass = "30 g", free = {}',
+                follower='length = "270.5 mm", mass = "29.8 g"'),
+    joints=dict(main="revolute ground.left crank.start", rocker="revolute ground.right follower.start",
+                first='revolute crank.end coupler.start, '
+                      'clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}',
+                second='revolute coupler.end follower.end, '
+                       'clearance = {radial = "0.1 mm", contact = {stiffness = 1e9, restitution = 0.8}}'),
+    drives=dict(main='speed = "200 rpm", angle = "60 deg"', rocker="free = true"),
+    sensors=dict(rocker="position rocker angle", turning="velocity coupler angle",
+                 v_x='velocity coupler.start x, axes = "global"', v_y='velocity coupler.start y, axes = "global"',
+                 a_x='acceleration coupler.mid x, axes = "global"', a_y='acceleration coupler.mid y, axes = "global"',
+                 first_x="position first x", first_y="position first y", first_force="contact_force first",
+                 second_x="position second x", second_y="position second y", second_force="contact_force second"),
+    solve=dict(preset="coupled", duration="0.1 s", steps=5000),
+)
 
 
 def test_a_four_bar_with_two_loose_pins():
@@ -323,27 +301,19 @@ def test_a_four_bar_with_two_loose_pins():
         load(with_settings(scene_of(LOOSE_FOUR_BAR), ["bodies.coupler.free.angle=0"]))
 
 
-BRIDGE = """
-schema = 1
-description = "A ball at rest on the far support of an elastic bridge, whose end does not move"
-gravity = [0, -9.81]
-ground.far = [4, 0]
-bodies.bridge = {length = 4, beam = {material = "steel", section = {rectangle = ["50 mm", "50 mm"]}}}
-bodies.roller = {mass = "1 g"}
-bodies.ball = {mass = "20 kg"}
-joints.left = {revolute = ["ground", "bridge.start"]}
-joints.right = {revolute = ["bridge.end", "roller"]}
-joints.bed = {prismatic = ["ground", "roller"], direction = [1, 0]}
-joints.up = {prismatic = ["ground.far", "ball"], direction = [0, 1]}
-drives.up = {free = true}
-contacts.wheel.point_on_line = ["ball", "bridge"]
-contacts.wheel.normal = [0, 1]
-contacts.wheel.contact = {law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = 2e3}
-damping.modal = {ratio = 0.5}
-sensors.ball_y = {position = "ball", component = "y"}
-sensors.mid = {displacement = "bridge.mid", component = "y"}
-solve = {preset = "coupled", duration = "3 s", steps = 300}
-"""
+BRIDGE = machine(
+    description="A ball at rest on the far support of an elastic bridge, whose end does not move", gravity=[0, -9.81],
+    ground=dict(far=[4, 0]),
+    bodies=dict(bridge='length = 4, beam = {material = "steel", section = {rectangle = ["50 mm", "50 mm"]}}',
+                roller='mass = "1 g"', ball='mass = "20 kg"'),
+    joints=dict(left="revolute ground bridge.start", right="revolute bridge.end roller",
+                bed="prismatic ground roller, direction = [1, 0]", up="prismatic ground.far ball, direction = [0, 1]"),
+    drives=dict(up="free = true"),
+    contacts=dict(wheel='point_on_line = ["ball", "bridge"], normal = [0, 1], '
+                        'contact = {law = "kelvin-voigt", stiffness = 1e7, exponent = 1, damping = 2e3}'),
+    damping=dict(modal=dict(ratio=0.5)), sensors=dict(ball_y="position ball y", mid="displacement bridge.mid y"),
+    solve=dict(preset="coupled", duration="3 s", steps=300),
+)
 
 
 def test_a_line_on_an_elastic_link_is_where_it_is_named_and_refused_far_from_there():

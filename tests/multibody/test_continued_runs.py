@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tomlkit
-from machines import four_bar
+from machines import four_bar, machine
 from runs import solved
 
 import kaneflex
@@ -18,20 +18,17 @@ from kaneflex.solve.simulation import solve
 PENDULUM = ("elastic-pendulum", "damping.rayleigh.ratio=0.1", "damping.rayleigh.at=[5, 50]")
 CRANK = ("spatial-slider-crank-elastic", "solve.modes=1", "solve.start=zero", "solve.tolerance=1e-9")
 TOP = ("spinning-top", "solve.forward.tolerance=1e-11")
-SWINGING = """
-schema = 1
-name = "swinging-rod"
-bodies.rod = {length = "1 m", beam = {material = "aluminium", section = {rectangle = ["2 mm", "4 mm"]}, elements = 4}}
-joints.hinge = {spherical = ["ground", "rod.start"]}
-drives.hinge = {free = true, angular_velocity = [9, 1, 4]}
-loads.push = {force_on = "rod.mid", direction = [0.2, 1, 0.5], value = "0.2 N"}
-damping.rayleigh = {ratio = 0.02, at = ["5 Hz", "40 Hz"]}
-sensors.x = {position = "rod.end", component = "x"}
-sensors.z = {position = "rod.end", component = "z"}
-sensors.bend = {displacement = "rod.mid", component = "y"}
-sensors.force = {joint_force = "hinge", component = "y"}
-solve = {modes = 1, duration = 1}
-"""
+SWINGING = machine(
+    name="swinging-rod",
+    bodies=dict(rod='length = "1 m", '
+                    'beam = {material = "aluminium", section = {rectangle = ["2 mm", "4 mm"]}, elements = 4}'),
+    joints=dict(hinge="spherical ground rod.start"), drives=dict(hinge="free = true, angular_velocity = [9, 1, 4]"),
+    loads=dict(push='force_on = "rod.mid", direction = [0.2, 1, 0.5], value = "0.2 N"'),
+    damping=dict(rayleigh=dict(ratio=0.02, at=["5 Hz", "40 Hz"])),
+    sensors=dict(x="position rod.end x", z="position rod.end z", bend="displacement rod.mid y",
+                 force="joint_force hinge y"),
+    solve=dict(modes=1, duration=1),
+)
 """Elastic rod on a ball."""
 LOOP = ("main", "first", "second", "back")
 DRAG_LINK = four_bar(

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from machines import machine
 from places import DATA
 from runs import alike, solved
 
@@ -107,19 +108,17 @@ def test_an_elastic_double_pendulum_keeps_its_energy_and_its_joints():
     assert trajectory.energy.drift < 1e-6
 
 
-CART = """
-schema = 1
-description = "A cart with a mast, pushed along its rail"
-bodies.cart = {mass = "2 kg"}
-bodies.mast = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["2 mm", "20 mm"]}, elements = 6}}
-joints.rail = {prismatic = ["ground", "cart"], direction = [1, 0]}
-joints.foot = {weld = ["cart", "mast.start"], relative_angle = "90 deg"}
-drives.rail = {free = true}
-loads.push = {force_on = "cart", direction = [1, 0], law = "3 * sin(20 * t)"}
-sensors.slide = {position = "rail"}
-sensors.tip = {displacement = "mast.end", component = "y"}
-solve = {preset = "coupled", duration = "0.5 s", steps = 1000}
-"""
+CART = machine(
+    description="A cart with a mast, pushed along its rail",
+    bodies=dict(cart='mass = "2 kg"',
+                mast='length = "0.5 m", '
+                     'beam = {material = "steel", section = {rectangle = ["2 mm", "20 mm"]}, elements = 6}'),
+    joints=dict(rail="prismatic ground cart, direction = [1, 0]",
+                foot='weld cart mast.start, relative_angle = "90 deg"'),
+    drives=dict(rail="free = true"), loads=dict(push='force_on = "cart", direction = [1, 0], law = "3 * sin(20 * t)"'),
+    sensors=dict(slide="position rail", tip="displacement mast.end y"),
+    solve=dict(preset="coupled", duration="0.5 s", steps=1000),
+)
 
 
 def test_a_pushed_cart_and_its_mast_take_up_the_impulse():

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import STENCIL, gaps, model, run, solved
 
 from kaneflex import scene_of
@@ -156,20 +157,16 @@ def test_a_force_in_body_axes_turns_with_its_section():
     assert V == pytest.approx(6.0 * np.cos(theta), abs=1e-9)
 
 
-TURNING_BACK = """
-schema = 1
-ground.far = ["150 mm", 0]
-bodies.a = {length = "100 mm", mass = "0.1 kg"}
-bodies.b = {length = "120 mm", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}}}
-bodies.c = {length = "110 mm", mass = "0.2 kg"}
-joints.main = {revolute = ["ground", "a.start"]}
-joints.p = {revolute = ["a.end", "b.start"]}
-joints.q = {revolute = ["b.end", "c.end"]}
-joints.r = {revolute = ["ground.far", "c.start"]}
-drives.main = {law = "1 + 0.3*sin(20*t)"}
-sensors.torque = {drive_torque = "main"}
-solve = {preset = "coupled", duration = "314 ms", steps = 100}
-"""
+TURNING_BACK = machine(
+    ground=dict(far=["150 mm", 0]),
+    bodies=dict(a='length = "100 mm", mass = "0.1 kg"',
+                b='length = "120 mm", beam = {material = "steel", section = {rectangle = ["10 mm", "10 mm"]}}',
+                c='length = "110 mm", mass = "0.2 kg"'),
+    joints=dict(main="revolute ground a.start", p="revolute a.end b.start", q="revolute b.end c.end",
+                r="revolute ground.far c.start"),
+    drives=dict(main='law = "1 + 0.3*sin(20*t)"'), sensors=dict(torque="drive_torque main"),
+    solve=dict(preset="coupled", duration="314 ms", steps=100),
+)
 
 
 def test_far_instants_at_nearly_the_same_place_of_a_drive_are_reached():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomlkit
 from lifting import lifted
-from machines import ABSORBER
+from machines import ABSORBER, machine
 from runs import alike, solved
 
 import kaneflex
@@ -213,28 +213,21 @@ def test_a_cycle_in_space_whose_disturbances_grow_says_so():
     assert space.multipliers[0] == pytest.approx(plane.multipliers[0], rel=1e-3)
 
 
-PENDULUM = """
-schema = 1
-gravity = [0, 0, "-9.81 m/s^2"]
-bodies.rod.length = "0.5 m"
-bodies.rod.rotation = {x = [0.1, 0.05, -1]}
-bodies.rod.beam = {material = "aluminium", section = {rectangle = ["10 mm", "6 mm"]}, elements = 3}
-bodies.wheel = {length = "0.1 m", mass = "1 kg"}
-masses.bob = {at = "rod.end", mass = "1 kg", inertia = [2e-3, 1e-3, 1e-3]}
-joints.top = {spherical = ["ground", "rod.start"]}
-joints.clock = {revolute = ["ground", "wheel.start"], axis = [0, 0, 1]}
-drives.top = {free = true}
-drives.clock = {speed = "6 rad/s", cycle = "360 deg"}
-springs.soft.bushing = ["ground", "rod.start"]
-springs.soft.stiffness = [0, 0, 0, 0.5, 0.5, 0.5]
-springs.soft.damping = [0, 0, 0, 0.5, 0.5, 0.5]
-loads.push = {force_on = "rod.end", direction = [1, 0.3, 0], law = "1.5 * cos(clock)"}
-damping.rayleigh = {ratio = 0.02, at = ["30 Hz", "3000 Hz"]}
-sensors.x = {position = "rod.end", component = "x"}
-sensors.y = {position = "rod.end", component = "y"}
-sensors.bend = {displacement = "rod.end", component = "y"}
-solve = {preset = "coupled", start = "periodic", modes = 1}
-"""
+PENDULUM = machine(
+    gravity=[0, 0, "-9.81 m/s^2"],
+    bodies=dict(rod='length = "0.5 m", rotation = {x = [0.1, 0.05, -1]}, '
+                    'beam = {material = "aluminium", section = {rectangle = ["10 mm", "6 mm"]}, elements = 3}',
+                wheel='length = "0.1 m", mass = "1 kg"'),
+    masses=dict(bob='at = "rod.end", mass = "1 kg", inertia = [2e-3, 1e-3, 1e-3]'),
+    joints=dict(top="spherical ground rod.start", clock="revolute ground wheel.start, axis = [0, 0, 1]"),
+    drives=dict(top="free = true", clock='speed = "6 rad/s", cycle = "360 deg"'),
+    springs=dict(soft='bushing = ["ground", "rod.start"], stiffness = [0, 0, 0, 0.5, 0.5, 0.5], '
+                      'damping = [0, 0, 0, 0.5, 0.5, 0.5]'),
+    loads=dict(push='force_on = "rod.end", direction = [1, 0.3, 0], law = "1.5 * cos(clock)"'),
+    damping=dict(rayleigh=dict(ratio=0.02, at=["30 Hz", "3000 Hz"])),
+    sensors=dict(x="position rod.end x", y="position rod.end y", bend="displacement rod.end y"),
+    solve=dict(preset="coupled", start="periodic", modes=1),
+)
 
 
 def _pendulum(text=PENDULUM):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli
+from machines import machine
 from runs import gaps, solved
 from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
@@ -197,19 +198,13 @@ def test_events_that_cannot_be(words, message):
     assert str(error.value) == message
 
 
-DISC = """
-schema = 1
-name = "disc"
-bodies = {wheel = {mass = 1.0, inertia = 0.1}}
-joints = {hinge = {revolute = ["ground", "wheel"]}}
-drives = {hinge = {free = true, initial_speed = 10.0}}
-springs = {coil = {torsional_at = "hinge", stiffness = 0.1}}
-sensors.angle = {position = "hinge", component = "angle"}
-sensors.heading = {position = "wheel", component = "angle"}
-sensors.torque = {spring_torque = "coil"}
-events.far = {sensor = "angle", value = "9 rad"}
-solve = {preset = "coupled", duration = 3.0, steps = 300}
-"""
+DISC = machine(
+    name="disc", bodies=dict(wheel="mass = 1.0, inertia = 0.1"), joints=dict(hinge="revolute ground wheel"),
+    drives=dict(hinge="free = true, initial_speed = 10.0"),
+    springs=dict(coil='torsional_at = "hinge", stiffness = 0.1'),
+    sensors=dict(angle="position hinge angle", heading="position wheel angle", torque="spring_torque coil"),
+    events=dict(far='sensor = "angle", value = "9 rad"'), solve=dict(preset="coupled", duration=3.0, steps=300),
+)
 
 
 def test_a_run_that_goes_on_counts_turns_on(tmp_path):
@@ -295,14 +290,11 @@ def test_an_engine_goes_to_another_process_without_its_addresses():
     assert again.tables.w.tolist() == engine.tables.w.tolist()
 
 
-PRESCRIBED = """
-schema = 1
-bodies.crank = {length = "45 mm", mass = "1 kg"}
-joints.main = {revolute = ["ground", "crank.start"]}
-drives.main = {law = "0.2*sin(300*t)"}
-sensors.torque = {drive_torque = "main"}
-solve = {preset = "coupled", start = "zero", duration = "20 ms", steps = 50}
-"""
+PRESCRIBED = machine(
+    bodies=dict(crank='length = "45 mm", mass = "1 kg"'), joints=dict(main="revolute ground crank.start"),
+    drives=dict(main='law = "0.2*sin(300*t)"'), sensors=dict(torque="drive_torque main"),
+    solve=dict(preset="coupled", start="zero", duration="20 ms", steps=50),
+)
 
 
 def test_a_mechanism_without_a_freedom_is_one_too():

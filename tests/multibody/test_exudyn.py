@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import machine
 
 from kaneflex import Comparison, SceneError, compare, read_scene, scene_of, with_settings
 from kaneflex.solve.curves import Resolution
@@ -149,66 +150,46 @@ def test_an_axis_between_its_nodes_is_the_cubic_through_them():
         assert PlanarRecorder._along(reader, "rod", s) == pytest.approx(at(s), abs=1e-14), s
 
 
-TURNING = """
-schema = 1
-gravity = [0, 0, -9.81]
-ground.hook = [0.3, 0.4, 0.9]
-bodies.post.length = "0.5 m"
-bodies.post.mass = "2 kg"
-bodies.post.centre = [0.2, 0.05, 0]
-bodies.post.inertia = [0.02, 0.08, 0.09, 0.002, 0.001, -0.001]
-bodies.post.rotation = {x = [0, 0, 1]}
-bodies.slide = {length = "0.4 m", mass = "1 kg", centre = [0.2, 0, 0], inertia = [0.005, 0.02, 0.02]}
-bodies.paddle = {length = "0.3 m", mass = "0.5 kg", inertia = [0.003, 0.006, 0.005]}
-joints.turn = {revolute = ["ground", "post.start"], axis = [0, 0, 1]}
-joints.guide = {weld = ["post.end", "slide.start"]}
-joints.hinge = {revolute = ["slide.end", "paddle.start"], axis = [0, 1, 1]}
-drives.turn = {law = "3 * t + 0.5 * sin(4 * t)"}
-drives.hinge = {free = true, angle = "20 deg", initial_speed = "2 rad/s"}
-loads.wind = {force_on = "paddle.end", axes = "body", direction = [0, 1, 0], law = "1.5 + sin(6 * t) + 0.3 * hinge"}
-loads.brake = {torque_at = "hinge", law = "-0.05 * hinge_speed + 0.02 * turn"}
-springs.coil = {torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"}
-springs.rope = {between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"}
-sensors.angle = {position = "hinge", component = "angle"}
-sensors.turning_rate = {velocity = "hinge", component = "angle"}
-sensors.turning_accel = {acceleration = "hinge", component = "angle"}
-sensors.tip_x = {position = "paddle.end", component = "x"}
-sensors.tip_v = {velocity = "paddle.end", component = "z", axes = "body"}
-sensors.tip_a = {acceleration = "paddle.end", component = "y", reading = "accelerometer"}
-sensors.turning = {velocity = "paddle", component = "angle_x"}
-sensors.spin = {acceleration = "paddle", component = "angle_z"}
-sensors.motor = {drive_torque = "turn"}
-sensors.pin = {joint_force = "hinge", component = "x", axes = "body"}
-sensors.base = {joint_force = "turn", component = "z", body = "ground"}
-sensors.base_moment = {joint_force = "turn", component = "angle_x"}
-sensors.tilting = {joint_force = "guide", component = "angle_y", axes = "body"}
-sensors.hinge_moment = {joint_force = "hinge", component = "angle_z", body = "slide"}
-sensors.pull = {spring_force = "rope"}
-sensors.twist = {spring_torque = "coil"}
-solve = {preset = "rigid", duration = "0.5 s"}
-"""
-SLIDING = """
-schema = 1
-gravity = [0, 0, -9.81]
-bodies.carriage = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
-bodies.bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
-joints.rail = {prismatic = ["ground", "carriage.start"], direction = [1, 2, 2]}
-joints.rod = {cylindrical = ["carriage.end", "bead"], axis = [1, 0, 1]}
-drives.rail = {law = "0.1 + 0.05 * sin(6 * t)"}
-drives.rod = {free = true}
-loads.push = {force_on = "bead", direction = [1, 0, 0], law = "1 + 20 * rail - rail_speed"}
-springs.rope = {between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"}
-sensors.out = {position = "rail", component = "x"}
-sensors.along = {position = "rod", component = "x"}
-sensors.along_rate = {velocity = "rod", component = "x"}
-sensors.bead_x = {position = "bead", component = "x"}
-sensors.bead_z = {position = "bead", component = "z"}
-sensors.push = {drive_force = "rail"}
-sensors.pin = {joint_force = "rod", component = "y"}
-sensors.rail_moment = {joint_force = "rail", component = "angle_z", body = "ground"}
-sensors.pull = {spring_force = "rope"}
-solve = {preset = "rigid", duration = "0.5 s"}
-"""
+TURNING = machine(
+    gravity=[0, 0, -9.81], ground=dict(hook=[0.3, 0.4, 0.9]),
+    bodies=dict(post='length = "0.5 m", mass = "2 kg", centre = [0.2, 0.05, 0], '
+                     'inertia = [0.02, 0.08, 0.09, 0.002, 0.001, -0.001], rotation = {x = [0, 0, 1]}',
+                slide='length = "0.4 m", mass = "1 kg", centre = [0.2, 0, 0], inertia = [0.005, 0.02, 0.02]',
+                paddle='length = "0.3 m", mass = "0.5 kg", inertia = [0.003, 0.006, 0.005]'),
+    joints=dict(turn="revolute ground post.start, axis = [0, 0, 1]", guide="weld post.end slide.start",
+                hinge="revolute slide.end paddle.start, axis = [0, 1, 1]"),
+    drives=dict(turn='law = "3 * t + 0.5 * sin(4 * t)"',
+                hinge='free = true, angle = "20 deg", initial_speed = "2 rad/s"'),
+    loads=dict(wind='force_on = "paddle.end", axes = "body", direction = [0, 1, 0], '
+                    'law = "1.5 + sin(6 * t) + 0.3 * hinge"',
+               brake='torque_at = "hinge", law = "-0.05 * hinge_speed + 0.02 * turn"'),
+    springs=dict(coil='torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"',
+                 rope='between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"'),
+    sensors=dict(angle="position hinge angle", turning_rate="velocity hinge angle",
+                 turning_accel="acceleration hinge angle", tip_x="position paddle.end x",
+                 tip_v='velocity paddle.end z, axes = "body"',
+                 tip_a='acceleration paddle.end y, reading = "accelerometer"', turning="velocity paddle angle_x",
+                 spin="acceleration paddle angle_z", motor="drive_torque turn",
+                 pin='joint_force hinge x, axes = "body"', base='joint_force turn z, body = "ground"',
+                 base_moment="joint_force turn angle_x", tilting='joint_force guide angle_y, axes = "body"',
+                 hinge_moment='joint_force hinge angle_z, body = "slide"', pull="spring_force rope",
+                 twist="spring_torque coil"),
+    solve=dict(preset="rigid", duration="0.5 s"),
+)
+SLIDING = machine(
+    gravity=[0, 0, -9.81],
+    bodies=dict(carriage='length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}',
+                bead='mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]'),
+    joints=dict(rail="prismatic ground carriage.start, direction = [1, 2, 2]",
+                rod="cylindrical carriage.end bead, axis = [1, 0, 1]"),
+    drives=dict(rail='law = "0.1 + 0.05 * sin(6 * t)"', rod="free = true"),
+    loads=dict(push='force_on = "bead", direction = [1, 0, 0], law = "1 + 20 * rail - rail_speed"'),
+    springs=dict(rope='between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"'),
+    sensors=dict(out="position rail x", along="position rod x", along_rate="velocity rod x", bead_x="position bead x",
+                 bead_z="position bead z", push="drive_force rail", pin="joint_force rod y",
+                 rail_moment='joint_force rail angle_z, body = "ground"', pull="spring_force rope"),
+    solve=dict(preset="rigid", duration="0.5 s"),
+)
 
 
 def shares_in_space(scene, steps):
@@ -274,23 +255,17 @@ def test_moments_of_all_kinds_of_joints(peer):
     assert all(share < 2e-3 for share in found.values())
 
 
-CARRIED = """
-schema = 1
-gravity = [0, 0, -9.81]
-bodies.post = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
-bodies.bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
-joints.turn = {revolute = ["ground", "post.start"], axis = [0, 1, 1]}
-joints.rail = {prismatic = ["post.end", "bead"], direction = [1, 2, 2]}
-drives.turn = {free = true, initial_speed = "3 rad/s"}
-drives.rail = {law = "0.1 + 0.05 * sin(6 * t)"}
-sensors.out = {position = "rail", component = "x"}
-sensors.angle = {position = "turn", component = "angle"}
-sensors.bead_x = {position = "bead", component = "x"}
-sensors.push = {drive_force = "rail"}
-sensors.pin = {joint_force = "rail", component = "y"}
-sensors.rail_moment = {joint_force = "rail", component = "angle_z"}
-solve = {preset = "rigid", duration = "1 s"}
-"""
+CARRIED = machine(
+    gravity=[0, 0, -9.81],
+    bodies=dict(post='length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}',
+                bead='mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]'),
+    joints=dict(turn="revolute ground post.start, axis = [0, 1, 1]",
+                rail="prismatic post.end bead, direction = [1, 2, 2]"),
+    drives=dict(turn='free = true, initial_speed = "3 rad/s"', rail='law = "0.1 + 0.05 * sin(6 * t)"'),
+    sensors=dict(out="position rail x", angle="position turn angle", bead_x="position bead x", push="drive_force rail",
+                 pin="joint_force rail y", rail_moment="joint_force rail angle_z"),
+    solve=dict(preset="rigid", duration="1 s"),
+)
 
 
 @pytest.mark.exhaustive(group="guides", share=2)
@@ -310,44 +285,25 @@ def elastic_shares(scene, elements, steps):
     return {each.sensor: each.peak_difference / each.reference_peak for each in found.differences}
 
 
-CANTILEVER = """
-schema = 1
-gravity = [0, 0, -9.81]
-bodies.arm.length = "0.4 m"
-bodies.arm.rotation = {x = [1, 2, 2], y = [2, 1, -2]}
-bodies.arm.beam.E = "70 GPa"
-bodies.arm.beam.nu = 0.33
-bodies.arm.beam.rho = "2700 kg/m^3"
-bodies.arm.beam.section = {rectangle = ["12 mm", "8 mm"]}
-bodies.arm.beam.theory = "timoshenko"
-bodies.arm.beam.elements = 4
-bodies.fork.length = "0.2 m"
-bodies.fork.mass = "0.3 kg"
-bodies.fork.centre = [0.1, 0.02, 0]
-bodies.fork.inertia = [1e-4, 1e-3, 1e-3]
-bodies.fork.rotation = {x = [2, 1, -2], y = [-2, 2, -1]}
-joints.turn = {revolute = ["ground", "arm.start"], axis = [0, 0, 1]}
-joints.root = {weld = ["arm.end", "fork.start"]}
-drives.turn = {speed = "60 rpm", cycle = "360 deg"}
-loads.push = {force_on = "fork.end", direction = [0, 1, 1], value = "1 N"}
-damping.rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}
-sensors.lag = {displacement = "arm.end", component = "y"}
-sensors.flap = {displacement = "arm.end", component = "z"}
-sensors.tip = {displacement = "fork.end", component = "z"}
-sensors.twist = {displacement = "arm.end", component = "angle_x"}
-sensors.slope = {displacement = "arm.mid", component = "angle_y", relative_to = "chord"}
-sensors.torsion = {torsional_moment = "arm.mid"}
-sensors.shear = {shear_force = "arm.mid", component = "z"}
-sensors.pull = {axial_force = "arm.start"}
-sensors.bent = {bending_moment = "arm.start", component = "y"}
-sensors.gauge = {strain = "arm.mid", fibre = ["4 mm", "-5 mm"]}
-sensors.place = {position = "fork.end", component = "x"}
-sensors.speed = {velocity = "arm.end", component = "z"}
-sensors.accel = {acceleration = "arm.end", component = "x", axes = "body"}
-sensors.moment = {joint_force = "root", component = "angle_x", axes = "body"}
-sensors.motor = {drive_torque = "turn"}
-solve = {preset = "stiffened", start = "periodic"}
-"""
+CANTILEVER = machine(
+    gravity=[0, 0, -9.81],
+    bodies=dict(arm='length = "0.4 m", rotation = {x = [1, 2, 2], y = [2, 1, -2]}, beam.E = "70 GPa", beam.nu = 0.33, '
+                    'beam.rho = "2700 kg/m^3", beam.section = {rectangle = ["12 mm", "8 mm"]}, '
+                    'beam.theory = "timoshenko", beam.elements = 4',
+                fork='length = "0.2 m", mass = "0.3 kg", centre = [0.1, 0.02, 0], inertia = [1e-4, 1e-3, 1e-3], '
+                     'rotation = {x = [2, 1, -2], y = [-2, 2, -1]}'),
+    joints=dict(turn="revolute ground arm.start, axis = [0, 0, 1]", root="weld arm.end fork.start"),
+    drives=dict(turn='speed = "60 rpm", cycle = "360 deg"'),
+    loads=dict(push='force_on = "fork.end", direction = [0, 1, 1], value = "1 N"'),
+    damping=dict(rayleigh=dict(ratio=0.2, at=["15 Hz", "40 Hz"])),
+    sensors=dict(lag="displacement arm.end y", flap="displacement arm.end z", tip="displacement fork.end z",
+                 twist="displacement arm.end angle_x", slope='displacement arm.mid angle_y, relative_to = "chord"',
+                 torsion="torsional_moment arm.mid", shear="shear_force arm.mid z", pull="axial_force arm.start",
+                 bent="bending_moment arm.start y", gauge='strain arm.mid, fibre = ["4 mm", "-5 mm"]',
+                 place="position fork.end x", speed="velocity arm.end z", accel='acceleration arm.end x, axes = "body"',
+                 moment='joint_force root angle_x, axes = "body"', motor="drive_torque turn"),
+    solve=dict(preset="stiffened", start="periodic"),
+)
 
 
 @pytest.mark.exhaustive(group="beams", share=4)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import machine
 from runs import solved
 
 import kaneflex
@@ -27,25 +28,21 @@ sensors.y = {position = "bar.mid", component = "y"}
 sensors.angle = {position = "bar", component = "angle"}
 solve = {preset = "coupled", duration = "1 s", steps = 50}
 """
-BEAM = """
-schema = 1
-name = "free"
-bodies.beam.length = "1 m"
-bodies.beam.beam = {material = "steel", section = {rectangle = ["20 mm", "10 mm"]}, elements = 16}
-bodies.beam.free = {velocity = [1, 0], angular_speed = "60 rpm"}
-loads.blow = {force_on = "beam.mid", direction = [0, 1], law = "1000 * exp(-((t - 0.005) / 0.001)**2)"}
-sensors.moment = {bending_moment = "beam.mid"}
-solve = {preset = "coupled", modes = 6, duration = "0.05 s", steps = 500}
-"""
-PAIR = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.one = {length = "1 m", mass = "1 kg"}
-bodies.two = {length = "0.5 m", mass = "3 kg", free = {at = [1, 0], velocity = [0, 5], angular_speed = 3}}
-joints.pin = {revolute = ["one.end", "two"]}
-drives.pin = {free = true, angle = "40 deg", initial_speed = -7}
-solve = {preset = "coupled", duration = "1 s", steps = 50}
-"""
+BEAM = machine(
+    name="free",
+    bodies=dict(beam='length = "1 m", '
+                     'beam = {material = "steel", section = {rectangle = ["20 mm", "10 mm"]}, elements = 16}, '
+                     'free = {velocity = [1, 0], angular_speed = "60 rpm"}'),
+    loads=dict(blow='force_on = "beam.mid", direction = [0, 1], law = "1000 * exp(-((t - 0.005) / 0.001)**2)"'),
+    sensors=dict(moment="bending_moment beam.mid"), solve=dict(preset="coupled", modes=6, duration="0.05 s", steps=500),
+)
+PAIR = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(one='length = "1 m", mass = "1 kg"',
+                two='length = "0.5 m", mass = "3 kg", free = {at = [1, 0], velocity = [0, 5], angular_speed = 3}'),
+    joints=dict(pin="revolute one.end two"), drives=dict(pin='free = true, angle = "40 deg", initial_speed = -7'),
+    solve=dict(preset="coupled", duration="1 s", steps=50),
+)
 
 
 def scene_of(text, *settings):
@@ -125,25 +122,19 @@ def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin():
     assert (count.floating, count.left) == (("two",), 0)
 
 
-LOOSE = """
-schema = 1
-bodies.crank = {length = "50 mm", mass = "0.3 kg"}
-bodies.piston = {mass = "0.14 kg"}
-bodies.rod.length = "120 mm"
-bodies.rod.mass = "0.07 kg"
-bodies.rod.free = {at = ["50 mm", 0], velocity = [0, "15.70796326794897 m/s"], angular_speed = "-1250 rpm"}
-joints.main = {revolute = ["ground", "crank"]}
-joints.bore = {prismatic = ["ground", "piston"], direction = [1, 0]}
-joints.big.revolute = ["crank.end", "rod"]
-joints.big.clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
-joints.wrist.revolute = ["rod.end", "piston"]
-joints.wrist.clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}
-drives.main = {speed = "3000 rpm"}
-drives.bore = {free = true, position = "170 mm"}
-sensors.slide = {position = "bore"}
-sensors.push = {contact_force = "big"}
-solve = {preset = "coupled", duration = "20 ms", steps = 200}
-"""
+LOOSE = machine(
+    bodies=dict(crank='length = "50 mm", mass = "0.3 kg"', piston='mass = "0.14 kg"',
+                rod='length = "120 mm", mass = "0.07 kg", '
+                    'free = {at = ["50 mm", 0], velocity = [0, "15.70796326794897 m/s"], angular_speed = "-1250 rpm"}'),
+    joints=dict(main="revolute ground crank", bore="prismatic ground piston, direction = [1, 0]",
+                big='revolute crank.end rod, '
+                    'clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}',
+                wrist='revolute rod.end piston, '
+                      'clearance = {radial = "0.01 mm", contact = {stiffness = 1e11, restitution = 0.3}}'),
+    drives=dict(main='speed = "3000 rpm"', bore='free = true, position = "170 mm"'),
+    sensors=dict(slide="position bore", push="contact_force big"),
+    solve=dict(preset="coupled", duration="20 ms", steps=200),
+)
 
 
 def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism():

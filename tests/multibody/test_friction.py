@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from machines import WEIGHT, block, pendulum, slider_crank
+from machines import WEIGHT, block, machine, pendulum, slider_crank
 
 from kaneflex import SceneError, linearise, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.system import Outcome
@@ -193,22 +193,14 @@ def test_a_block_on_a_belt_sticks_and_slips_as_in_closed_form():
     assert found.trajectory.energy.drift < 1e-9
 
 
-ROD = """
-schema = 1
-description = "Painleve's rod: it slides on its end over a rough floor"
-gravity = [0, "-9.81 m/s^2"]
-bodies.rod.length = "1 m"
-bodies.rod.mass = "1 kg"
-bodies.rod.inertia = "0.0833333 kg m^2"
-bodies.rod.centre = [0.5, 0]
-bodies.rod.free = {at = [0, "1e-6 m"], angle = "60 deg", velocity = ["-2 m/s", 0]}
-contacts.floor.point_on_line = ["rod", "ground"]
-contacts.floor.normal = [0, 1]
-contacts.floor.contact = {stiffness = 1e7, restitution = 0.5}
-contacts.floor.friction = {mu = 1.0}
-sensors.y = {position = "rod", component = "y"}
-solve = {preset = "coupled", duration = "0.3 s", steps = 3000}
-"""
+ROD = machine(
+    description="Painleve's rod: it slides on its end over a rough floor", gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(rod='length = "1 m", mass = "1 kg", inertia = "0.0833333 kg m^2", centre = [0.5, 0], '
+                    'free = {at = [0, "1e-6 m"], angle = "60 deg", velocity = ["-2 m/s", 0]}'),
+    contacts=dict(floor='point_on_line = ["rod", "ground"], normal = [0, 1], '
+                        'contact = {stiffness = 1e7, restitution = 0.5}, friction = {mu = 1.0}'),
+    sensors=dict(y="position rod y"), solve=dict(preset="coupled", duration="0.3 s", steps=3000),
+)
 
 
 @pytest.mark.parametrize("angle", [60, 120])
@@ -286,24 +278,17 @@ def test_a_mechanism_whose_joints_all_rub_comes_to_rest():
     assert (abs(record.force) <= limit * (1 + 1e-9)).all()
 
 
-FALLING = """
-schema = 1
-description = "A block on a sliding carriage falls on a floor that rubs"
-gravity = [0, "-9.81 m/s^2"]
-bodies.carriage = {mass = "1 kg"}
-bodies.block = {mass = "2 kg"}
-joints.way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
-joints.fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
-drives.way = {free = true, initial_speed = 3}
-drives.fall = {free = true, position = "50 mm"}
-contacts.floor.point_on_line = ["block", "ground"]
-contacts.floor.normal = [0, 1]
-contacts.floor.contact = {stiffness = 1e8, restitution = 0.6}
-contacts.floor.friction = {mu = 0.2, mu_static = 0.3}
-sensors.x = {position = "way"}
-sensors.drag = {friction_force = "floor"}
-solve = {preset = "coupled", duration = "1 s", steps = 400}
-"""
+FALLING = machine(
+    description="A block on a sliding carriage falls on a floor that rubs", gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(carriage='mass = "1 kg"', block='mass = "2 kg"'),
+    joints=dict(way="prismatic ground carriage, direction = [1, 0]",
+                fall="prismatic carriage block, direction = [0, 1]"),
+    drives=dict(way="free = true, initial_speed = 3", fall='free = true, position = "50 mm"'),
+    contacts=dict(floor='point_on_line = ["block", "ground"], normal = [0, 1], '
+                        'contact = {stiffness = 1e8, restitution = 0.6}, friction = {mu = 0.2, mu_static = 0.3}'),
+    sensors=dict(x="position way", drag="friction_force floor"),
+    solve=dict(preset="coupled", duration="1 s", steps=400),
+)
 
 
 def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
@@ -347,22 +332,17 @@ def test_what_a_friction_lacks_is_named(scene, written, instead, says):
         solved(scene.replace(written, instead))
 
 
-KLEIN = """
-schema = 1
-ground = {high = [0, "0.8660254037844386 m"]}
-bodies.low = {mass = "1 kg"}
-bodies.high = {mass = "1 kg"}
-bodies.rod = {length = "1 m", mass = "1e-9 kg"}
-joints.floor = {prismatic = ["ground", "low"], direction = [1, 0], friction = {mu = 1}}
-joints.ceiling = {prismatic = ["ground.high", "high"], direction = [1, 0]}
-joints.foot = {revolute = ["low", "rod"]}
-joints.head = {revolute = ["rod.end", "high"], near = {rod = "60 deg"}}
-drives.floor = {free = true, initial_speed = "1 m/s"}
-loads.push = {force_on = "high", direction = [1, 0], law = "10"}
-sensors.x = {position = "floor"}
-sensors.rub = {friction_force = "floor"}
-solve = {preset = "coupled", duration = "0.2 s", steps = 100}
-"""
+KLEIN = machine(
+    ground=dict(high=[0, "0.8660254037844386 m"]),
+    bodies=dict(low='mass = "1 kg"', high='mass = "1 kg"', rod='length = "1 m", mass = "1e-9 kg"'),
+    joints=dict(floor="prismatic ground low, direction = [1, 0], friction = {mu = 1}",
+                ceiling="prismatic ground.high high, direction = [1, 0]", foot="revolute low rod",
+                head='revolute rod.end high, near = {rod = "60 deg"}'),
+    drives=dict(floor='free = true, initial_speed = "1 m/s"'),
+    loads=dict(push='force_on = "high", direction = [1, 0], law = "10"'),
+    sensors=dict(x="position floor", rub="friction_force floor"),
+    solve=dict(preset="coupled", duration="0.2 s", steps=100),
+)
 
 
 @pytest.mark.parametrize("mu", [0.05, 1.0])
@@ -387,19 +367,16 @@ def test_friction_that_no_reaction_agrees_with_ends_the_run(law, reached):
     assert found.times[-1] == pytest.approx(reached, abs=0.004)
 
 
-ARM = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.arm = {length = "1 m", mass = "2 kg"}
-bodies.block = {mass = "0.5 kg", inertia = "0.001 kg m^2"}
-joints.hinge = {revolute = ["ground", "arm"]}
-joints.slot = {prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}}
-drives.hinge = {free = true, angle = "30 deg", initial_speed = "60 rpm"}
-drives.slot = {free = true, position = "0.6 m"}
-sensors.way = {position = "slot"}
-sensors.angle = {position = "hinge", component = "angle"}
-solve = {preset = "coupled", duration = "10 s", steps = 500}
-"""
+ARM = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(arm='length = "1 m", mass = "2 kg"', block='mass = "0.5 kg", inertia = "0.001 kg m^2"'),
+    joints=dict(hinge="revolute ground arm",
+                slot='prismatic arm block, direction = [1, 0], friction = {preload = "100 N"}'),
+    drives=dict(hinge='free = true, angle = "30 deg", initial_speed = "60 rpm"',
+                slot='free = true, position = "0.6 m"'),
+    sensors=dict(way="position slot", angle="position hinge angle"),
+    solve=dict(preset="coupled", duration="10 s", steps=500),
+)
 
 
 def test_a_block_that_is_stuck_in_a_slot_that_turns_stays_where_it_stuck(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import machine
 from test_friction import CRANK, solved
 
 STEEL = 'beam = {section = {circle = "10 mm"}, E = "210 GPa", rho = "7850 kg/m^3", elements = 4}'
@@ -95,27 +96,20 @@ def test_a_block_on_a_beam_slides_where_it_is_too_steep_for_it():
     assert ways[0] < 1e-6 and ways[1] > 1e-3
 
 
-WIPER = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground = {pivot = ["250 mm", "30 mm"]}
-bodies.crank = {length = "45 mm", mass = "0.15 kg"}
-bodies.rocker = {length = "70 mm", mass = "0.2 kg"}
-bodies.arm = {length = "500 mm", beam = {material = "steel", section = {rectangle = ["16 mm", "4 mm"]}}}
-bodies.coupler.length = "240 mm"
-bodies.coupler.beam = {material = "steel", section = {tube = ["12 mm", "1.5 mm"]}}
-bodies.coupler.points = {quarter = ["60 mm", 0]}
-joints.motor = {revolute = ["ground", "crank.start"]}
-joints.pin = {revolute = ["crank.end", "coupler.start"]}
-joints.pivot = {revolute = ["ground.pivot", "rocker.start"], friction = {preload = "2.5 N m"}}
-joints.ball = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
-joints.spindle = {weld = ["rocker.start", "arm.start"], relative_angle = "90 deg"}
-masses.blade = {at = "arm.end", mass = "0.35 kg"}
-drives.motor = {speed = "45 rpm", cycle = "360 deg"}
-damping.rayleigh = {ratio = "2 %", at = ["5 Hz", "200 Hz"]}
-sensors.shear = {shear_force = "coupler.quarter"}
-solve = {preset = "coupled", start = "periodic"}
-"""
+WIPER = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(pivot=["250 mm", "30 mm"]),
+    bodies=dict(crank='length = "45 mm", mass = "0.15 kg"', rocker='length = "70 mm", mass = "0.2 kg"',
+                arm='length = "500 mm", beam = {material = "steel", section = {rectangle = ["16 mm", "4 mm"]}}',
+                coupler='length = "240 mm", beam = {material = "steel", section = {tube = ["12 mm", "1.5 mm"]}}, '
+                        'points = {quarter = ["60 mm", 0]}'),
+    joints=dict(motor="revolute ground crank.start", pin="revolute crank.end coupler.start",
+                pivot='revolute ground.pivot rocker.start, friction = {preload = "2.5 N m"}',
+                ball='revolute coupler.end rocker.end, branch = "+"',
+                spindle='weld rocker.start arm.start, relative_angle = "90 deg"'),
+    masses=dict(blade='at = "arm.end", mass = "0.35 kg"'), drives=dict(motor='speed = "45 rpm", cycle = "360 deg"'),
+    damping=dict(rayleigh=dict(ratio="2 %", at=["5 Hz", "200 Hz"])), sensors=dict(shear="shear_force coupler.quarter"),
+    solve=dict(preset="coupled", start="periodic"),
+)
 
 
 def test_a_rocker_that_sticks_while_the_crank_turns_does_not_bend_the_coupler():

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import pendulum
+from machines import machine, pendulum
 from parity import compared, planar, random_turn
 from runs import alike, changes, solved
 from scipy.linalg import expm
@@ -21,26 +21,22 @@ WHEEL = pendulum(
     loads='torque = {torque_at = "hub", law = "0"}', sensors='angle = {position = "hub", component = "angle"}',
     solve={"preset": "coupled", "duration": "1 s", "steps": 8},
 )
-WHEEL_IN_SPACE = """
-schema = 1
-description = "A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic"
-ground.side = [0, 1, 0]
-bodies.wheel = {mass = "2 kg", inertia = [0.02, 0.02, 0.02]}
-bodies.ball.mass = "2 kg"
-bodies.ball.inertia = [0.02, 0.02, 0.02]
-bodies.ball.free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}
-bodies.beam = {length = "200 mm", beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}
-joints.hub = {revolute = ["ground", "wheel"], axis = [1, 2, 2]}
-joints.clamp = {weld = ["ground.side", "beam.start"]}
-drives.hub = {free = true, initial_speed = "10 rad/s"}
-loads.torque = {torque_at = "hub", law = "0"}
-loads.push = {force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"}
-sensors.angle = {position = "hub", component = "angle"}
-sensors.speed = {velocity = "hub", component = "angle"}
-sensors.x = {position = "ball", component = "x", axes = "global"}
-sensors.angular = {velocity = "ball", component = "angle_z", axes = "body"}
-solve = {preset = "coupled", duration = "1 s", steps = 8, modes = 1}
-"""
+WHEEL_IN_SPACE = machine(
+    description="A wheel on its hub and a ball in flight; a beam beside them makes the mechanism elastic",
+    ground=dict(side=[0, 1, 0]),
+    bodies=dict(wheel='mass = "2 kg", inertia = [0.02, 0.02, 0.02]',
+                ball='mass = "2 kg", inertia = [0.02, 0.02, 0.02], '
+                     'free = {velocity = [0, 0, 1], angular_velocity = [3, 4, 12]}',
+                beam='length = "200 mm", '
+                     'beam = {E = 210e9, nu = 0.3, rho = 7850, A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}'),
+    joints=dict(hub="revolute ground wheel, axis = [1, 2, 2]", clamp="weld ground.side beam.start"),
+    drives=dict(hub='free = true, initial_speed = "10 rad/s"'),
+    loads=dict(torque='torque_at = "hub", law = "0"',
+               push='force_on = "ball", direction = [1, 0, 0], law = "4*step(t - 0.3137)"'),
+    sensors=dict(angle="position hub angle", speed="velocity hub angle", x='position ball x, axes = "global"',
+                 angular='velocity ball angle_z, axes = "body"'),
+    solve=dict(preset="coupled", duration="1 s", steps=8, modes=1),
+)
 METHODS = pytest.mark.parametrize("integrator", ["gauss", "radau"])
 
 

@@ -2,50 +2,41 @@
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import solved
 
 from kaneflex.scene.read import scene_of
 
-VALVE_TRAIN = """
-schema = 1
-description = "OHV valve train: cam of two circles, flat tappet, elastic pushrod and rocker, valve on a spring"
-ground = {guide = ["60 mm", 0], rocker = ["30 mm", "245 mm"], seat = ["60 mm", "270 mm"]}
-bodies.cam = {mass = "1 kg", inertia = "2e-4 kg m^2", points = {nose = [0, "10 mm"]}}
-bodies.tappet = {mass = "60 g", points = {face = [0, 0], cup = [0, "20 mm"]}}
-bodies.pushrod = {length = "207 mm", beam = {material = "steel", section = {tube = ["8 mm", "1.2 mm"]}, elements = 4}}
-bodies.arm1 = {length = "30 mm", beam = {material = "steel", section = {rectangle = ["18 mm", "12 mm"]}, elements = 2}}
-bodies.arm2 = {length = "30 mm", beam = {material = "steel", section = {rectangle = ["18 mm", "12 mm"]}, elements = 2}}
-bodies.link = {length = "20 mm", mass = "8 g"}
-bodies.valve = {mass = "110 g"}
-joints.shaft = {revolute = ["ground", "cam"]}
-joints.bore = {prismatic = ["ground", "tappet"], direction = [0, 1]}
-joints.pivot = {revolute = ["ground.rocker", "arm2.start"]}
-joints.stiff = {weld = ["arm2.start", "arm1.start"], relative_angle = "180 deg"}
-joints.cup = {revolute = ["tappet.cup", "pushrod.start"]}
-joints.ball = {revolute = ["pushrod.end", "arm1.end"], near = {pushrod = '90 deg'}}
-joints.tip = {revolute = ["arm2.end", "link.start"]}
-joints.stem = {revolute = ["link.end", "valve"]}
-joints.vguide = {prismatic = ["ground.guide", "valve"], direction = [0, 1], branch = "-"}
-drives.shaft = {speed = "1500 rpm", cycle = "360 deg", angle = "180 deg"}
-drives.bore = {free = true, position = "18 mm"}
-contacts.base.point_on_line = ["cam", "tappet.face"]
-contacts.base.normal = [0, -1]
-contacts.base.radius = "18 mm"
-contacts.base.contact = {stiffness = 3e9, restitution = 0.5}
-contacts.nose.point_on_line = ["cam.nose", "tappet.face"]
-contacts.nose.normal = [0, -1]
-contacts.nose.radius = "14 mm"
-contacts.nose.contact = {stiffness = 3e9, restitution = 0.5}
-springs.coil = {between = ["ground.seat", "valve"], stiffness = "30 N/mm", damping = 10, length = "75 mm"}
-damping.rayleigh = {ratio = "2 %", at = ["500 Hz", "8 kHz"]}
-sensors.lift = {position = "valve", component = "y"}
-sensors.stroke = {position = "vguide", component = "x"}
-sensors.tilt = {position = "link", component = "angle"}
-sensors.speed = {velocity = "valve", component = "y"}
-sensors.push = {acceleration = "valve", component = "y"}
-sensors.middle = {position = "pushrod.mid", component = "y"}
-solve = {preset = "coupled", duration = "8 ms", steps = 400, modes = 2, tolerance = 1e-9, errors = "none"}
-"""
+VALVE_TRAIN = machine(
+    description="OHV valve train: cam of two circles, flat tappet, elastic pushrod and rocker, valve on a spring",
+    ground=dict(guide=["60 mm", 0], rocker=["30 mm", "245 mm"], seat=["60 mm", "270 mm"]),
+    bodies=dict(cam='mass = "1 kg", inertia = "2e-4 kg m^2", points = {nose = [0, "10 mm"]}',
+                tappet='mass = "60 g", points = {face = [0, 0], cup = [0, "20 mm"]}',
+                pushrod='length = "207 mm", '
+                        'beam = {material = "steel", section = {tube = ["8 mm", "1.2 mm"]}, elements = 4}',
+                arm1='length = "30 mm", '
+                     'beam = {material = "steel", section = {rectangle = ["18 mm", "12 mm"]}, elements = 2}',
+                arm2='length = "30 mm", '
+                     'beam = {material = "steel", section = {rectangle = ["18 mm", "12 mm"]}, elements = 2}',
+                link='length = "20 mm", mass = "8 g"', valve='mass = "110 g"'),
+    joints=dict(shaft="revolute ground cam", bore="prismatic ground tappet, direction = [0, 1]",
+                pivot="revolute ground.rocker arm2.start",
+                stiff='weld arm2.start arm1.start, relative_angle = "180 deg"', cup="revolute tappet.cup pushrod.start",
+                ball="revolute pushrod.end arm1.end, near = {pushrod = '90 deg'}", tip="revolute arm2.end link.start",
+                stem="revolute link.end valve",
+                vguide='prismatic ground.guide valve, direction = [0, 1], branch = "-"'),
+    drives=dict(shaft='speed = "1500 rpm", cycle = "360 deg", angle = "180 deg"',
+                bore='free = true, position = "18 mm"'),
+    contacts=dict(base='point_on_line = ["cam", "tappet.face"], normal = [0, -1], radius = "18 mm", '
+                       'contact = {stiffness = 3e9, restitution = 0.5}',
+                  nose='point_on_line = ["cam.nose", "tappet.face"], normal = [0, -1], radius = "14 mm", '
+                       'contact = {stiffness = 3e9, restitution = 0.5}'),
+    springs=dict(coil='between = ["ground.seat", "valve"], stiffness = "30 N/mm", damping = 10, length = "75 mm"'),
+    damping=dict(rayleigh=dict(ratio="2 %", at=["500 Hz", "8 kHz"])),
+    sensors=dict(lift="position valve y", stroke="position vguide x", tilt="position link angle",
+                 speed="velocity valve y", push="acceleration valve y", middle="position pushrod.mid y"),
+    solve=dict(preset="coupled", duration="8 ms", steps=400, modes=2, tolerance=1e-9, errors="none"),
+)
 """As ``shared/cases/position_nan.toml`` has it, for a shorter time and with more sensors."""
 
 

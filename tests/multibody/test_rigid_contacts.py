@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from machines import WEIGHT, pendulum
+from machines import WEIGHT, machine, pendulum
 from test_contact_motion import GROUND, SLIDING, ZERO, G, body, contact, run, scenes, system_of
 
 from kaneflex import SceneError, load, scene_of, with_settings
@@ -198,21 +198,16 @@ def test_extremes_of_restitution_and_gap(scenes, integrator):
             assert found.contacts.impacts[-1].lasts
 
 
-BALL = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.ball = {mass = "1 kg"}
-bodies.table = {mass = "2 kg"}
-joints.fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
-joints.lift = {prismatic = ["ground", "table"], direction = [0, 1]}
-drives.fall = {free = true, position = "0 mm"}
-drives.lift = {law = "0.01 * (1 - cos(50 * t))", period = "125.6637061435917 ms"}
-contacts.floor = {point_on_line = ["ball", "table"], normal = [0, 1], contact = {law = "newton", restitution = 0.5}}
-sensors.push = {contact_force = "floor"}
-sensors.air = {contact_gap = "floor"}
-sensors.height = {position = "fall"}
-solve = {preset = "coupled", duration = "2 s", steps = 400}
-"""
+BALL = machine(
+    gravity=[0, "-9.81 m/s^2"], bodies=dict(ball='mass = "1 kg"', table='mass = "2 kg"'),
+    joints=dict(fall="prismatic ground ball, direction = [0, 1]", lift="prismatic ground table, direction = [0, 1]"),
+    drives=dict(fall='free = true, position = "0 mm"',
+                lift='law = "0.01 * (1 - cos(50 * t))", period = "125.6637061435917 ms"'),
+    contacts=dict(floor='point_on_line = ["ball", "table"], normal = [0, 1], '
+                        'contact = {law = "newton", restitution = 0.5}'),
+    sensors=dict(push="contact_force floor", air="contact_gap floor", height="position fall"),
+    solve=dict(preset="coupled", duration="2 s", steps=400),
+)
 
 
 def solved(text, *settings):
@@ -274,16 +269,13 @@ def test_a_slider_in_a_wide_guide_rests_between_its_knocks():
     assert {impact.contact for impact in rest} == {"bore_3", "bore_4"}
 
 
-PLAY = """
-schema = 1
-bodies.wheel = {inertia = 0.02, mass = 1}
-bodies.arm = {inertia = 0.01, mass = 1}
-joints.axle = {revolute = ["ground", "wheel"]}
-joints.hub = {revolute = ["wheel", "arm"], clearance = {angle = "2 deg", contact = {law = "newton", restitution = 0.5}}}
-drives.axle = {free = true}
-drives.hub = {free = true, initial_speed = 3}
-solve = {preset = "coupled", duration = "0.2 s", steps = 50}
-"""
+PLAY = machine(
+    bodies=dict(wheel="inertia = 0.02, mass = 1", arm="inertia = 0.01, mass = 1"),
+    joints=dict(axle="revolute ground wheel",
+                hub='revolute wheel arm, clearance = {angle = "2 deg", contact = {law = "newton", restitution = 0.5}}'),
+    drives=dict(axle="free = true", hub="free = true, initial_speed = 3"),
+    solve=dict(preset="coupled", duration="0.2 s", steps=50),
+)
 
 
 BAR = pendulum(

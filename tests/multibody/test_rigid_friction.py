@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from machines import changed
+from machines import changed, machine
 from scipy.integrate import solve_ivp
 from test_friction import CRANK, FALLING, ROD, solved
 
@@ -14,18 +14,14 @@ from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.layout import BENDING, OPEN
 
 G = 9.81
-DISC = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.disc = {mass = "2 kg", inertia = "0.01 kg m^2", centre = [0, 0], free = {at = [0, "0.6 m"], velocity = [2, 0]}}
-contacts.floor.point_on_line = ["disc", "ground"]
-contacts.floor.normal = [0, 1]
-contacts.floor.radius = "0.1 m"
-contacts.floor.contact = {law = "newton", restitution = 0.5}
-contacts.floor.friction = {mu = 0.1}
-sensors.x = {position = "disc", component = "x"}
-solve = {preset = "coupled", duration = "0.4 s", steps = 40}
-"""
+DISC = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(disc='mass = "2 kg", inertia = "0.01 kg m^2", centre = [0, 0], '
+                     'free = {at = [0, "0.6 m"], velocity = [2, 0]}'),
+    contacts=dict(floor='point_on_line = ["disc", "ground"], normal = [0, 1], radius = "0.1 m", '
+                        'contact = {law = "newton", restitution = 0.5}, friction = {mu = 0.1}'),
+    sensors=dict(x="position disc x"), solve=dict(preset="coupled", duration="0.4 s", steps=40),
+)
 
 
 @pytest.mark.parametrize("mu", [0.01, 0.1, 0.28, 0.29, 0.35, 2.0])
@@ -95,24 +91,19 @@ def test_between_stored_instants_a_block_stops_when_it_stops():
     assert between.energy.dissipated == pytest.approx(lost, rel=1e-9, abs=1e-12)
 
 
-STOPPED = """
-schema = 1
-description = "A weight pulls a block over a pulley; the block stops at the pulley"
-gravity = [0, "-9.81 m/s^2"]
-ground.top = [0, "1 m"]
-bodies.block = {mass = "1 kg"}
-bodies.weight = {mass = "1 kg"}
-joints.table = {prismatic = ["ground.top", "block"], direction = [1, 0]}
-joints.fall = {prismatic = ["ground.top", "weight"], direction = [0, -1]}
-drives.table = {free = true, position = "-0.5 m"}
-drives.fall = {free = true, position = "0.5 m"}
-loads.rope_block = {force_on = "block", direction = [1, 0], law = "ROPE"}
-loads.rope_weight = {force_on = "weight", direction = [0, 1], law = "ROPE"}
-contacts.stop = {point_on_line = ["block", "ground.top"], normal = [-1, 0], contact = {law = "newton", restitution = 0}}
-sensors.x = {position = "table", component = "x"}
-events.arrive = {sensor = "x", value = -1e-9, direction = "up"}
-solve = {preset = "coupled", duration = "0.6 s", steps = 300}
-""".replace("ROPE", "max(0, 1e6*(fall - table - 1) + 300*(fall_speed - table_speed))")
+STOPPED = machine(
+    description="A weight pulls a block over a pulley; the block stops at the pulley", gravity=[0, "-9.81 m/s^2"],
+    ground=dict(top=[0, "1 m"]), bodies=dict(block='mass = "1 kg"', weight='mass = "1 kg"'),
+    joints=dict(table="prismatic ground.top block, direction = [1, 0]",
+                fall="prismatic ground.top weight, direction = [0, -1]"),
+    drives=dict(table='free = true, position = "-0.5 m"', fall='free = true, position = "0.5 m"'),
+    loads=dict(rope_block='force_on = "block", direction = [1, 0], law = "ROPE"',
+               rope_weight='force_on = "weight", direction = [0, 1], law = "ROPE"'),
+    contacts=dict(stop='point_on_line = ["block", "ground.top"], normal = [-1, 0], '
+                       'contact = {law = "newton", restitution = 0}'),
+    sensors=dict(x="position table x"), events=dict(arrive='sensor = "x", value = -1e-9, direction = "up"'),
+    solve=dict(preset="coupled", duration="0.6 s", steps=300),
+).replace("ROPE", "max(0, 1e6*(fall - table - 1) + 300*(fall_speed - table_speed))")
 
 
 def test_an_event_just_before_an_impact_is_when_that_is():
@@ -148,18 +139,16 @@ def test_a_block_rests_on_an_incline_without_a_creep_or_slides_down(mu, static):
         assert found.series["x"].values == pytest.approx(down * found.times**2 / 2, rel=1e-9)
 
 
-STRUCK = """
-schema = 1
-bodies.block = {mass = "2 kg"}
-bodies.ball = {mass = "1 kg", inertia = "0.001 kg m^2", free = {at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]}}
-joints.guide = {prismatic = ["ground", "block"], direction = [1, 0], friction = {mu = 0.5}}
-drives.guide = {free = true}
-contacts.hit.circle_on_circle = ["ball", "block"]
-contacts.hit.radii = ["0.1 m", "0.1 m"]
-contacts.hit.contact = {law = "newton", restitution = 0.6}
-sensors.x = {position = "guide"}
-solve = {preset = "coupled", duration = "0.1 s", steps = 10}
-"""
+STRUCK = machine(
+    bodies=dict(block='mass = "2 kg"',
+                ball='mass = "1 kg", inertia = "0.001 kg m^2", '
+                     'free = {at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]}'),
+    joints=dict(guide="prismatic ground block, direction = [1, 0], friction = {mu = 0.5}"),
+    drives=dict(guide="free = true"),
+    contacts=dict(hit='circle_on_circle = ["ball", "block"], radii = ["0.1 m", "0.1 m"], '
+                      'contact = {law = "newton", restitution = 0.6}'),
+    sensors=dict(x="position guide"), solve=dict(preset="coupled", duration="0.1 s", steps=10),
+)
 
 
 @pytest.mark.parametrize("mu", [0.0001, 0.5, 1.2, 1.4, 2.0])

@@ -5,74 +5,55 @@ import math
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import changed
+from machines import changed, machine
 from parity import planar, random_turn
 from runs import alike, changes, solved
 from test_friction import ARM, BLOCK, CRANK, HINGE, SLOPE, G
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 
-BALL = """
-schema = 1
-description = "A ball above a plane"
-gravity = [0, 0, -9.81]
-bodies.ball = {mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}}
-ground.foot = [0.2, 0.1, -0.4]
-contacts.floor = {point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", contact = CONTACT}
-sensors.push = {contact_force = "floor"}
-sensors.room = {contact_gap = "floor"}
-solve = {preset = "coupled", duration = "0.4 s", steps = 100, tolerance = 1e-10}
-"""
+BALL = machine(
+    description="A ball above a plane", gravity=[0, 0, -9.81],
+    bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}"),
+    ground=dict(foot=[0.2, 0.1, -0.4]),
+    contacts=dict(floor='point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", '
+                        'contact = CONTACT'),
+    sensors=dict(push="contact_force floor", room="contact_gap floor"),
+    solve=dict(preset="coupled", duration="0.4 s", steps=100, tolerance=1e-10),
+)
 HERTZ = '{law = "hertz", stiffness = "2e6 N/m", exponent = 1}'
-BACKLASH = """
-schema = 1
-description = "A flywheel between the flanks of a coupling"
-ground.foot = [1, 0]
-bodies.shaft = {mass = 1, inertia = 0.01}
-bodies.wheel = {mass = 2, inertia = 0.02}
-joints.hub = {revolute = ["ground", "shaft"]}
-joints.coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
-drives.hub = {free = true, initial_speed = "-5 rad/s"}
-drives.coupling = {free = true, initial_speed = "10 rad/s"}
-sensors.angle = {position = "coupling", component = "angle"}
-sensors.on = {contact_torque = "coupling_1"}
-sensors.room = {contact_angle = "coupling_2"}
-solve = {preset = "coupled", duration = "50 ms", steps = 250, tolerance = 1e-10}
-"""
-PRESS = """
-schema = 1
-description = "An arm that its drive presses on a stop"
-gravity = [0, -9.81]
-ground.foot = [0.2, 0]
-bodies.arm = {mass = 2, inertia = 0.02, length = 0.2}
-joints.pin = {revolute = ["ground", "arm.start"]}
-drives.pin = {law = "0.05*cos(20*t)"}
-contacts.floor = {point_on_line = ["arm.end", "ground.foot"], normal = [0, 1], contact = CONTACT}
-sensors.push = {contact_force = "floor"}
-sensors.torque = {drive_torque = "pin"}
-solve = {preset = "coupled", duration = "0.4 s", steps = 100, errors = "none"}
-""".replace("CONTACT", HERTZ)
+BACKLASH = machine(
+    description="A flywheel between the flanks of a coupling", ground=dict(foot=[1, 0]),
+    bodies=dict(shaft="mass = 1, inertia = 0.01", wheel="mass = 2, inertia = 0.02"),
+    joints=dict(hub="revolute ground shaft",
+                coupling='revolute shaft wheel, clearance = {angle = "0.5 deg", contact = CONTACT}'),
+    drives=dict(hub='free = true, initial_speed = "-5 rad/s"', coupling='free = true, initial_speed = "10 rad/s"'),
+    sensors=dict(angle="position coupling angle", on="contact_torque coupling_1", room="contact_angle coupling_2"),
+    solve=dict(preset="coupled", duration="50 ms", steps=250, tolerance=1e-10),
+)
+PRESS = machine(
+    description="An arm that its drive presses on a stop", gravity=[0, -9.81], ground=dict(foot=[0.2, 0]),
+    bodies=dict(arm="mass = 2, inertia = 0.02, length = 0.2"), joints=dict(pin="revolute ground arm.start"),
+    drives=dict(pin='law = "0.05*cos(20*t)"'),
+    contacts=dict(floor='point_on_line = ["arm.end", "ground.foot"], normal = [0, 1], contact = CONTACT'),
+    sensors=dict(push="contact_force floor", torque="drive_torque pin"),
+    solve=dict(preset="coupled", duration="0.4 s", steps=100, errors="none"),
+).replace("CONTACT", HERTZ)
 
 
-LOOSE = f"""
-schema = 1
-description = "A slider-crank at 3000 rpm with clearance at its wrist, from the outer dead centre"
-bodies.crank = {{length = 0.05, mass = 0.3, inertia = 1e-4}}
-bodies.rod = {{length = 0.12, mass = 0.07, inertia = 9e-5}}
-bodies.piston = {{mass = 0.14, inertia = 1e-5}}
-joints.main = {{revolute = ["ground", "crank"]}}
-joints.pin = {{revolute = ["crank.end", "rod"]}}
-joints.bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
-joints.wrist.revolute = ["rod.end", "piston"]
-joints.wrist.clearance = {{radial = "0.2 mm", contact = {{stiffness = "1e9 N/m^1.5", restitution = 0.9}}}}
-drives.main = {{speed = "3000 rpm"}}
-drives.pin = {{free = true, initial_speed = {-100 * math.pi * (1 + 5 / 12)}}}
-drives.bore = {{free = true, position = 0.17}}
-sensors.slide = {{position = "bore", component = "x"}}
-sensors.torque = {{drive_torque = "main"}}
-sensors.push = {{contact_force = "wrist"}}
-solve = {{preset = "coupled", duration = "4 ms", steps = 400, tolerance = 1e-10}}
-"""
+LOOSE = machine(
+    description="A slider-crank at 3000 rpm with clearance at its wrist, from the outer dead centre",
+    bodies=dict(crank="length = 0.05, mass = 0.3, inertia = 1e-4", rod="length = 0.12, mass = 0.07, inertia = 9e-5",
+                piston="mass = 0.14, inertia = 1e-5"),
+    joints=dict(main="revolute ground crank", pin="revolute crank.end rod",
+                bore="prismatic ground piston, direction = [1, 0]",
+                wrist='revolute rod.end piston, '
+                      'clearance = {radial = "0.2 mm", contact = {stiffness = "1e9 N/m^1.5", restitution = 0.9}}'),
+    drives=dict(main='speed = "3000 rpm"', pin=f"free = true, initial_speed = {-100 * math.pi * (1 + 5 / 12)}",
+                bore="free = true, position = 0.17"),
+    sensors=dict(slide="position bore x", torque="drive_torque main", push="contact_force wrist"),
+    solve=dict(preset="coupled", duration="4 ms", steps=400, tolerance=1e-10),
+)
 
 
 def in_space(flat, name):
@@ -138,27 +119,21 @@ def test_a_ball_in_its_socket_hits_as_a_pin_in_its_bearing(turn):
     assert space.trajectory.energy.drift < 1e-9
 
 
-BALL_CRANK = """
-schema = 1
-description = "A crank that turns about z and a slider along x in another plane, with a loose ball at the slider"
-gravity = [0, 0, -9.81]
-ground.rail = [0, 0, 0.05]
-bodies.crank = {mass = 0.3, inertia = [1e-5, 1e-4, 1e-4], length = 0.05}
-bodies.rod = {mass = 0.07, inertia = [2e-6, 9e-5, 9e-5], length = 0.13, rotation.x = [12, 0, 5]}
-bodies.slider = {mass = 0.14, inertia = [1e-5, 1e-5, 1e-5]}
-joints.main = {revolute = ["ground", "crank"], axis = [0, 0, 1]}
-joints.pin = {universal = ["crank.end", "rod"], axes = [[0, 0, 1], [0, 1, 0]]}
-joints.bore = {prismatic = ["ground.rail", "slider"], direction = [1, 0, 0]}
-joints.ball = {spherical = ["slider", "rod.end"], clearance = {radial = "0.1 mm", radius = "6 mm", contact = CONTACT}}
-drives.main = {speed = "600 rpm"}
-drives.pin = {free = true, initial_speeds = ["-850 rpm", 0]}
-drives.bore = {free = true, position = 0.17}
-sensors.slide = {position = "bore", component = "x"}
-sensors.room = {contact_gap = "ball"}
-sensors.push = {contact_force = "ball"}
-sensors.height = {position = "ball", component = "z"}
-solve = {preset = "coupled", duration = "20 ms", steps = 400, tolerance = 1e-9}
-"""
+BALL_CRANK = machine(
+    description="A crank that turns about z and a slider along x in another plane, with a loose ball at the slider",
+    gravity=[0, 0, -9.81], ground=dict(rail=[0, 0, 0.05]),
+    bodies=dict(crank="mass = 0.3, inertia = [1e-5, 1e-4, 1e-4], length = 0.05",
+                rod="mass = 0.07, inertia = [2e-6, 9e-5, 9e-5], length = 0.13, rotation.x = [12, 0, 5]",
+                slider="mass = 0.14, inertia = [1e-5, 1e-5, 1e-5]"),
+    joints=dict(main="revolute ground crank, axis = [0, 0, 1]",
+                pin="universal crank.end rod, axes = [[0, 0, 1], [0, 1, 0]]",
+                bore="prismatic ground.rail slider, direction = [1, 0, 0]",
+                ball='spherical slider rod.end, clearance = {radial = "0.1 mm", radius = "6 mm", contact = CONTACT}'),
+    drives=dict(main='speed = "600 rpm"', pin='free = true, initial_speeds = ["-850 rpm", 0]',
+                bore="free = true, position = 0.17"),
+    sensors=dict(slide="position bore x", room="contact_gap ball", push="contact_force ball", height="position ball z"),
+    solve=dict(preset="coupled", duration="20 ms", steps=400, tolerance=1e-9),
+)
 
 
 def test_a_spatial_slider_crank_with_a_loose_ball():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from machines import changed
+from machines import changed, machine
 from parity import planar
 from runs import alike, solved
 from scipy.integrate import solve_ivp
@@ -16,19 +16,14 @@ from kaneflex.response.dalembert import Balance
 from kaneflex.response.section_forces import LinkForces
 
 RUBBED = LOOSE.replace("restitution = 0.9}}", 'restitution = 0.9}, friction = {mu = 0.1}, radius = "10 mm"}')
-BOUNCING = """
-schema = 1
-description = "A disc that spins and bounces"
-gravity = [0, -9.81]
-bodies.ball = {mass = 2, inertia = 0.002, free = {at = [0, 0.15], velocity = [1, 0], angular_speed = 30}}
-contacts.floor.point_on_line = ["ball", "ground"]
-contacts.floor.normal = [0, 1]
-contacts.floor.radius = "50 mm"
-contacts.floor.contact = {stiffness = "1e6 N/m^1.5", restitution = 0.5}
-contacts.floor.friction = {mu = 0.2}
-sensors.push = {contact_force = "floor"}
-solve = {preset = "coupled", duration = "1.2 s", steps = 300, tolerance = 1e-10}
-"""
+BOUNCING = machine(
+    description="A disc that spins and bounces", gravity=[0, -9.81],
+    bodies=dict(ball="mass = 2, inertia = 0.002, free = {at = [0, 0.15], velocity = [1, 0], angular_speed = 30}"),
+    contacts=dict(floor='point_on_line = ["ball", "ground"], normal = [0, 1], radius = "50 mm", '
+                        'contact = {stiffness = "1e6 N/m^1.5", restitution = 0.5}, friction = {mu = 0.2}'),
+    sensors=dict(push="contact_force floor"),
+    solve=dict(preset="coupled", duration="1.2 s", steps=300, tolerance=1e-10),
+)
 THROWN = """
 schema = 1
 description = "A puck thrown over a plane"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import FREE_CRANK, STRIP, WEIGHT, four_bar, pendulum, scotch_yoke
+from machines import FREE_CRANK, STRIP, WEIGHT, four_bar, machine, pendulum, scotch_yoke
 from runs import solved
 from scipy.integrate import solve_ivp
 
@@ -19,11 +19,9 @@ FOUR_BAR = four_bar(
     sensors='psi = {position = "D", component = "angle"}',
     solve={"preset": "coupled", "duration": "0.02 s", "steps": 50},
 )  # fmt: skip
-PUCK = """
-schema = 1
-bodies.puck = {mass = "1 kg", free = {velocity = [1, 0]}}
-solve = {preset = "coupled", duration = "1 s"}
-"""
+PUCK = machine(
+    bodies=dict(puck='mass = "1 kg", free = {velocity = [1, 0]}'), solve=dict(preset="coupled", duration="1 s"),
+)
 
 
 def bar(size):
@@ -222,15 +220,12 @@ def test_a_light_body_in_space_takes_the_steps_of_its_slow_motion(joint, along, 
         assert len(found.model.motion.curve.ends) < 40
 
 
-RIGID = """
-schema = 1
-bodies.z = {mass = "1e-9 kg", inertia = [1e-9, 1e-9, 1e-9]}
-joints.g = {prismatic = ["ground", "z"], direction = [1, 0, 0]}
-drives.g = {free = true}
-loads.f = {force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"}
-sensors.z = {position = "g", component = "x"}
-solve = {preset = "coupled", duration = "1 s", steps = 20, errors = "none"}
-"""
+RIGID = machine(
+    bodies=dict(z='mass = "1e-9 kg", inertia = [1e-9, 1e-9, 1e-9]'),
+    joints=dict(g="prismatic ground z, direction = [1, 0, 0]"), drives=dict(g="free = true"),
+    loads=dict(f='force_on = "z", direction = [1, 0, 0], law = "sin(t) - g - g_speed"'), sensors=dict(z="position g x"),
+    solve=dict(preset="coupled", duration="1 s", steps=20, errors="none"),
+)
 FLAT = RIGID.replace(", 0, 0]", ", 0]").replace(", inertia = [1e-9, 1e-9, 1e-9]", "").replace("coupled", "rigid")
 
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from machines import machine
 from places import DOCS
 from runs import run, solved
 
@@ -82,15 +83,12 @@ def test_points_beside_the_bodies_are_in_the_pictures():
         assert reached, "nothing is drawn from the body to its point"
 
 
-INCLINED = """
-schema = 1
-bodies.arm = {length = "0.5 m", mass = "1 kg", inertia = [1e-3, 0.02, 0.02]}
-joints.hub = {revolute = ["ground", "arm.start"], axis = [0, 3, 4]}
-drives.hub = {speed = "20 rad/s", cycle = "360 deg"}
-sensors.tip = {position = "arm.end", component = "x"}
-sensors.pivot = {velocity = "arm.start", component = "z"}
-solve = {preset = "rigid", steps = 72}
-"""
+INCLINED = machine(
+    bodies=dict(arm='length = "0.5 m", mass = "1 kg", inertia = [1e-3, 0.02, 0.02]'),
+    joints=dict(hub="revolute ground arm.start, axis = [0, 3, 4]"),
+    drives=dict(hub='speed = "20 rad/s", cycle = "360 deg"'),
+    sensors=dict(tip="position arm.end x", pivot="velocity arm.start z"), solve=dict(preset="rigid", steps=72),
+)
 
 
 def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
@@ -110,18 +108,14 @@ def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
 
 
 # A motor that runs up a fan, and beside it a slide that a damper on a moving guide slows down.
-MOTOR = """
-schema = 1
-bodies.fan = {mass = "3 kg", inertia = "0.05 kg m^2"}
-bodies.slide = {mass = "1 kg"}
-joints.shaft = {revolute = ["ground", "fan"]}
-joints.bore = {prismatic = ["fan", "slide"], direction = [0.6, 0.8]}
-drives.shaft = {free = true}
-drives.bore = {free = true, initial_speed = "2 m/s"}
-loads.motor = {torque_at = "shaft", law = "20 * (1 - shaft_speed / 150)"}
-loads.damper = {force_on = "slide", axes = "body", direction = [0.6, 0.8], law = "-3 * bore_speed"}
-solve = {duration = "0.3 s", steps = 60}
-"""
+MOTOR = machine(
+    bodies=dict(fan='mass = "3 kg", inertia = "0.05 kg m^2"', slide='mass = "1 kg"'),
+    joints=dict(shaft="revolute ground fan", bore="prismatic fan slide, direction = [0.6, 0.8]"),
+    drives=dict(shaft="free = true", bore='free = true, initial_speed = "2 m/s"'),
+    loads=dict(motor='torque_at = "shaft", law = "20 * (1 - shaft_speed / 150)"',
+               damper='force_on = "slide", axes = "body", direction = [0.6, 0.8], law = "-3 * bore_speed"'),
+    solve=dict(duration="0.3 s", steps=60),
+)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "coupled"])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import machine
 from PIL import Image
 from places import DOCS
 from runs import model, run, shipped, short
@@ -26,39 +27,28 @@ from kaneflex.solve.loading import integrated
 pytestmark = pytest.mark.usefixtures("empty_folder")
 SCENES = tuple(name for name, scene in shipped().items() if not scene.is_spatial)  # those have tests of their own
 
-QUICK_RETURN = """
-schema = 1
-ground = {low = [0, "-100 mm"]}
-bodies.crank = {length = "40 mm", mass = "0.2 kg"}
-bodies.block = {mass = "0.1 kg"}
-bodies.arm = {length = "200 mm", mass = "0.5 kg"}
-joints.main = {revolute = ["ground", "crank.start"]}
-joints.pin = {revolute = ["crank.end", "block"]}
-joints.foot = {revolute = ["ground.low", "arm.start"]}
-joints.slot = {prismatic = ["arm", "block"], direction = [1, 0], branch = "BRANCH"}
-drives.main = {speed = "60 rpm", cycle = "360 deg"}
-solve.preset = "rigid"
-"""
-WELDED = """
-schema = 1
-bodies.arm = {length = "1 m", mass = "1 kg"}
-bodies.knee = {length = "1 m", mass = "1 kg"}
-joints.root = {revolute = ["ground", "arm.start"]}
-joints.seam = {weld = ["arm.end", "knee.start"], relative_angle = "90 deg"}
-drives.root = {law = "0.5 + 2*t"}
-solve = {preset = "rigid", duration = "1 s"}
-"""
-GALLOWS = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.post.length = "1 m"
-bodies.post.pose = {at = [0, 0], angle = "90 deg"}
-bodies.post.beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}
-bodies.beam = {length = "0.5 m", pose = {at = [0, 1]}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
-joints.foot = {weld = ["ground", "post.start"]}
-joints.corner = {weld = ["post.end", "beam.start"], relative_angle = "-90 deg"}
-solve = {preset = "linear", duration = "1 s"}
-"""
+QUICK_RETURN = machine(
+    ground=dict(low=[0, "-100 mm"]),
+    bodies=dict(crank='length = "40 mm", mass = "0.2 kg"', block='mass = "0.1 kg"',
+                arm='length = "200 mm", mass = "0.5 kg"'),
+    joints=dict(main="revolute ground crank.start", pin="revolute crank.end block",
+                foot="revolute ground.low arm.start",
+                slot='prismatic arm block, direction = [1, 0], branch = "BRANCH"'),
+    drives=dict(main='speed = "60 rpm", cycle = "360 deg"'), solve='preset = "rigid"',
+)
+WELDED = machine(
+    bodies=dict(arm='length = "1 m", mass = "1 kg"', knee='length = "1 m", mass = "1 kg"'),
+    joints=dict(root="revolute ground arm.start", seam='weld arm.end knee.start, relative_angle = "90 deg"'),
+    drives=dict(root='law = "0.5 + 2*t"'), solve=dict(preset="rigid", duration="1 s"),
+)
+GALLOWS = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(post='length = "1 m", pose = {at = [0, 0], angle = "90 deg"}, '
+                     'beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}',
+                beam='length = "0.5 m", pose = {at = [0, 1]}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}'),
+    joints=dict(foot="weld ground post.start", corner='weld post.end beam.start, relative_angle = "-90 deg"'),
+    solve=dict(preset="linear", duration="1 s"),
+)
 
 
 # ---- places -------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import cantilever, changed
+from machines import cantilever, changed, machine
 from rigid_bars import hanging_chain
 from runs import run, solved
 
@@ -120,21 +120,16 @@ def at_joints(scene):
                 yield name, address, sign
 
 
-GUIDE = """
-schema = 1
-ground.pivot = ["100 mm", "40 mm"]
-bodies.arm = {length = "400 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 2}}
-bodies.block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
-bodies.rod = {length = "250 mm", mass = "1 kg"}
-joints.main = {revolute = ["ground", "arm.start"]}
-joints.wrist = {revolute = ["rod.end", "block"]}
-joints.foot = {revolute = ["ground.pivot", "rod.start"]}
-joints.slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
-drives.main = {speed = "20 rad/s", cycle = "360 deg"}
-sensors.free_end = {bending_moment = "arm.end"}
-sensors.torque = {drive_torque = "main"}
-solve.preset = "rigid"
-"""
+GUIDE = machine(
+    ground=dict(pivot=["100 mm", "40 mm"]),
+    bodies=dict(arm='length = "400 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 2}',
+                block='mass = "0.3 kg", inertia = "1e-4 kg m^2"', rod='length = "250 mm", mass = "1 kg"'),
+    joints=dict(main="revolute ground arm.start", wrist="revolute rod.end block",
+                foot="revolute ground.pivot rod.start",
+                slot='prismatic arm.start block, direction = [1, 0], branch = "+"'),
+    drives=dict(main='speed = "20 rad/s", cycle = "360 deg"'),
+    sensors=dict(free_end="bending_moment arm.end", torque="drive_torque main"), solve='preset = "rigid"',
+)
 
 
 def test_a_beam_with_a_guide_is_pushed_where_the_slider_is():
@@ -190,26 +185,18 @@ def accelerated_by_its_equations(solution):
     return replace(solution, trajectory=replace(solution.trajectory, a=a))
 
 
-LEVER = """
-schema = 1
-gravity = [0, 0]
-bodies.lever = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
-joints.pivot = {revolute = ["ground", "lever.mid"]}
-drives.pivot = {law = "0 * t"}
-loads.push = {force_on = "lever.end", direction = [0.6, 0.8], value = 20}
-sensors.force_x = {joint_force = "pivot", component = "x"}
-sensors.force_y = {joint_force = "pivot", component = "y"}
-sensors.torque = {drive_torque = "pivot"}
-sensors.moment = {joint_force = "pivot", component = "angle"}
-sensors.N = {axial_force = "lever.mid"}
-sensors.V = {shear_force = "lever.mid"}
-sensors.M = {bending_moment = "lever.mid"}
-sensors.N_behind = {axial_force = "lever.mid", cut = "after"}
-sensors.V_behind = {shear_force = "lever.mid", cut = "after"}
-sensors.M_behind = {bending_moment = "lever.mid", cut = "after"}
-sensors.bent = {strain = "lever.mid", fibre = "10 mm", cut = "after"}
-solve = {start = "quasistatic", duration = "1 s", steps = 4}
-"""
+LEVER = machine(
+    gravity=[0, 0],
+    bodies=dict(lever='length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}'),
+    joints=dict(pivot="revolute ground lever.mid"), drives=dict(pivot='law = "0 * t"'),
+    loads=dict(push='force_on = "lever.end", direction = [0.6, 0.8], value = 20'),
+    sensors=dict(force_x="joint_force pivot x", force_y="joint_force pivot y", torque="drive_torque pivot",
+                 moment="joint_force pivot angle", N="axial_force lever.mid", V="shear_force lever.mid",
+                 M="bending_moment lever.mid", N_behind='axial_force lever.mid, cut = "after"',
+                 V_behind='shear_force lever.mid, cut = "after"', M_behind='bending_moment lever.mid, cut = "after"',
+                 bent='strain lever.mid, fibre = "10 mm", cut = "after"'),
+    solve=dict(start="quasistatic", duration="1 s", steps=4),
+)
 IN_SPACE = {
     "gravity = [0, 0]": "gravity = [0, 0, 0]", "[0.6, 0.8]": "[0.6, 0.8, 0]",
     '["ground", "lever.mid"]}': '["ground", "lever.mid"], axis = [0, 0, 1]}',

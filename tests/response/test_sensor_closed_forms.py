@@ -7,7 +7,7 @@ it; the section forces and the moments of joints follow from closed forms.
 import numpy as np
 import pytest
 import transformed
-from machines import pendulum
+from machines import machine, pendulum
 from runs import STENCIL, derived_on_the_fly, waving
 
 from kaneflex import Model, load, read_scene
@@ -72,21 +72,16 @@ def test_an_arm_that_is_turned_faster_bends_by_its_sections_rotary_inertia_too(t
     assert solution.series["strain"].values == pytest.approx(expected, rel=1e-4)
 
 
-HAND = """
-schema = 1
-bodies.bar = {length = "1 m", beam = {E = "200 GPa", rho = 7850, A = "100 mm^2", I = "800 mm^4", elements = 16}}
-bodies.hand = {length = "300 mm", mass = "1 kg"}
-joints.wall = {weld = ["ground", "bar.start"]}
-joints.grip = {weld = ["bar.end", "hand.start"]}
-loads.pull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}
-loads.push = {force_on = "hand.end", direction = [0, -1], value = "20 N"}
-sensors.tip = {displacement = "bar.end", component = "y"}
-sensors.turn = {displacement = "bar.end", component = "angle"}
-sensors.grip_moment = {joint_force = "grip", component = "angle"}
-sensors.wall_moment = {joint_force = "wall", component = "angle"}
-sensors.top = {strain = "bar.start", fibre = "5 mm"}
-solve = {preset = "quasistatic", duration = "1 s", steps = 2}
-"""
+HAND = machine(
+    bodies=dict(bar='length = "1 m", beam = {E = "200 GPa", rho = 7850, A = "100 mm^2", I = "800 mm^4", elements = 16}',
+                hand='length = "300 mm", mass = "1 kg"'),
+    joints=dict(wall="weld ground bar.start", grip="weld bar.end hand.start"),
+    loads=dict(pull='force_on = "hand.end", direction = [1, 0], value = "400 N"',
+               push='force_on = "hand.end", direction = [0, -1], value = "20 N"'),
+    sensors=dict(tip="displacement bar.end y", turn="displacement bar.end angle", grip_moment="joint_force grip angle",
+                 wall_moment="joint_force wall angle", top='strain bar.start, fibre = "5 mm"'),
+    solve=dict(preset="quasistatic", duration="1 s", steps=2),
+)
 
 
 SPRING = """
@@ -180,26 +175,18 @@ def test_an_axially_rigid_beam_is_pulled_by_what_the_mass_at_its_end_feels(laden
     assert series["N_tip"].values == pytest.approx(-2.0 * felt, rel=1e-9, abs=1e-6)
 
 
-HOLDING = """
-schema = 1
-bodies.arm = {length = "1 m", beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", I = "67500 mm^4", elements = 4}}
-bodies.hand.length = "300 mm"
-bodies.hand.mass = "2 kg"
-bodies.hand.inertia = "0.05 kg m^2"
-bodies.hand.centre = ["200 mm", "100 mm"]
-bodies.hand.points = {knob = ["100 mm", "-250 mm"]}
-joints.hub = {revolute = ["ground", "arm.start"]}
-joints.grip = {weld = ["arm.end", "hand.start"]}
-masses.ball = {at = "hand.knob", mass = "1 kg"}
-drives.hub = {law = "5 * t**2"}
-sensors.N = {axial_force = "arm.end"}
-sensors.V = {shear_force = "arm.end"}
-sensors.M = {bending_moment = "arm.end"}
-sensors.grip_x = {joint_force = "grip", component = "x", axes = "body"}
-sensors.grip_y = {joint_force = "grip", component = "y", axes = "body"}
-sensors.grip_moment = {joint_force = "grip", component = "angle"}
-solve = {preset = "quasistatic", duration = "0.5 s", steps = 4}
-"""
+HOLDING = machine(
+    bodies=dict(arm='length = "1 m", '
+                    'beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", I = "67500 mm^4", elements = 4}',
+                hand='length = "300 mm", mass = "2 kg", inertia = "0.05 kg m^2", centre = ["200 mm", "100 mm"], '
+                     'points = {knob = ["100 mm", "-250 mm"]}'),
+    joints=dict(hub="revolute ground arm.start", grip="weld arm.end hand.start"),
+    masses=dict(ball='at = "hand.knob", mass = "1 kg"'), drives=dict(hub='law = "5 * t**2"'),
+    sensors=dict(N="axial_force arm.end", V="shear_force arm.end", M="bending_moment arm.end",
+                 grip_x='joint_force grip x, axes = "body"', grip_y='joint_force grip y, axes = "body"',
+                 grip_moment="joint_force grip angle"),
+    solve=dict(preset="quasistatic", duration="0.5 s", steps=4),
+)
 
 
 def test_a_hand_whose_masses_lie_beside_the_axis_pulls_sideways_as_the_arm_turns_faster(tmp_path):

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from command_line import cli, unrendered
+from machines import machine
 from matplotlib.figure import Figure
 from runs import model
 
@@ -20,19 +21,14 @@ EI = E * np.pi * DIAMETER**4 / 64
 MASS, POLAR, TILTING = 2.0, 0.04, 0.02
 RPM = np.pi / 30
 _SHAFT = f"beam = {{E = {E}, nu = 0.3, rho = 1e-3, section = {{circle = {DIAMETER}}}, elements = 2}}"
-ONE_DISC = f"""
-schema = 1
-name = "rotor"
-gravity = [0, 0, 0]
-bodies.flange = {{mass = 1, inertia = [0.1, 0.1, 0.1]}}
-bodies.shaft = {{length = {LENGTH}, {_SHAFT}}}
-bodies.disc = {{mass = {MASS}, inertia = [{POLAR}, {TILTING}, {TILTING}]}}
-joints.main = {{revolute = ["ground", "flange.start"], axis = [1, 0, 0]}}
-joints.clamp = {{weld = ["flange.start", "shaft.start"]}}
-joints.hub = {{weld = ["shaft.end", "disc.start"]}}
-drives.main = {{speed = "60 rpm", cycle = "360 deg"}}
-solve = {{preset = "linear", start = "periodic"}}
-"""
+ONE_DISC = machine(
+    name="rotor", gravity=[0, 0, 0],
+    bodies=dict(flange="mass = 1, inertia = [0.1, 0.1, 0.1]", shaft=f"length = {LENGTH}, {_SHAFT}",
+                disc=f"mass = {MASS}, inertia = [{POLAR}, {TILTING}, {TILTING}]"),
+    joints=dict(main="revolute ground flange.start, axis = [1, 0, 0]", clamp="weld flange.start shaft.start",
+                hub="weld shaft.end disc.start"),
+    drives=dict(main='speed = "60 rpm", cycle = "360 deg"'), solve=dict(preset="linear", start="periodic"),
+)
 JEFFCOTT = ONE_DISC.replace(f"shaft = {{length = {LENGTH}", f"left = {{length = {LENGTH / 2}")
 JEFFCOTT = JEFFCOTT.replace(f"[{POLAR}, {TILTING}, {TILTING}]", "[2e-3, 1e-3, 1e-3]")
 JEFFCOTT = JEFFCOTT.replace("shaft", "left") + f"""

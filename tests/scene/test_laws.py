@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sm
+from machines import machine
 from scipy.interpolate import BPoly
 
 from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
@@ -214,14 +215,11 @@ def test_a_drive_whose_speed_would_have_no_bound_is_refused(law, t):
 
 def test_an_angle_of_a_point_that_stays_off_the_cut_drives_a_wheel():
     """The angle of the point 1 - exp(-2 i t)/2, and inverse functions in a row: accelerations by hand."""
-    scene = scene_of("""
-schema = 1
-bodies = {wheel = {mass = "1 kg", inertia = "0.01 kg m^2"}}
-joints = {j = {revolute = ["ground", "wheel"]}}
-drives = {j = {law = "atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"}}
-sensors = {a = {acceleration = "wheel", component = "angle"}}
-solve = {preset = "rigid", duration = "2 s"}
-""")
+    scene = scene_of(machine(
+        bodies=dict(wheel='mass = "1 kg", inertia = "0.01 kg m^2"'), joints=dict(j="revolute ground wheel"),
+        drives=dict(j='law = "atan2(0.5*sin(2*t), 1 - 0.5*cos(2*t))"'), sensors=dict(a="acceleration wheel angle"),
+        solve=dict(preset="rigid", duration="2 s"),
+    ))
     solution = simulate(load(scene))
     s, c = np.sin(2 * solution.times), np.cos(2 * solution.times)
     # theta' = (2 cos - 1) / (2.5 - 2 cos), from the quotient rule, and once more

@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import renaming
+from machines import machine
 from runs import run, solved, tables
 
 from kaneflex import load, read_scene, scene_of, shipped_scenes, with_settings
@@ -93,30 +94,22 @@ def functions(tree: ast.Module) -> list[ast.FunctionDef]:
 
 # ---- names that met in symbols --------------------------------------------------------------------------------------
 
-PRESS = """
-schema = 1
-gravity = [0, -9.81]
-[bodies]
-BODY_1 = {length = 0.04, mass = 0.9, centre = [0.011, 0.002], inertia = 4e-4, points = {"POINT_1" = [0.025, 0.007]}}
-BODY_2 = {length = "137 mm", mass = 0.15, points = {"POINT_2" = ["60 mm", "-9 mm"], "POINT_3" = ["80 mm", "5 mm"]}}
-ram = {mass = 0.2}
-[joints]
-JOINT_1 = {revolute = ["ground", "BODY_1"]}
-JOINT_2 = {revolute = ["BODY_1.end", "BODY_2"]}
-wrist = {revolute = ["BODY_2.end", "ram"]}
-bore = {prismatic = ["ground", "ram"], direction = [1, 0]}
-[masses]
-MASS_1 = {at = "BODY_2.POINT_2", mass = 0.3, inertia = 2e-4}
-MASS_2 = {at = "BODY_1.POINT_1", mass = 0.05}
-[drives]
-JOINT_1 = {speed = "3000 rpm", cycle = "360 deg"}
-[loads]
-LOAD_1 = {force_on = "BODY_2.POINT_3", direction = [0.6, 0.8], value = 40}
-LOAD_2 = {torque_at = "JOINT_2", law = "3 * sin(JOINT_1) + 0.01 * JOINT_1_speed"}
-LOAD_3 = {force_on = "BODY_1.POINT_1", direction = [0.8, -0.6], value = 70}
-[solve]
-preset = "rigid"
-"""
+PRESS = machine(
+    gravity=[0, -9.81],
+    bodies=dict(BODY_1='length = 0.04, mass = 0.9, centre = [0.011, 0.002], inertia = 4e-4, '
+                       'points = {"POINT_1" = [0.025, 0.007]}',
+                BODY_2='length = "137 mm", mass = 0.15, '
+                       'points = {"POINT_2" = ["60 mm", "-9 mm"], "POINT_3" = ["80 mm", "5 mm"]}', ram="mass = 0.2"),
+    joints=dict(JOINT_1="revolute ground BODY_1", JOINT_2="revolute BODY_1.end BODY_2", wrist="revolute BODY_2.end ram",
+                bore="prismatic ground ram, direction = [1, 0]"),
+    masses=dict(MASS_1='at = "BODY_2.POINT_2", mass = 0.3, inertia = 2e-4',
+                MASS_2='at = "BODY_1.POINT_1", mass = 0.05'),
+    drives=dict(JOINT_1='speed = "3000 rpm", cycle = "360 deg"'),
+    loads=dict(LOAD_1='force_on = "BODY_2.POINT_3", direction = [0.6, 0.8], value = 40',
+               LOAD_2='torque_at = "JOINT_2", law = "3 * sin(JOINT_1) + 0.01 * JOINT_1_speed"',
+               LOAD_3='force_on = "BODY_1.POINT_1", direction = [0.8, -0.6], value = 70'),
+    solve='preset = "rigid"',
+)
 PLAIN = {
     "BODY_1": "crank", "BODY_2": "rod", "POINT_1": "web", "POINT_2": "lump", "POINT_3": "eye", "JOINT_1": "main",
     "JOINT_2": "pin", "MASS_1": "weight", "MASS_2": "ballast", "LOAD_1": "push", "LOAD_2": "twist", "LOAD_3": "pull",

@@ -9,6 +9,7 @@ import sys
 
 import pint
 import pytest
+from machines import machine
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
@@ -19,19 +20,16 @@ from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.support import units
 from kaneflex.support.units import ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
 
-FOUR_BAR = """
-schema = 1
-ground = {far = ["0.3 m", 0]}
-bodies.crank = {length = 0.1, mass = 0.2, points = {hole = [0.05, 0.01]}}
-bodies.coupler = {length = 0.3, beam = {material = "aluminium", E = "72 GPa", A = "1 cm^2", I = "100 mm^4"}}
-bodies.rocker = {like = "coupler", length = 0.25, beam = {elements = 2}}
-joints.main = {revolute = ["ground", "crank"]}
-joints.a = {revolute = ["crank.end", "coupler"]}
-joints.b = {revolute = ["coupler.end", "rocker.end"]}
-joints.fixed = {revolute = ["ground.far", "rocker"], branch = "-"}
-drives.main = {speed = "60 rpm", cycle = "1 turn"}
-loads.push = {force_on = "crank.hole", axes = "body", direction = [3, 4], law = "5*sin( main )+main_speed*t"}
-"""
+FOUR_BAR = machine(
+    ground=dict(far=["0.3 m", 0]),
+    bodies=dict(crank="length = 0.1, mass = 0.2, points = {hole = [0.05, 0.01]}",
+                coupler='length = 0.3, beam = {material = "aluminium", E = "72 GPa", A = "1 cm^2", I = "100 mm^4"}',
+                rocker='like = "coupler", length = 0.25, beam = {elements = 2}'),
+    joints=dict(main="revolute ground crank", a="revolute crank.end coupler", b="revolute coupler.end rocker.end",
+                fixed='revolute ground.far rocker, branch = "-"'),
+    drives=dict(main='speed = "60 rpm", cycle = "1 turn"'),
+    loads=dict(push='force_on = "crank.hole", axes = "body", direction = [3, 4], law = "5*sin( main )+main_speed*t"'),
+)
 
 
 @pytest.fixture

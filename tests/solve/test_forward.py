@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from machines import machine
 from places import DOCS
 from runs import derived_on_the_fly, model
 
@@ -18,28 +19,24 @@ from kaneflex.support.errors import SceneError
 PAGE = (DOCS / "forward.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| (1e-\d+) \| (\d+) \| (\S+) \|$", PAGE, flags=re.MULTILINE)
 
-CART = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-ground.post = ["-0.3 m", "0.1 m"]
-bodies.slope = {length = "1 m", mass = "3 kg", inertia = 0.4, centre = [0.4, 0.1], points = {foot = ["0.1 m", "0.2 m"]}}
-bodies.cart = {length = "0.2 m", mass = "1 kg"}
-bodies.bar = {length = "0.6 m", mass = "0.8 kg", points = {hand = ["0.5 m", "0.1 m"]}}
-joints.hinge = {revolute = ["ground", "slope.start"]}
-joints.rail = {prismatic = ["slope.foot", "cart.start"], direction = [0.8, 0.6]}
-joints.pin = {revolute = ["cart.end", "bar.start"]}
-masses.lump = {at = "bar.hand", mass = "0.3 kg", inertia = "0.01 kg m^2"}
-drives.hinge = {law = "0.3*sin(4*t)"}
-drives.rail = {law = "0.2 + 0.1*sin(3*t)"}
-drives.pin = {free = true, angle = "20 deg"}
-loads.motor = {torque_at = "pin", law = "2 - 0.5*pin_speed"}
-loads.wind = {force_on = "bar.end", direction = [1, 2], axes = "body", law = "3*cos(5*t)"}
-loads.push = {force_on = "cart.end", direction = [1, 0], value = "4 N"}
-loads.rain = {spread_on = "bar", direction = [0.6, -0.8], value = "0.5 N/m", profile = [1, 2]}
-springs.rope = {between = ["ground.post", "bar.end"], stiffness = "30 N/m", damping = "2 N s/m", length = "0.2 m"}
-springs.coil = {torsional_at = "pin", stiffness = "1 N m/rad", damping = "0.05 N m s/rad", angle = "30 deg"}
-solve = {preset = "rigid", duration = "1 s", steps = 100}
-"""
+CART = machine(
+    gravity=[0, "-9.81 m/s^2"], ground=dict(post=["-0.3 m", "0.1 m"]),
+    bodies=dict(slope='length = "1 m", mass = "3 kg", inertia = 0.4, centre = [0.4, 0.1], '
+                      'points = {foot = ["0.1 m", "0.2 m"]}', cart='length = "0.2 m", mass = "1 kg"',
+                bar='length = "0.6 m", mass = "0.8 kg", points = {hand = ["0.5 m", "0.1 m"]}'),
+    joints=dict(hinge="revolute ground slope.start", rail="prismatic slope.foot cart.start, direction = [0.8, 0.6]",
+                pin="revolute cart.end bar.start"),
+    masses=dict(lump='at = "bar.hand", mass = "0.3 kg", inertia = "0.01 kg m^2"'),
+    drives=dict(hinge='law = "0.3*sin(4*t)"', rail='law = "0.2 + 0.1*sin(3*t)"', pin='free = true, angle = "20 deg"'),
+    loads=dict(motor='torque_at = "pin", law = "2 - 0.5*pin_speed"',
+               wind='force_on = "bar.end", direction = [1, 2], axes = "body", law = "3*cos(5*t)"',
+               push='force_on = "cart.end", direction = [1, 0], value = "4 N"',
+               rain='spread_on = "bar", direction = [0.6, -0.8], value = "0.5 N/m", profile = [1, 2]'),
+    springs=dict(rope='between = ["ground.post", "bar.end"], stiffness = "30 N/m", damping = "2 N s/m", '
+                      'length = "0.2 m"',
+                 coil='torsional_at = "pin", stiffness = "1 N m/rad", damping = "0.05 N m s/rad", angle = "30 deg"'),
+    solve=dict(preset="rigid", duration="1 s", steps=100),
+)
 
 
 def courses(model):

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from command_line import cli, refused
+from machines import machine
 from runs import alike, model, run, solved
 from scipy.linalg import eigh
 
@@ -167,39 +168,28 @@ def test_a_coupled_state_of_a_later_turn_stands_where_the_drive_is():
     assert start.u == pytest.approx(list(state["velocities"].values()), rel=1e-12)
 
 
-COILS = """
-schema = 1
-name = "disc"
-bodies = {wheel = {mass = 1.0, inertia = 0.1, points = {rim = [0.3, 0]}}, hand = {mass = 0.1, inertia = 0.01}}
-joints = {hinge = {revolute = ["ground", "wheel"]}, pin = {revolute = ["wheel.rim", "hand"]}}
-drives = {hinge = {free = true, initial_speed = 10.0}, pin = {free = true, initial_speed = -20.0}}
-springs = {coil = {torsional_at = "hinge", stiffness = 0.1}, hair = {torsional_at = "pin", stiffness = 0.01}}
-sensors.angle = {position = "hinge", component = "angle"}
-sensors.heading = {position = "hand", component = "angle"}
-sensors.coil = {spring_torque = "coil"}
-sensors.hair = {spring_torque = "hair"}
-solve = {preset = "coupled", duration = 1.0, steps = 100}
-"""
+COILS = machine(
+    name="disc",
+    bodies=dict(wheel="mass = 1.0, inertia = 0.1, points = {rim = [0.3, 0]}", hand="mass = 0.1, inertia = 0.01"),
+    joints=dict(hinge="revolute ground wheel", pin="revolute wheel.rim hand"),
+    drives=dict(hinge="free = true, initial_speed = 10.0", pin="free = true, initial_speed = -20.0"),
+    springs=dict(coil='torsional_at = "hinge", stiffness = 0.1', hair='torsional_at = "pin", stiffness = 0.01'),
+    sensors=dict(angle="position hinge angle", heading="position hand angle", coil="spring_torque coil",
+                 hair="spring_torque hair"),
+    solve=dict(preset="coupled", duration=1.0, steps=100),
+)
 
 
-FOUR_BAR = """
-schema = 1
-name = "four-bar"
-ground.P = [0.28, 0]
-bodies.crank = {length = 0.1, mass = 0.2}
-bodies.coupler = {length = 0.3, mass = 0.3}
-bodies.rocker = {length = 0.25, mass = 0.5}
-joints.A = {revolute = ["ground", "crank.start"]}
-joints.B = {revolute = ["crank.end", "coupler.start"]}
-joints.D = {revolute = ["ground.P", "rocker.start"]}
-joints.C = {revolute = ["coupler.end", "rocker.end"], branch = "+"}
-drives.A = {free = true, angle = 1.0}
-springs.coil = {torsional_at = "B", stiffness = 0.01}
-sensors.angle = {position = "B", component = "angle"}
-sensors.heading = {position = "crank", component = "angle"}
-sensors.torque = {spring_torque = "coil"}
-solve = {preset = "coupled", duration = 0.1, steps = 50}
-"""
+FOUR_BAR = machine(
+    name="four-bar", ground=dict(P=[0.28, 0]),
+    bodies=dict(crank="length = 0.1, mass = 0.2", coupler="length = 0.3, mass = 0.3",
+                rocker="length = 0.25, mass = 0.5"),
+    joints=dict(A="revolute ground crank.start", B="revolute crank.end coupler.start",
+                D="revolute ground.P rocker.start", C='revolute coupler.end rocker.end, branch = "+"'),
+    drives=dict(A="free = true, angle = 1.0"), springs=dict(coil='torsional_at = "B", stiffness = 0.01'),
+    sensors=dict(angle="position B angle", heading="position crank angle", torque="spring_torque coil"),
+    solve=dict(preset="coupled", duration=0.1, steps=50),
+)
 
 
 @pytest.mark.parametrize(
@@ -290,19 +280,14 @@ def test_rates_that_contradict_each_other_are_refused(velocities, message):
         rates_at_start(ELASTIC, velocities)
 
 
-HELD = """
-schema = 1
-name = "held"
-ground = {P = [1, 0]}
-bodies.rod = {length = 1, beam = {material = "aluminium", section = {rectangle = [0.01, 0.01]}, elements = 4}}
-bodies.arm = {length = 0.3, mass = 1.0}
-joints.pin = {revolute = ["ground", "rod.start"]}
-joints.far = {revolute = ["ground.P", "rod.end"]}
-joints.on = {revolute = ["rod.mid", "arm.start"]}
-drives.on = {free = true, angle = "-30 deg"}
-gravity = [0, -9.81]
-solve = {preset = "coupled", modes = 2, duration = "20 ms", steps = 20}
-"""
+HELD = machine(
+    name="held", ground=dict(P=[1, 0]),
+    bodies=dict(rod='length = 1, beam = {material = "aluminium", section = {rectangle = [0.01, 0.01]}, elements = 4}',
+                arm="length = 0.3, mass = 1.0"),
+    joints=dict(pin="revolute ground rod.start", far="revolute ground.P rod.end", on="revolute rod.mid arm.start"),
+    drives=dict(on='free = true, angle = "-30 deg"'), gravity=[0, -9.81],
+    solve=dict(preset="coupled", modes=2, duration="20 ms", steps=20),
+)
 
 
 def test_where_a_loop_must_bend_its_shapes_start_as_they_are_given_too():

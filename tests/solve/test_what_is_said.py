@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import run, solved
 
 import kaneflex
@@ -15,12 +16,10 @@ from kaneflex.report import checked
 from kaneflex.report.summary import summarise
 from kaneflex.solve.simulation import solve
 
-TORQUE_FREE = """
-schema = 1
-bodies.top = {mass = 1, inertia = [1, 2, 3], free = {at = [0, 0, 0], angular_velocity = [0.01, 2, 0]}}
-sensors.x = {position = "top", component = "x"}
-solve = {preset = "coupled", duration = "10 s", steps = 50, errors = "none"}
-"""
+TORQUE_FREE = machine(
+    bodies=dict(top="mass = 1, inertia = [1, 2, 3], free = {at = [0, 0, 0], angular_velocity = [0.01, 2, 0]}"),
+    sensors=dict(x="position top x"), solve=dict(preset="coupled", duration="10 s", steps=50, errors="none"),
+)
 SPACE = "spatial-slider-crank-elastic"
 
 

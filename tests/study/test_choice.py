@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from extreme_cases import press
+from machines import machine
 from runs import solved, tables
 
 from kaneflex import SceneError, read_scene, scene_of, with_settings
@@ -466,19 +467,16 @@ def test_a_pruned_module_gives_the_same_without_the_dropped_terms(tmp_path, monk
         assert found[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * abs(values).max()), name
 
 
-BLADE = """
-schema = 1
-bodies.blade = {length = 1, points = {third = [0.25, 0]}, beam = {material = "aluminium", A = 1e-4, I = 1e-9}}
-joints.hub = {revolute = ["ground", "blade.start"]}
-drives.hub = {speed = "10 rad/s", cycle = "360 deg"}
-masses.rider = {at = "blade.mid", mass = 0.1}
-loads.push = {force_on = "blade.third", direction = [1, 0], value = "20 N", axes = "body"}
-loads.wind = {spread_on = "blade", direction = [0.6, 0.8], law = "3 * sin(hub)", profile = [1, 2]}
-springs.tie = {between = ["ground", "blade.third"], stiffness = "1 kN/m", length = 0.2}
-sensors.bend = {displacement = "blade.end", component = "y"}
-sensors.pull = {axial_force = "blade.mid"}
-solve = {steps = 400, terms = {geometric = false}}
-"""
+BLADE = machine(
+    bodies=dict(blade='length = 1, points = {third = [0.25, 0]}, beam = {material = "aluminium", A = 1e-4, I = 1e-9}'),
+    joints=dict(hub="revolute ground blade.start"), drives=dict(hub='speed = "10 rad/s", cycle = "360 deg"'),
+    masses=dict(rider='at = "blade.mid", mass = 0.1'),
+    loads=dict(push='force_on = "blade.third", direction = [1, 0], value = "20 N", axes = "body"',
+               wind='spread_on = "blade", direction = [0.6, 0.8], law = "3 * sin(hub)", profile = [1, 2]'),
+    springs=dict(tie='between = ["ground", "blade.third"], stiffness = "1 kN/m", length = 0.2'),
+    sensors=dict(bend="displacement blade.end y", pull="axial_force blade.mid"),
+    solve=dict(steps=400, terms=dict(geometric=False)),
+)
 
 
 def test_a_pruned_module_serves_what_acts_between_the_ends_of_a_link(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from command_line import cli
+from machines import machine
 from pages import check_printed, page
 from places import DOCS
 
@@ -53,15 +54,12 @@ def test_groups_are_those_that_the_scene_has():
 
 
 def test_a_scene_without_groups_is_refused():
-    ball = """
-    schema = 1
-    description = "A ball that falls"
-    gravity = [0, 0, -9.81]
-    bodies.ball = {mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0]}}
-    contacts.floor = {point_on_plane = ["ball", "ground"], normal = [0, 0, 1], contact = CONTACT}
-    sensors.push = {contact_force = "floor"}
-    solve = {preset = "coupled", duration = "0.1 s", steps = 10}
-    """
+    ball = machine(
+        description="A ball that falls", gravity=[0, 0, -9.81],
+        bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0]}"),
+        contacts=dict(floor='point_on_plane = ["ball", "ground"], normal = [0, 0, 1], contact = CONTACT'),
+        sensors=dict(push="contact_force floor"), solve=dict(preset="coupled", duration="0.1 s", steps=10),
+    )
     ball = ball.replace("CONTACT", '{law = "hertz", stiffness = 1e6}')
     with pytest.raises(SceneError, match=r"^scene = .*: no group of terms can be left out: it has no elastic link, "):
         terms(scene_of(ball))
