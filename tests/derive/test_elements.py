@@ -10,6 +10,7 @@ import pytest
 import quadrature
 import sympy as sm
 from closed_forms import BENDING
+from interpreted import interpreted
 from quadrature import Y_PLANE
 from sympy import Matrix, Symbol, integrate, srepr, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
@@ -49,7 +50,7 @@ def uniform(p: dict[str, float]) -> dict[str, float]:
 
 def computed(name: str, parameters: dict[str, float], scalars: dict[str, float]) -> dict[str, np.ndarray]:
     """Every kernel of a module, by ``element_matrices``."""
-    found = module(name)
+    found = interpreted(module(name))
     p = np.array([[parameters.get(key, 0.0) for key, *_ in found.ELEMENT_PARAMETERS]])
     s = np.array([[scalars.get(key, 0.0) for key, *_ in found.LINK_SCALARS]])
     size = 12 if name in SPATIAL_BEAMS else 6

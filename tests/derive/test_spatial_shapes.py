@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sm
+from interpreted import interpreted
 from scipy.spatial.transform import Rotation
 
 from kaneflex.derive.bodies.kane import ACCEL, EPSILON, OMEGA, coordinates, shaped_equations
@@ -14,6 +15,8 @@ from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.shape_bases import spatial_shapes as built_shapes
 from kaneflex.scene import scene_of
+
+spatial, spatial_shapes = interpreted(spatial), interpreted(spatial_shapes)
 
 
 def test_what_forces_do_is_the_change_of_kinetic_energy():
