@@ -12,8 +12,8 @@ from kaneflex import SceneError, linearise, load, scene_of, with_settings
 from kaneflex.generated import contact
 from kaneflex.mechanism.contacts import numbers_of
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.solve.contact_lines import off_their_lines
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.touching import off_their_lines
 from kaneflex.study.sensitivity.report import check_differentiable
 from kaneflex_peers.buildable import check_buildable
 

@@ -34,11 +34,18 @@ from kaneflex.report.summary import (
 from kaneflex.report.tables import _sensor_row, run_lines, sensor_cells
 from kaneflex.response.time_statistics import statistics
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.coupled_linearisation import UnresolvedMode
 from kaneflex.solve.error_stages import REQUEST
 from kaneflex.solve.modes import PeakSpread
-from kaneflex.solve.summary_tables import Attempt, Choice, EnergyBalance, ParameterSensitivity, SensorDerivative
-from kaneflex.solve.touching import ContactSummary, FrictionSummary
+from kaneflex.solve.summary_tables import (
+    Attempt,
+    Choice,
+    ContactSummary,
+    EnergyBalance,
+    FrictionSummary,
+    ParameterSensitivity,
+    SensorDerivative,
+    UnresolvedMode,
+)
 from kaneflex.support.labelled import Labelled
 
 

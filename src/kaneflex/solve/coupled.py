@@ -139,27 +139,23 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 
 
 def _beginning(model: Model) -> State:
-    if model.coupled is None:
-        return _beginning_in_space(model)
-    start = undeformed(model, np.zeros(1))[0]
-    if model.options.start == "given":
-        start = _given(model, start)
-    _check_turns(model, start)
-    if model.options.start == "quasistatic":
-        return _slow(model, start)
-    if model.options.start != "given":
-        _check_speeds(model, start)
-    return start
-
-
-def _beginning_in_space(model: Model) -> State:
     from kaneflex.solve.engine_loading import given_state
 
-    system, options = model.motion.module.system, model.options
-    start = start_of(system)
-    if options.start == "quasistatic":
-        return slow_state(Equations(system, start.choice), start, options.duration)
-    return given_state(system, given_start(model.scene), start) if options.start == "given" else start
+    system, scene, asked, in_plane = model.coupled_system, model.scene, model.options.start, model.coupled is not None
+    start = undeformed(model, np.zeros(1))[0] if in_plane else start_of(system)
+    if asked == "given":
+        start = _given(model, start) if in_plane else given_state(system, given_start(scene), start)
+    if in_plane:
+        _check_turns(model, start)
+    if asked == "quasistatic":
+        if in_plane and scene.free_joints:
+            reason = f"{scene.free_joints[0]} is free and has no equilibrium"
+            raise SceneError("solve.start", asked, reason, "Start from zero")
+        found = prepare(system, start) if in_plane else (Equations(system, start.choice), start)
+        return slow_state(*found, model.options.duration)
+    if in_plane and asked != "given":
+        _check_speeds(model, start)
+    return start
 
 
 def _given(model: Model, start: State) -> State:
@@ -251,17 +247,6 @@ def _check_speeds(model: Model, start: State) -> None:
     for name, speed in speeds.items():
         if not abs(rates[name] - speed) <= _MISSED * abs(speed):
             raise changed_speed(f"drives.{name}.initial_speed", speed, rates[name])
-
-
-def _slow(model: Model, start: State) -> State:
-    """State of a quasi-static start (:mod:`kaneflex.solve.quasistatic`), from that of undeformed bodies."""
-    if free := model.scene.free_joints:
-        raise SceneError(
-            "solve.start", model.options.start, f"{free[0]} is free and has no equilibrium",
-            "Start from zero",
-        )  # fmt: skip
-    assert model.coupled is not None
-    return slow_state(*prepare(model.coupled, start), model.options.duration)
 
 
 def undeformed(model: Model, times: np.ndarray) -> list[State]:

@@ -49,9 +49,9 @@ from kaneflex.scene.options import Options, acting, limits_modes, modes_of, with
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.start import Start
-from kaneflex.solve.contact_lines import check_lines
 from kaneflex.solve.initial import closed_state, given_start, laid_state
 from kaneflex.solve.run_checks import check_laws, check_memory
+from kaneflex.solve.touching import check_lines
 from kaneflex.support.errors import SceneError
 from kaneflex.support.terminal import compiled_by
 

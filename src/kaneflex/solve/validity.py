@@ -58,8 +58,7 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     moved = _moved(solution) if len(solution.times) else {}
     if coupled:
         found += [*_loose(solution, moved), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
-        from kaneflex.solve.contact_lines import off_their_lines
-        from kaneflex.solve.touching import undetermined_frictions
+        from kaneflex.solve.touching import off_their_lines, undetermined_frictions
 
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
     if not len(solution.times):
