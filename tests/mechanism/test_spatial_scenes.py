@@ -188,28 +188,19 @@ def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(kind, turned):
     axis = "direction" if kind == "prismatic" else "axis"
     drive = {"revolute": 'law = "12 * (t - sin(2 * pi * t) / (2 * pi))"', "prismatic": 'law = "0.1 * sin(5 * t)"',
              "cylindrical": 'free = true, initial_speeds = ["0.3 m/s", "20 rad/s"]'}[kind]  # fmt: skip
-    joint = f"{{{kind} = {sides}, {axis} = [1, 2, 2]}}"
+    joint = f"{kind} = {sides}, {axis} = [1, 2, 2]"
     components = {"revolute": ["angle"], "prismatic": ["x"], "cylindrical": ["x", "angle"]}[kind]
     sensors = "".join(rates_of(("first", "second"), c).replace(" = {", f"_{c} = {{") for c in components)
-    solution = solved(scene_of(f"""
-schema = 1
-gravity = [0, 0, -9.81]
-bodies.carrier.mass = 1
-bodies.carrier.inertia = [1, 1, 1]
-bodies.carrier.points = {{away = [0.3, -0.2, 0.1]}}
-bodies.carrier.rotation = {{axis = [1, 0, 1], angle = 1}}
-bodies.block.mass = 1
-bodies.block.inertia = [1, 1.2, 0.9]
-bodies.block.rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
-bodies.block.points = {{corner = [0.1, 0.2, 0.3]}}
-joints.base = {{revolute = ["ground", "carrier.start"], axis = [0, 1, 0]}}
-joints.first = {joint}
-joints.second = {joint}
-drives.base = {{law = "sin(3 * t)"}}
-drives.first = {{{drive}}}
-solve.duration = 1
-{sensors}
-"""))
+    solution = solved(scene_of(machine(
+        gravity=[0, 0, -9.81],
+        bodies=dict(
+            carrier="mass = 1, inertia = [1, 1, 1], points.away = [0.3, -0.2, 0.1], "
+                    "rotation = {axis = [1, 0, 1], angle = 1}",
+            block="mass = 1, inertia = [1, 1.2, 0.9], points.corner = [0.1, 0.2, 0.3], "
+                  "rotation = {axis = [1, 1, 0.5], angle = 0.7}"),
+        joints=dict(base="revolute ground carrier, axis = [0, 1, 0]", first=joint, second=joint),
+        drives=dict(base='law = "sin(3 * t)"', first=drive), solve=dict(duration=1),
+    ) + sensors))  # fmt: skip
     assert list(solution.model.module.system.layout.cuts) == ["second"]
     for name in (name for name in solution.series if name.startswith("first")):
         wanted = solution[name].values
@@ -450,19 +441,14 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
 def test_a_bead_flies_outwards_along_a_turning_rod():
     """r'' = Omega^2 r: r = r_0 cosh(Omega t), and the rod pushes it sideways with 2 m Omega r' (Coriolis 1835)."""
     omega, mass = 5.0, 0.3
-    solution = solved(scene_of(f"""
-schema = 1
-gravity = [0, 0, 0]
-bodies.rod = {{length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}}
-bodies.bead = {{mass = {mass}, inertia = [0.001, 0.001, 0.001]}}
-joints.shaft = {{revolute = ["ground", "rod.start"], axis = [0, 1, 0]}}
-joints.guide = {{prismatic = ["rod", "bead"], direction = [1, 0, 0]}}
-drives.shaft = {{speed = {omega}}}
-drives.guide = {{free = true, position = "0.2 m"}}
-sensors.out = {{position = "guide", component = "x"}}
-sensors.side = {{joint_force = "guide", component = "z", axes = "body"}}
-solve.duration = "0.5 s"
-"""))
+    solution = solved(scene_of(machine(
+        gravity=[0, 0, 0],
+        bodies=dict(rod='length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]',
+                    bead=f"mass = {mass}, inertia = [0.001, 0.001, 0.001]"),
+        joints=dict(shaft="revolute ground rod, axis = [0, 1, 0]", guide="prismatic rod bead, direction = [1, 0, 0]"),
+        drives=dict(shaft=f"speed = {omega}", guide='free = true, position = "0.2 m"'),
+        sensors=dict(out="position guide x", side='joint_force guide z, axes = "body"'), solve=dict(duration="0.5 s"),
+    )))  # fmt: skip
     assert solution["out"].values == pytest.approx(0.2 * np.cosh(omega * solution.times), abs=1e-8)
     rate = 0.2 * omega * np.sinh(omega * solution.times)
     # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
@@ -488,33 +474,24 @@ def test_no_body_slides_along_an_elastic_one_that_bends(kind, way):
     assert scene_of(text.replace("coupled", "rigid")).joints["slide"].kind == kind
 
 
-CARDAN = """
-schema = 1
-ground.rear = [RIGHT, UP, 0]
-bodies.input = {length = "200 mm", mass = "2 kg"}
-bodies.output = {length = "200 mm", mass = "2 kg"}
-bodies.middle.length = "1 m"
-bodies.middle.rotation = {axis = [0, 0, 1], angle = "25 deg"}
-bodies.middle.beam = {material = "steel", section = {tube = ["60 mm", "2 mm"]}, elements = 2}
-joints.front = {revolute = ["ground", "input.start"], axis = [1, 0, 0]}
-joints.first = {universal = ["input.end", "middle.start"], axes = [[0, 0, 1], [-SINE, COSINE, 0]]}
-joints.second = {universal = ["middle.end", "output.start"], axes = [[0, 1, 0], [0, 0, 1]]}
-joints.shaft = {cylindrical = ["ground.rear", "output.start"], axis = [1, 0, 0]}
-drives.front = {speed = "6 rpm", cycle = "360 deg"}
-loads.brake = {torque_at = "shaft", value = "-200 N m"}
-sensors.torque = {drive_torque = "front"}
-sensors.twist = {torsional_moment = "middle.mid"}
-sensors.bend = {bending_moment = "middle.start", component = "z"}
-sensors.speed = {velocity = "middle", component = "angle_x", axes = "body"}
-sensors.turned = {position = "shaft", component = "angle"}
-solve = {start = "periodic", steps = 72}
-"""
-
-
 def cardan(*changes):
     sine, cosine = math.sin(math.radians(25)), math.cos(math.radians(25))
-    text = CARDAN.replace("RIGHT", str(0.2 + cosine)).replace("UP", str(sine))
-    return with_settings(scene_of(text.replace("COSINE", str(cosine)).replace("SINE", str(sine))), list(changes))
+    text = machine(
+        ground=dict(rear=[0.2 + cosine, sine, 0]),
+        bodies=dict(input='length = "200 mm", mass = "2 kg"', output='length = "200 mm", mass = "2 kg"',
+                    middle='length = "1 m", rotation = {axis = [0, 0, 1], angle = "25 deg"}, '
+                           'beam = {material = "steel", section = {tube = ["60 mm", "2 mm"]}, elements = 2}'),
+        joints=dict(front="revolute ground input, axis = [1, 0, 0]",
+                    first=f"universal input.end middle.start, axes = [[0, 0, 1], [{-sine}, {cosine}, 0]]",
+                    second="universal middle.end output.start, axes = [[0, 1, 0], [0, 0, 1]]",
+                    shaft="cylindrical ground.rear output.start, axis = [1, 0, 0]"),
+        drives=dict(front='speed = "6 rpm", cycle = "360 deg"'),
+        loads=dict(brake='torque_at = "shaft", value = "-200 N m"'),
+        sensors=dict(torque="drive_torque front", twist="torsional_moment middle.mid", bend="bending_moment middle z",
+                     speed='velocity middle angle_x, axes = "body"', turned="position shaft angle"),
+        solve=dict(start="periodic", steps=72),
+    )  # fmt: skip
+    return with_settings(scene_of(text), list(changes))
 
 
 @pytest.mark.parametrize(("preset", "changes"), [
@@ -564,22 +541,17 @@ def test_an_unbalanced_disc_whirls_about_its_sag_and_is_drawn(tmp_path, monkeypa
     about that by m e Omega^2 / (k - M Omega^2), towards the unbalance (Jeffcott 1919)."""
     unrendered(monkeypatch)
     omega, m, e, M = 100 * math.pi, 0.01, 0.05, 5.0
-    solution = solved(scene_of(f"""
-schema = 1
-gravity = [0, 0, "-9.81 m/s^2"]
-ground.rear = [0.6, 0, 0]
-bodies.shaft.length = 0.6
-bodies.shaft.beam = {{E = "210 GPa", nu = 0.3, rho = 1e-3, section = {{circle = "20 mm"}}, elements = 2}}
-bodies.unbalance = {{mass = {m}, points = {{hub = [0, {-e}, 0]}}}}
-masses.disc = {{at = "shaft.mid", mass = {M}, inertia = [0.02, 0.01, 0.01]}}
-joints.front = {{revolute = ["ground", "shaft.start"], axis = [1, 0, 0]}}
-joints.rear = {{cylindrical = ["ground.rear", "shaft.end"], axis = [1, 0, 0]}}
-joints.hub = {{weld = ["shaft.mid", "unbalance.hub"]}}
-drives.front = {{speed = {omega}, cycle = "360 deg"}}
-sensors.y = {{position = "shaft.mid", component = "y"}}
-sensors.z = {{position = "shaft.mid", component = "z"}}
-solve = {{preset = "linear", start = "periodic", steps = 60}}
-"""))
+    beam = 'E = "210 GPa", nu = 0.3, rho = 1e-3, section = {circle = "20 mm"}, elements = 2'
+    solution = solved(scene_of(machine(
+        gravity=[0, 0, "-9.81 m/s^2"], ground=dict(rear=[0.6, 0, 0]),
+        bodies=dict(shaft=f"length = 0.6, beam = {{{beam}}}", unbalance=f"mass = {m}, points.hub = [0, {-e}, 0]"),
+        masses=dict(disc=f'at = "shaft.mid", mass = {M}, inertia = [0.02, 0.01, 0.01]'),
+        joints=dict(front="revolute ground shaft, axis = [1, 0, 0]",
+                    rear="cylindrical ground.rear shaft.end, axis = [1, 0, 0]", hub="weld shaft.mid unbalance.hub"),
+        drives=dict(front=f'speed = {omega}, cycle = "360 deg"'),
+        sensors=dict(y="position shaft.mid y", z="position shaft.mid z"),
+        solve=dict(preset="linear", start="periodic", steps=60),
+    )))  # fmt: skip
     k = 192 * 210e9 * math.pi / 64 * 0.02**4 / 0.6**3
     sag, whirl = (M + m) * 9.81 / k, m * e * omega**2 / (k - (M + m) * omega**2)
     turned = omega * solution.times

@@ -27,23 +27,19 @@ BALL = machine(
     solve=dict(preset="coupled", duration="2 s", steps=500),
 )
 CRANK, ROD, PISTON, INERTIA, MASS, SPEED = 0.05, 0.12, 0.14, 8.2e-5, 0.068, 314.0
-LOOSE = f"""
-schema = 1
-description = "A slider-crank with room in its wrist pin"
-bodies.crank = {{length = {CRANK}, mass = 0.3, inertia = 1e-4}}
-bodies.rod = {{length = {ROD}, mass = {MASS}, inertia = {INERTIA}, centre = [{ROD / 2}, 0]}}
-bodies.piston = {{mass = {PISTON}}}
-joints.main = {{revolute = ["ground", "crank"]}}
-joints.pin = {{revolute = ["crank.end", "rod"]}}
-joints.bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
-joints.wrist.revolute = ["rod.end", "piston"]
-joints.wrist.clearance = {{radial = "0.2 mm", contact = {{stiffness = 1e10, restitution = 0.6}}}}
-drives.main = {{speed = {SPEED}}}
-drives.pin = {{free = true, initial_speed = {-SPEED * (1 + CRANK / ROD)}}}
-drives.bore = {{free = true, position = {CRANK + ROD}}}
-sensors.slide = {{position = "bore", component = "x"}}
-solve = {{preset = "coupled", duration = "5.5 ms", steps = 550}}
-"""
+LOOSE = machine(
+    description="A slider-crank with room in its wrist pin",
+    bodies=dict(crank=f"length = {CRANK}, mass = 0.3, inertia = 1e-4",
+                rod=f"length = {ROD}, mass = {MASS}, inertia = {INERTIA}, centre = [{ROD / 2}, 0]",
+                piston=f"mass = {PISTON}"),
+    joints=dict(main="revolute ground crank", pin="revolute crank.end rod",
+                bore="prismatic ground piston, direction = [1, 0]",
+                wrist='revolute rod.end piston, '
+                      'clearance = {radial = "0.2 mm", contact = {stiffness = 1e10, restitution = 0.6}}'),
+    drives=dict(main=f"speed = {SPEED}", pin=f"free = true, initial_speed = {-SPEED * (1 + CRANK / ROD)}",
+                bore=f"free = true, position = {CRANK + ROD}"),
+    sensors=dict(slide="position bore x"), solve=dict(preset="coupled", duration="5.5 ms", steps=550),
+)
 
 
 def solved(text, *settings):

@@ -192,23 +192,21 @@ sensors.turn = {position = "pin", component = "angle"}
     assert found.series["turn"].values[~before] == pytest.approx(turned[~before], rel=1e-7)
 
 
-BOX = """
-schema = 1
-gravity = [0, "-9.81 m/s^2"]
-bodies.box.mass = "1 kg"
-bodies.box.inertia = "0.02 kg m^2"
-bodies.box.centre = [0, 0]
-bodies.box.points = {a = [-0.2, -0.1], b = [0.2, -0.1], c = [0.2, 0.1], d = [-0.2, 0.1]}
-bodies.box.free = {at = [0, "0.5 m"], angle = "20 deg", velocity = [2, 0], angular_speed = 3}
-""" + "".join(f"""
-contacts.{corner}.point_on_line = ["box.{corner}", "ground"]
-contacts.{corner}.normal = [0, 1]
-contacts.{corner}.contact = {{law = "newton", restitution = 0.5}}
-contacts.{corner}.friction = {{mu = 0.5}}
-""" for corner in "abcd") + """
-sensors.x = {position = "box", component = "x"}
-solve = {preset = "coupled", duration = "3 s", steps = 300}
-"""
+def on_floor(points, mu, restitution):
+    """Contacts of points of a body with the ground."""
+    rubs = f", friction = {{mu = {mu}}}" if mu else ""
+    law = f'normal = [0, 1], contact = {{law = "newton", restitution = {restitution}}}{rubs}'
+    return {point.rpartition(".")[2]: f'point_on_line = ["{point}", "ground"], {law}' for point in points}
+
+
+BOX = machine(
+    gravity=[0, "-9.81 m/s^2"],
+    bodies=dict(box='mass = "1 kg", inertia = "0.02 kg m^2", centre = [0, 0], '
+                    "points = {a = [-0.2, -0.1], b = [0.2, -0.1], c = [0.2, 0.1], d = [-0.2, 0.1]}, "
+                    'free = {at = [0, "0.5 m"], angle = "20 deg", velocity = [2, 0], angular_speed = 3}'),
+    contacts=on_floor([f"box.{corner}" for corner in "abcd"], 0.5, 0.5), sensors=dict(x="position box x"),
+    solve=dict(preset="coupled", duration="3 s", steps=300),
+)
 
 
 def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution():
@@ -248,22 +246,12 @@ def test_a_rod_comes_to_rest_on_more_points_than_it_needs(points, mu):
         places = np.linspace(-0.5, 0.5, points) + rng.uniform(-0.02, 0.02, points)
         named = ", ".join(f"p{k} = [{x}, 0]" for k, x in enumerate(places))
         height = 0.021 + 0.5 * abs(math.sin(angle))
-        text = f"""
-schema = 1
-gravity = [0, {-G}]
-bodies.rod.mass = 1
-bodies.rod.inertia = 0.08
-bodies.rod.centre = [0, 0]
-bodies.rod.points = {{{named}}}
-bodies.rod.free = {{at = [0, {height}], angle = {angle}, angular_speed = {rng.uniform(-2, 2)}, velocity = [0.5, 0]}}
-sensors.x = {{position = "rod", component = "x"}}
-solve = {{preset = "coupled", duration = "1 s", steps = 40}}
-""" + "".join(f"""
-contacts.c{k}.point_on_line = ["rod.p{k}", "ground"]
-contacts.c{k}.normal = [0, 1]
-contacts.c{k}.contact = {{law = "newton", restitution = 0.3}}
-{f"contacts.c{k}.friction = {{mu = {mu}}}" if mu else ""}
-""" for k in range(points))
+        begun = f"at = [0, {height}], angle = {angle}, angular_speed = {rng.uniform(-2, 2)}, velocity = [0.5, 0]"
+        text = machine(
+            gravity=[0, -G], contacts=on_floor([f"rod.p{k}" for k in range(points)], mu, 0.3),
+            bodies=dict(rod=f"mass = 1, inertia = 0.08, centre = [0, 0], points = {{{named}}}, free = {{{begun}}}"),
+            sensors=dict(x="position rod x"), solve=dict(preset="coupled", duration="1 s", steps=40),
+        )
         record = solved(text).trajectory
         assert record.contacts.gap.min() > -1e-12 and record.contacts.force.min() >= 0.0
         assert record.contacts.force[-1].sum() == pytest.approx(G, rel=1e-9)

@@ -10,7 +10,7 @@ import pytest
 import tomlkit
 from cosserat_rod import tip_of_rod
 from lifting import lifted
-from machines import pendulum
+from machines import machine, pendulum
 from places import DATA
 from runs import alike, solved
 
@@ -21,69 +21,53 @@ from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.report.checked import description
 from kaneflex.scene.shapes import torsion_constant
 
-PRINCETON = """
-schema = 1
-gravity = [0, 0, 0]
-loads.tip = {{force_on = "{last}.end", direction = [0, {y!r}, {z!r}], value = {force!r}}}
-sensors.y = {{displacement = "{last}.end", component = "y"}}
-sensors.z = {{displacement = "{last}.end", component = "z"}}
-solve = {{preset = "{preset}", start = "quasistatic", duration = "1 ms", steps = 2}}
-"""
-"""The Princeton beam (Dowell & Traybar 1975), its force at the tip keeps its direction."""
 LENGTH, HEIGHT, WIDTH, FORCE, E, NU = 0.508, 0.0123777, 0.0032024, 8.896, 71.7e9, 0.31
 A, I_Y, I_Z = HEIGHT * WIDTH, HEIGHT * WIDTH**3 / 12.0, WIDTH * HEIGHT**3 / 12.0
 TORSION = torsion_constant(HEIGHT, WIDTH)
 STIFFER = 1.034
 """J of the elements in the table that DATA has, by Saint-Venant's: one number with which the rod's equations give both
 deflections at all of its angles."""
-BLADE = (
-    "{{length = {length!r}, beam = {{E = {E!r}, nu = {nu!r}, rho = 2700, elements = {elements}, A = {A!r},"
-    " I_y = {I_y!r}, I_z = {I_z!r}, J = {J!r}}}}}"
-)
-ROD = """
-schema = 1
-gravity = {gravity}
-bodies.rod = {{length = "1 m", beam = {{material = "aluminium", {section}, elements = 4}}{free}}}
-{more}
-"""
-SQUARE = 'section = {rectangle = ["10 mm", "10 mm"]}'
-DRIVEN = """
-joints.pin = {{revolute = ["ground", "rod.start"]{axis}}}
-drives.pin = {{speed = "8 rad/s", spin_up = "0.2 s"}}
-loads.push = {{force_on = "rod.end", direction = {push}, value = "0.5 N"}}
-damping.rayleigh = {{ratio = 0.01, at = ["20 Hz", "80 Hz"]}}
-sensors.tip = {{displacement = "rod.end", component = "y", axes = "body"}}
-sensors.short = {{displacement = "rod.end", component = "x", axes = "body"}}
-sensors.height = {{position = "rod.end", component = "y"}}
-sensors.force = {{joint_force = "pin", component = "y"}}
-sensors.torque = {{drive_torque = "pin"}}
-solve = {{preset = "coupled", duration = "0.25 s", steps = 50}}
-"""
+SQUARE = 'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["10 mm", "10 mm"]}, elements = 4}'
 
 
-PENDULUM = """
-schema = 1
-gravity = {gravity}
-bodies.strip = {{length = "1 m", beam = {{material = "steel", section = {{rectangle = ["1.5 mm", "10 mm"]}}}}}}
-joints.hinge = {{revolute = ["ground", "strip.start"]{axis}}}
-sensors.angle = {{position = "hinge", component = "angle"}}
-sensors.bend = {{displacement = "strip.end", component = "y"}}
-sensors.height = {{position = "strip.end", component = "y"}}
-sensors.force = {{joint_force = "hinge", component = "y"}}
-drives.hinge = {{free = true, angle = "-30 deg"}}
-solve = {{preset = "coupled", modes = 6, duration = "0.1 s", steps = 40}}
-{damping}
-"""
+def driven(dimension: int) -> str:
+    """A rod that is turned and pushed, in the plane or in space."""
+    return pendulum(
+        SQUARE, 'speed = "8 rad/s", spin_up = "0.2 s"', "rod", "pin", deep=dimension == 3,
+        gravity=[0, -9.81, 0][:dimension],
+        loads=dict(push=f'force_on = "rod.end", direction = {[0, 1, 0][:dimension]}, value = "0.5 N"'),
+        damping=dict(rayleigh=dict(ratio=0.01, at=["20 Hz", "80 Hz"])),
+        sensors=dict(tip='displacement rod.end y, axes = "body"', short='displacement rod.end x, axes = "body"',
+                     height="position rod.end y", force="joint_force pin y", torque="drive_torque pin"),
+        solve=dict(preset="coupled", duration="0.25 s", steps=50),
+    )  # fmt: skip
+
+
+def free_strip(dimension: int, damping: str = "") -> str:
+    """A strip that swings, in the plane or in space."""
+    return pendulum(
+        'length = "1 m", beam = {material = "steel", section = {rectangle = ["1.5 mm", "10 mm"]}}',
+        'free = true, angle = "-30 deg"', "strip", deep=dimension == 3, gravity=[0, -9.81, 0][:dimension],
+        sensors=dict(angle="position hinge angle", bend="displacement strip.end y", height="position strip.end y",
+                     force="joint_force hinge y"),
+        solve=dict(preset="coupled", modes=6, duration="0.1 s", steps=40),
+    ) + damping  # fmt: skip
 
 
 def _princeton(beta: float, preset: str = "coupled", count: int = 8, J: float = TORSION) -> str:
+    """The Princeton beam (Dowell & Traybar 1975), its force at the tip keeps its direction."""
     names = [f"blade_{k}" for k in range(count)]
-    section = {"E": E, "nu": NU, "A": A, "I_y": I_Y, "I_z": I_Z, "J": J}
-    own = BLADE.format(length=LENGTH / count, elements=1 if count > 1 else 8, **section)
-    lines = [f"bodies.{name} = {own}" for name in names] + ['joints.root = {weld = ["ground", "blade_0.start"]}']
-    lines += [f'joints.weld_{b} = {{weld = ["{a}.end", "{b}.start"]}}' for a, b in pairwise(names)]
+    beam = f"E = {E}, nu = {NU}, rho = 2700, elements = {1 if count > 1 else 8}"
+    beam += f", A = {A}, I_y = {I_Y}, I_z = {I_Z}, J = {J}"
+    welds = {f"weld_{b}": f"weld {a}.end {b}.start" for a, b in pairwise(names)}
     y, z = math.cos(math.radians(beta)), math.sin(math.radians(beta))
-    return PRINCETON.format(last=names[-1], y=y, z=z, preset=preset, force=FORCE) + "\n".join(lines)
+    return machine(
+        gravity=[0, 0, 0], bodies=dict.fromkeys(names, f"length = {LENGTH / count}, beam = {{{beam}}}"),
+        joints={"root": "weld ground blade_0.start"} | welds,
+        loads=dict(tip=f'force_on = "{names[-1]}.end", direction = [0, {y}, {z}], value = {FORCE}'),
+        sensors={axis: f"displacement {names[-1]}.end {axis}" for axis in "yz"},
+        solve=dict(preset=preset, start="quasistatic", duration="1 ms", steps=2),
+    )
 
 
 def _rod(beta: float, J: float) -> np.ndarray:
@@ -161,7 +145,7 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta():
     free = ", free = {at = [0, 0, 0], velocity = [0.3, 0, -0.2], angular_velocity = [3, 20, 15]}"
     tail = 'sensors.tip = {position = "rod.end", component = "y"}\n'
     tail += 'solve = {preset = "coupled", duration = "0.05 s"}'
-    found = _solution(ROD.format(section=SQUARE, gravity=[0, 0, 0], free=free, more=tail))
+    found = _solution(machine(gravity=[0, 0, 0], bodies=dict(rod=f"{SQUARE}{free}")) + tail)
     energy, curve = found.energy, found.model.motion.curve
     assert abs(energy.stored - energy.stored[0]).max() < 1e-6 * energy.stored[0]
     assert energy.strain.max() > 1e-5  # the rod does deform
@@ -177,18 +161,15 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta():
 
 
 def test_a_planar_run_lifted_into_space_is_the_same():
-    flat = _solution(ROD.format(section=SQUARE, gravity=[0, -9.81], free="", more=DRIVEN.format(axis="", push=[0, 1])))
-    deep = _solution(ROD.format(section=SQUARE,
-        gravity=[0, -9.81, 0], free="", more=DRIVEN.format(axis=", axis = [0, 0, 1]", push=[0, 1, 0])))  # fmt: skip
+    flat, deep = (_solution(driven(dimension)) for dimension in (2, 3))
     alike(deep, flat, 1e-4, ("tip", "short", "height", "force", "torque"))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_rigid_mechanism_beside_free_joints_has_the_rates_of_its_positions(dimension):
     """Accelerations too: they are not those that the loads would give the rigid mechanism."""
-    turns = {2: ("", "omega", "epsilon"), 3: (", axis = [0, 0, 1]", "omega_z", "epsilon_z")}
-    axis, speed, acceleration = turns[dimension]
-    found = _solution(PENDULUM.format(gravity=[0, -9.81, 0][:dimension], axis=axis, damping=""))
+    speed, acceleration = {2: ("omega", "epsilon"), 3: ("omega_z", "epsilon_z")}[dimension]
+    found = _solution(free_strip(dimension))
     step, (body,) = 1e-6 * found.times[-1], found.model.scene.bodies
     motion = found.model.motion if dimension == 2 else found.model.motion.rigid
     near = motion.at(found.times[len(found.times) // 2] + step * np.array([-1.0, 0.0, 1.0]))
@@ -207,8 +188,7 @@ def test_a_link_that_turns_freely_is_the_planar_one(damping, close):
     Undamped, the force at the hinge has the vibration along the strip, that of 0.2 um here: less than a step's error.
     The bend is measured from the rotation of the section there.
     """
-    flat = _solution(PENDULUM.format(gravity=[0, -9.81], axis="", damping=damping))
-    deep = _solution(PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping=damping))
+    flat, deep = (_solution(free_strip(dimension, damping)) for dimension in (2, 3))
     alike(deep, flat, dict.fromkeys(("angle", "bend", "height"), 2e-5) | dict.fromkeys(close, 0.01))
 
 
@@ -244,16 +224,16 @@ def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model():
 @pytest.mark.parametrize("axes", ["global", "body"])
 def test_section_forces_under_a_load_along_a_rod_are_the_planar_ones(axes):
     """Lifted into space and turned by any rotation; the tension has the ringing that Radau's method damps there."""
-    more = DRIVEN.replace("damping.", """
-loads.wind = {{spread_on = "rod", direction = [0.3, 1], axes = "AXES", value = "0.8 N/m", profile = [1, -0.4]}}
+    more = f"""
+loads.wind = {{spread_on = "rod", direction = [0.3, 1], axes = "{axes}", value = "0.8 N/m", profile = [1, -0.4]}}
 sensors.tension = {{axial_force = "rod.mid"}}
 sensors.shear = {{shear_force = "rod.mid"}}
 sensors.moment = {{bending_moment = "rod.mid"}}
 sensors.gauge = {{strain = "rod.mid", fibre = "2 mm"}}
 sensors.root_tension = {{axial_force = "rod.start"}}
 sensors.root_moment = {{bending_moment = "rod.start"}}
-damping.""").replace("AXES", axes)
-    flat = _solution(ROD.format(section=SQUARE, gravity=[0, -9.81], free="", more=more.format(axis="", push=[0, 1])))
+"""
+    flat = _solution(driven(2) + more)
     given = lifted(flat.model.scene) | {"solve": flat.model.scene.raw["solve"]}
     deep = _solution(given)
     alike(deep, flat, {name: 2e-3 if "tension" in name else 1e-5 for name in given["sensors"]})
@@ -286,23 +266,18 @@ def test_states_that_there_are_not_are_refused_by_name(start, message):
 
 def test_a_rate_that_the_joints_leave_no_shape_is_refused():
     """Between two pins that don't give way a rod can't stretch: the first of its shapes does."""
-    tail = """
-ground.far = [1, 0, 0]
-joints.pin = {revolute = ["ground", "rod.start"], axis = [0, 0, 1]}
-joints.held = {spherical = ["ground.far", "rod.end"]}
-drives.pin = {free = true}
-solve.preset = "coupled"
-solve.modes = 2
-solve.duration = "1 ms"
-solve.steps = 2
-solve.start = {velocities = {"rod.shape_0" = "0.1 m/s"}}
-"""
+    text = machine(
+        gravity=[0, 0, 0], ground=dict(far=[1, 0, 0]), bodies=dict(rod=SQUARE), drives=dict(pin="free = true"),
+        joints=dict(pin="revolute ground rod.start, axis = [0, 0, 1]", held="spherical ground.far rod.end"),
+        solve={"preset": "coupled", "modes": 2, "duration": "1 ms", "steps": 2,
+               "start": {"velocities": {'"rod.shape_0"': "0.1 m/s"}}},
+    )  # fmt: skip
     with pytest.raises(SceneError, match=r"velocities\.rod\.shape_0 = '0\.1 m/s': joints and drives make it 0 m/s"):
-        _solution(ROD.format(section=SQUARE, gravity=[0, 0, 0], free="", more=tail))
+        _solution(text)
 
 
 def _pendulum(more: str, section: str = '{circle = "4 mm"}') -> str:
-    text = PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping="")
+    text = free_strip(3)
     text = text.replace("modes = 6", "modes = 3")
     return text.replace('{rectangle = ["1.5 mm", "10 mm"]}', section).replace('length = "1 m"', f'{more}length = "1 m"')
 

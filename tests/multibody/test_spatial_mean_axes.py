@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import machine
 from runs import alike, solved
 
 import kaneflex
@@ -14,30 +15,6 @@ from kaneflex.scene import scene_of, shipped_scenes
 from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.shapes import torsion_constant
 
-ROD = """
-schema = 1
-gravity = [0, 0, 0]
-ground.far = [0.8, 0, 0]
-bodies.rod = {{length = "0.8 m", beam = {{material = "steel", section = {{{section}}}, elements = 12}}}}
-bodies.block = {{mass = "1 kg"}}
-joints.near = {{spherical = ["ground", "rod.start"]}}
-joints.ball = {{spherical = ["rod.end", "block"]}}
-joints.guide = {{prismatic = ["ground.far", "block"], direction = [1, 0, 0]}}
-drives.near = {{free = true, angular_velocity = [{speed}, 0, 0]}}
-solve = {{preset = "coupled", modes = 8, duration = "1 ms", steps = 2}}
-"""
-STRIP = """
-schema = 1
-gravity = {gravity}
-drives.hinge = {{free = true{start}}}
-bodies.strip = {{{turned}length = "1 m", beam = {{material = "steel", section = {{rectangle = ["1.5 mm", "10 mm"]}}}}}}
-{stub}
-{joint}
-sensors.height = {{position = "strip.end", component = "y"}}
-sensors.bend = {{displacement = "strip.end", component = "y"}}
-solve = {{preset = "coupled", modes = {modes}, duration = "0.1 s", steps = 40}}
-{more}
-"""
 PIN = 'joints.hinge = {revolute = ["ground", "strip.start"], axis = [0, 0, 1]}'
 TILTED = 'rotation = {x = [0.866025403784, -0.5, 0]}, '
 ASKEW = 'rotation = {x = [0.96, 0, 0.28]}, '
@@ -45,6 +22,19 @@ ANGLE = 'sensors.angle = {position = "hinge", component = "angle"}\n'
 SLID = 'sensors.slid = {position = "hinge", component = "x"}\n'
 COIL = 'springs.coil = {torsional_at = "hinge", stiffness = 0.02, damping = 0.002}'
 HELPED = 'loads.help = {torque_at = "hinge", law = "0.05 * sin(3 * hinge) - 0.01 * hinge_speed"}'
+
+
+def rod(section: str, speed: float = 0.0) -> str:
+    """A rod between two balls, the second one on a block on a guide along it."""
+    return machine(
+        gravity=[0, 0, 0], ground=dict(far=[0.8, 0, 0]),
+        bodies=dict(rod=f'length = "0.8 m", beam = {{material = "steel", section = {{{section}}}, elements = 12}}',
+                    block='mass = "1 kg"'),
+        joints=dict(near="spherical ground rod.start", ball="spherical rod.end block",
+                    guide="prismatic ground.far block, direction = [1, 0, 0]"),
+        drives=dict(near=f"free = true, angular_velocity = [{speed}, 0, 0]"),
+        solve=dict(preset="coupled", modes=8, duration="1 ms", steps=2),
+    )  # fmt: skip
 
 
 def frequencies(text: str) -> np.ndarray:
@@ -56,7 +46,7 @@ def frequencies(text: str) -> np.ndarray:
 def test_a_rod_between_two_balls_rings_as_a_pinned_one():
     """In both planes (n pi / L)^2 sqrt(E I / rho A), and in torsion, free at both ends, pi / L sqrt(G J / rho I_p)."""
     E, rho, nu = MATERIALS["steel"]
-    found = frequencies(ROD.format(section='rectangle = ["8 mm", "6 mm"]', speed=0))
+    found = frequencies(rod('rectangle = ["8 mm", "6 mm"]'))
     for side in (6e-3, 8e-3):
         for n in range(1, 5):
             expected = (n * math.pi / 0.8) ** 2 * math.sqrt(E / rho / 12.0) * side
@@ -71,22 +61,32 @@ def test_a_shaft_that_spins_between_two_balls_whirls():
     """Its bending vibrates at omega_n as if it stood still: in axes that turn by omega, at omega_n -+ omega."""
     E, rho, _ = MATERIALS["steel"]
     spin = 60.0
-    found = frequencies(ROD.format(section='circle = "8 mm"', speed=spin))
+    found = frequencies(rod('circle = "8 mm"', spin))
     for n in range(1, 4):
         still = (n * math.pi / 0.8) ** 2 * math.sqrt(E / rho) * 2e-3
         for expected in (still - spin, still + spin):
             assert abs(found - expected).min() < 4e-4 * still, (n, expected)
 
 
-def strip(joint: str = PIN, turned: str = "", modes: int = 6, more: str = ANGLE, **given: str):
+def hanging(joint: str, turned: str, modes: int, more: str, gravity: list[float], start: str = "", stub: str = ""):
+    text = machine(
+        gravity=gravity, drives=dict(hinge=f"free = true{start}"),
+        bodies=dict(strip=turned + 'length = "1 m", beam = {material = "steel", '
+                                   'section = {rectangle = ["1.5 mm", "10 mm"]}}'),
+        sensors=dict(height="position strip.end y", bend="displacement strip.end y"),
+        solve=dict(preset="coupled", modes=modes, duration="0.1 s", steps=40),
+    )  # fmt: skip
+    return scene_of("\n".join((text, stub, joint, more)))
+
+
+def strip(joint: str = PIN, turned: str = "", modes: int = 6, more: str = ANGLE, gravity=(0, -9.81, 0), stub=""):
     """A run of a pendulum that bends by 4 % of its length."""
     start = ', angle = "-30 deg"' if "revolute" in joint else ""
-    values = {"gravity": "[0, -9.81, 0]", "stub": "", "start": start} | given
-    return solved(scene_of(STRIP.format(joint=joint, turned=turned, modes=modes, more=more, **values)))
+    return solved(hanging(joint, turned, modes, more, list(gravity), start, stub))
 
 
 def in_the_plane(more: str = ANGLE):
-    return strip(PIN.replace(", axis = [0, 0, 1]", ""), gravity="[0, -9.81]", more=more)
+    return strip(PIN.replace(", axis = [0, 0, 1]", ""), gravity=(0, -9.81), more=more)
 
 
 @pytest.mark.exhaustive(share=2)
@@ -116,7 +116,7 @@ def test_springs_and_laws_know_how_the_section_at_a_pin_stands(more):
 def test_a_spring_at_a_pin_stores_what_the_section_there_turns_it_by():
     """Energy is kept by a strip that bends far."""
     stiff = COIL.replace("stiffness = 0.02, damping = 0.002", "stiffness = 2, damping = 0")
-    found = strip(modes=3, more=ANGLE + stiff, gravity="[0, -40, 0]")
+    found = strip(modes=3, more=ANGLE + stiff, gravity=(0, -40, 0))
     assert abs(found.series["bend"].values).max() > 0.3 and found.energy.drift < 2e-6
 
 
@@ -143,23 +143,20 @@ def test_springs_and_laws_at_a_pin_along_and_across_a_strip_know_how_its_section
 
 
 CROSS = "axes = [[0.48, 0.6, 0.64], [0.8, 0, -0.6]]"
-FLUNG = """
-schema = 1
-gravity = [0, 0, -9.81]
-bodies.post = {{length = "0.4 m", mass = "2 kg", rotation = {{x = [0, 0, 1]}}}}
-bodies.rod = {{length = "0.5 m", rotation = {{x = [0.6, 0, -0.8]}}, BODY}}
-joints.turn = {{revolute = ["ground", "post.start"], axis = [0, 0, 1]}}
-joints.hinge = {{{joint}}}
-drives.turn = {{speed = "90 rpm"}}
-drives.hinge = {{free = true, {start}}}
-sensors.tip_x = {{position = "rod.end", component = "x"}}
-sensors.tip_z = {{position = "rod.end", component = "z"}}
-sensors.pull = {{joint_force = "hinge", component = "z"}}
-sensors.tilting = {{joint_force = "hinge", component = "angle_x"}}
-sensors.twisting = {{joint_force = "hinge", component = "angle_z"}}
-sensors.torque = {{drive_torque = "turn"}}
-solve = {{preset = "{preset}", duration = "0.3 s", steps = 30}}
-"""
+
+
+def flung(body: str, joint: str, begun: str, **solve):
+    return solved(scene_of(machine(
+        gravity=[0, 0, -9.81],
+        bodies=dict(post='length = "0.4 m", mass = "2 kg", rotation = {x = [0, 0, 1]}',
+                    rod=f'length = "0.5 m", rotation = {{x = [0.6, 0, -0.8]}}, {body}'),
+        joints=dict(turn="revolute ground post, axis = [0, 0, 1]", hinge=joint),
+        drives=dict(turn='speed = "90 rpm"', hinge=f"free = true, {begun}"),
+        sensors=dict(tip_x="position rod.end x", tip_z="position rod.end z", pull="joint_force hinge z",
+                     tilting="joint_force hinge angle_x", twisting="joint_force hinge angle_z",
+                     torque="drive_torque turn"),
+        solve={"duration": "0.3 s", "steps": 30, **solve},
+    )))  # fmt: skip
 
 
 @pytest.mark.exhaustive(share=2)
@@ -174,13 +171,11 @@ solve = {{preset = "{preset}", duration = "0.3 s", steps = 30}}
 ], ids=["universal", "universal back", "ball", "pin", "pin back", "cylinder", "cylinder back"])  # fmt: skip
 def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
     """From all its starting speeds, on a post that turns; forces and moments of the joint are the rigid rod's, too."""
-    rod = 'beam = {{E = "1e17 Pa", nu = 0.3, rho = 2000, section = {{circle = "20 mm"}}, elements = 2}}'
+    elastic = 'beam = {E = "1e17 Pa", nu = 0.3, rho = 2000, section = {circle = "20 mm"}, elements = 2}'
     mass, across = 2000.0 * math.pi * 0.01**2 * 0.5, 2000.0 * math.pi * 0.01**2 * 0.5**3 / 12.0
     rigid = f"mass = {mass!r}, inertia = [{mass * 0.01**2 / 2!r}, {across!r}, {across!r}]"
-    stiff, hard = (
-        solved(scene_of(FLUNG.replace("BODY", body).format(joint=joint, start=start, preset=preset)))
-        for body, preset in ((rod, 'coupled", modes = 1, tolerance = 1e-9, start = "quasistatic'), (rigid, "rigid"))
-    )
+    hard = flung(rigid, joint, start, preset="rigid")
+    stiff = flung(elastic, joint, start, preset="coupled", modes=1, tolerance=1e-9, start="quasistatic")
     for name, series in stiff.series.items():
         expected = hard.series[name].values
         assert abs(series.values - expected).max() < 1e-4 * max(0.1, abs(expected).max()), name
@@ -192,7 +187,7 @@ def test_what_hardly_deforms_moves_and_is_held_as_what_is_rigid(joint, start):
 def test_a_strip_slides_and_turns_alike_whichever_body_is_the_first():
     sides = ('["ground", "strip.start"], axis = [0, 0, 1]', '["strip.start", "ground"], axis = [0.28, 0, 0.96]')
     joints = (f"joints.hinge = {{cylindrical = {of}}}" for of in sides)
-    one, back = (strip(joint, ASKEW, gravity="[0, -9.81, -3]", more=SLID) for joint in joints)
+    one, back = (strip(joint, ASKEW, gravity=(0, -9.81, -3), more=SLID) for joint in joints)
     alike(one, back, 1e-5, ("height", "bend"))
     assert abs(one.series["slid"].values + back.series["slid"].values).max() < 1e-7
 
@@ -208,8 +203,7 @@ def test_the_rigid_mechanism_beside_a_motion_goes_as_its_sections_do():
 
 def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
     """About this axis alone the section there turns in the link's axes; the joint's point stays where it is."""
-    text = STRIP.format(joint=PIN, turned="", modes=3, more=ANGLE, gravity=[0, 0, 0], stub="", start="")
-    scene = scene_of(text)
+    scene = hanging(PIN, "", 3, ANGLE, [0, 0, 0])
     link = make_link(mechanism_of(scene), "strip", 4)
     basis, M = spatial_shapes(link, 3, (0.0, 0.0, 0.0), "z").basis, link.part.matrices["M"].value({})
     energies, x = np.einsum("aj,ab,bj->j", basis, M, basis), np.array([[node, 0.0, 0.0] for node in link.nodes])
@@ -226,7 +220,7 @@ def test_shapes_have_no_momentum_about_the_axis_of_the_only_joint():
 def test_shapes_between_two_joints_follow_their_chord(between):
     """On whichever joint the link hangs: no displacement across it at either joint, along it none in the mean; nor does
     a joint between them matter."""
-    scene = scene_of(ROD.format(section='circle = "8 mm"', speed=0.0) + between)
+    scene = scene_of(rod('circle = "8 mm"') + between)
     link = make_link(mechanism_of(scene), "rod", 4)
     M = link.part.matrices["M"].value({})
     found = [spatial_shapes(link, 3, (x, 0.0, 0.0), "xyz") for x in (0.0, 0.8)]

@@ -4,23 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from machines import machine
 
 import kaneflex
 from kaneflex.integrate.system import Outcome
 from kaneflex.solve.simulation import solve
 from kaneflex.support.errors import SceneError
 
-FRAME = """
-schema = 1
-gravity = [0, {gravity}]
-bodies.rotor = {{length = "0.1 m", mass = "1 kg"}}
-bodies.block.mass = "1 kg"
-joints.shaft = {{revolute = ["ground", "rotor.start"]}}
-drives.shaft = {{speed = "{omega} rad/s", cycle = "360 deg"}}
-sensors.x = {{position = "block", component = "{axis}"}}
-solve = {{preset = "coupled", start = "periodic", steps = 720}}
-{more}
-"""
 PUSH, STIFFNESS = 10.0, 100.0
 RUBBING = """
 joints.rail = {{prismatic = ["ground", "block"], direction = [1, 0], friction = {{preload = "{friction} N"{law}}}}}
@@ -30,8 +20,13 @@ loads.push = {{force_on = "block", direction = [1, 0], law = "10 * cos(shaft)"}}
 """
 
 
-def solved(omega, **parts):
-    return solve(kaneflex.load(kaneflex.scene_of(FRAME.format(omega=omega, **parts))))
+def solved(omega, gravity, axis, more):
+    text = machine(
+        gravity=[0, gravity], bodies=dict(rotor='length = "0.1 m", mass = "1 kg"', block='mass = "1 kg"'),
+        joints=dict(shaft="revolute ground rotor"), drives=dict(shaft=f'speed = "{omega} rad/s", cycle = "360 deg"'),
+        sensors=dict(x=f"position block {axis}"), solve=dict(preset="coupled", start="periodic", steps=720),
+    )
+    return solve(kaneflex.load(kaneflex.scene_of(text + more)))
 
 
 def rubbing(omega, friction, law=""):

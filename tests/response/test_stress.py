@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from machines import cantilever
+from machines import cantilever, machine
 
 import kaneflex
 from kaneflex.plots.stress import figures
@@ -15,35 +15,27 @@ from kaneflex.response.stresses import link_stresses, section_at
 from kaneflex.solve.simulation import solve
 
 L, WIDTH, HEIGHTS, FORCE, PULL = 0.8, 12e-3, (30e-3, 20e-3), 90.0, 5e3
-CANTILEVER = f"""
-schema = 1
-gravity = [0, 0]
-joints.root = {{weld = ["ground", "arm.start"]}}
-loads.down = {{force_on = "arm.end", direction = [0, -1], law = "{FORCE} * (1 - cos(10 * t)) / 2"}}
-loads.pull = {{force_on = "arm.end", direction = [1, 0], value = {PULL}}}
-sensors.tip = {{displacement = "arm.end", component = "y"}}
-solve = {{preset = "quasistatic", duration = "0.6283185307179586 s", steps = 20, terms = {{geometric = false}}}}
-bodies.arm = {{length = {L}, beam = {{material = "steel", theory = "timoshenko", yield_strength = "250 MPa", \
-elements = 8, SECTION}}}}
-"""
+CANTILEVER = cantilever(
+    f'length = {L}, beam = {{material = "steel", theory = "timoshenko", yield_strength = "250 MPa", '
+    "elements = 8, SECTION}", "arm", gravity=[0, 0], sensors=dict(tip="displacement arm.end y"),
+    loads=dict(down=f'force_on = "arm.end", direction = [0, -1], law = "{FORCE} * (1 - cos(10 * t)) / 2"',
+               pull=f'force_on = "arm.end", direction = [1, 0], value = {PULL}'),
+    solve=dict(preset="quasistatic", duration="0.6283185307179586 s", steps=20, terms=dict(geometric=False)),
+)  # fmt: skip
 SHAPED = f'section = {{rectangle = [{HEIGHTS[0]}, {WIDTH}]}}, taper = {{rectangle = [{HEIGHTS[1]}, {WIDTH}]}}'
 
 
 def solved(section: str):
-    text = CANTILEVER.replace("\\\n", "").replace("SECTION", section)
-    return solve(kaneflex.load(kaneflex.scene_of(text)))
+    return solve(kaneflex.load(kaneflex.scene_of(CANTILEVER.replace("SECTION", section))))
 
 
-PIVOTED = """
-schema = 1
-gravity = [0, 0]
-joints.pivot = {revolute = ["ground", "bar.p"]}
-drives.pivot = {law = "0 * t"}
-loads.push = {force_on = "bar.q", direction = [0, 1], value = "10 kN"}
-solve = {preset = "quasistatic", duration = "1 s", steps = 2}
-bodies.bar = {length = "1 m", points = {p = ["505 mm", 0], q = ["535 mm", 0]}, \
-beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}}
-"""
+PIVOTED = machine(
+    gravity=[0, 0], joints=dict(pivot="revolute ground bar.p"), drives=dict(pivot='law = "0 * t"'),
+    bodies=dict(bar='length = "1 m", points = {p = ["505 mm", 0], q = ["535 mm", 0]}, '
+                    'beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}}'),
+    loads=dict(push='force_on = "bar.q", direction = [0, 1], value = "10 kN"'),
+    solve=dict(preset="quasistatic", duration="1 s", steps=2),
+)
 STEPPED = cantilever(
     'length = "1 m", beam = {material = "steel", segments = {root = {to = "510 mm", section = {circle = "40 mm"}}, '
     'tip = {section = {circle = "20 mm"}}}}', "shaft", "wall", gravity=[0, 0],
@@ -59,7 +51,7 @@ STEPPED = cantilever(
 )  # fmt: skip
 def test_the_largest_stress_is_found_where_stresses_jump(text, name, place, bent):
     """No evenly spaced station is near: M h / (2 I) on the side that bears more, 10 kN by 30 mm, 200 N by 490 mm."""
-    found = solve(kaneflex.load(kaneflex.scene_of(text.replace("\\\n", ""))))
+    found = solve(kaneflex.load(kaneflex.scene_of(text)))
     stresses = link_stresses(found.motion, name)
     station, instant = stresses.largest
     assert stresses.x[station] == pytest.approx(place)
@@ -114,30 +106,22 @@ def test_at_the_neutral_axis_a_short_arm_is_sheared():
     assert last == pytest.approx(math.hypot(PULL / area, math.sqrt(3.0) * 1.5 * FORCE / area), rel=1e-6)
 
 
-SHAFT = """
-schema = 1
-bodies.shaft.length = 0.5
-bodies.shaft.rotation = {x = [1, 0, 0], y = [0, 1, 0]}
-bodies.shaft.beam.material = "steel"
-bodies.shaft.beam.theory = "timoshenko"
-bodies.shaft.beam.elements = 2
-bodies.shaft.beam.yield_strength = "300 MPa"
-bodies.shaft.beam.section = {SECTION}
-bodies.lever = {mass = 0.1, inertia = [1e-4, 1e-4, 1e-4], points = {tip = [0, LEVER, 0]}}
-joints.held = {weld = ["shaft.end", "lever.start"]}
-joints.root = {weld = ["ground", "shaft.start"]}
-loads.push = {force_on = "lever.tip", direction = [PULL, DOWN, SIDE], value = SIZE}
-sensors.tip = {displacement = "shaft.end", component = "y"}
-solve = {preset = "quasistatic", duration = "0.1 s", steps = 4, terms = {geometric = false}}
-"""
+def shaft_scene(section: str, lever: float, pull: float, down: float, side: float):
+    beam = 'material = "steel", theory = "timoshenko", elements = 2, yield_strength = "300 MPa"'
+    size = math.hypot(pull, down, side)
+    return kaneflex.scene_of(machine(
+        bodies=dict(shaft="length = 0.5, rotation = {x = [1, 0, 0], y = [0, 1, 0]}, "
+                          f"beam = {{{beam}, section = {{{section}}}}}",
+                    lever=f"mass = 0.1, inertia = [1e-4, 1e-4, 1e-4], points = {{tip = [0, {lever}, 0]}}"),
+        joints=dict(held="weld shaft.end lever", root="weld ground shaft"),
+        sensors=dict(tip="displacement shaft.end y"),
+        loads=dict(push=f'force_on = "lever.tip", direction = [{pull}, {down}, {side}], value = {size}'),
+        solve=dict(preset="quasistatic", duration="0.1 s", steps=4, terms=dict(geometric=False)),
+    ))  # fmt: skip
 
 
-def shaft(section: str, lever: float, pull: float, down: float, side: float):
-    text = SHAFT.replace("SECTION", section)
-    for key, value in {"LEVER": lever, "PULL": pull, "DOWN": down, "SIDE": side,
-                       "SIZE": math.hypot(pull, down, side)}.items():  # fmt: skip
-        text = text.replace(key, str(value))
-    return solve(kaneflex.load(kaneflex.scene_of(text)))
+def shaft(*given, **more):
+    return solve(kaneflex.load(shaft_scene(*given, **more)))
 
 
 def test_a_shaft_bent_and_twisted():
@@ -191,9 +175,7 @@ def test_a_rectangular_bar_bent_askew_is_pulled_most_at_a_corner():
 
 
 def outline_of(section: str):
-    scene = kaneflex.scene_of(SHAFT.replace("SECTION", section).replace("LEVER", "0.1").replace(
-        "[PULL, DOWN, SIDE]", "[0, 1, 0]").replace("SIZE", "1"))  # fmt: skip
-    return section_at(scene.bodies["shaft"], 0.2)
+    return section_at(shaft_scene(section, 0.1, 0, 1, 0).bodies["shaft"], 0.2)
 
 
 @pytest.mark.parametrize(("ratio", "c"), [(1.0, 0.208), (1.5, 0.231), (2.0, 0.246), (3.0, 0.267), (4.0, 0.282),
