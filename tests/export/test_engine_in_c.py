@@ -11,6 +11,7 @@ from runs import model
 from test_c import HEADS, SHARED, built
 
 from kaneflex.derive.printers.c_printer import Printer
+from kaneflex.export.coupled_in_c import begun
 from kaneflex.multibody.compile import entries as of_library
 from kaneflex.multibody.compile import library
 from kaneflex.multibody.compile.callables import kernel_addresses
@@ -21,7 +22,6 @@ from kaneflex.multibody.dynamics import entries as of_instants
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU
-from kaneflex.solve.coupled_start import begun
 
 SCENE = "four-bar-motor"
 NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
@@ -124,7 +124,7 @@ def memory(run, random):
     for part in (at.RATE, at.ACCEL):  # at rest most of these functions find nothing
         near[engine.tables.plan[part] :][: engine.size] += 0.1 * random.normal(size=engine.size)
     real, pair = (random.normal(size=max(1, len(each))) + 2.0 for each in (engine.real, engine.pair))
-    row = run.row * (1.0 + 1e-3 * random.normal(size=len(run.row)))
+    row = run.here * (1.0 + 1e-3 * random.normal(size=len(run.here)))
     spare = [np.concatenate([row, random.uniform(0.5, 1.5, 4000)]) for _ in range(8)]
     return [engine.tables.plan, near, real, pair * (1.0 + 0.3j), *spare, *(each * (1.0 - 0.2j) for each in spare[:4]),
             np.arange(4000), np.zeros(8)]  # fmt: skip

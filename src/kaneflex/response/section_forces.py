@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.fem.links import GAUSS, Link
 from kaneflex.mechanism.body_frame import acceleration
-from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.wrenches import Wrench, moment_of, wrenches_on
 from kaneflex.scene.sections import Inertia
@@ -56,17 +55,11 @@ class LinkForces:
         yield from (each for each in wrenches_on(mechanism, rigid, link) if each.by not in spread)
         for name, mass in mechanism.masses.items():
             if mass.point.body == link:
-                x, y, epsilon = self.specific_force(mass.point)
-                axes, there = rigid.section_frame(mass.point)
-                frame = rigid.frame(link)
+                (axes, there), frame = rigid.section_frame(mass.point), rigid.frame(link)
                 at = frame.to_body(axes.place(there.at) - frame.origin)
-                force = -mass.mass * frame.to_body(np.array([x, y]))
-                yield Wrench(name, mass.point.at, at, force, -mass.inertia * epsilon)
-
-    def specific_force(self, point: BodyPoint) -> np.ndarray:
-        """Acceleration a - g of a planar point, global, and angular acceleration, (3, n_times)."""
-        axes, there = self.rigid.section_frame(point)
-        return np.vstack([axes.acceleration(there.at) - np.array(self.mechanism.gravity)[:, None], axes.epsilon])
+                specific_force = axes.acceleration(there.at) - np.array(mechanism.gravity)[:, None]
+                force = -mass.mass * frame.to_body(specific_force)
+                yield Wrench(name, mass.point.at, at, force, -mass.inertia * axes.epsilon)
 
 
 def carried(mechanism: Any, rigid: RigidMotion, link: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 from kaneflex.mechanism.body_frame import BodyFrame, Rates, applied, turning
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.wrenches import joint_force, joint_moment
-from kaneflex.response.motion import Motion, Section
+from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import (
@@ -131,7 +131,7 @@ class Reader:
         self.motion, self.rigid, self.scene = motion, motion.rigid, motion.model.scene
         self.steps = len(motion.times)
         self._displaced: Callable[[Address], np.ndarray] = cache(
-            lambda address: motion.displacement(address.body, self.scene.point(address))[0]
+            lambda address: motion.displacement(*self._at(address))[0]
         )
 
     def read(self, sensor: Sensor) -> np.ndarray:
@@ -139,13 +139,16 @@ class Reader:
             return np.zeros(0)
         motion, target = self.motion, str(sensor.target)
         if sensor.kind in SECTION_KINDS:
-            return self._of_section(sensor, self._section(sensor))
+            return self._of_section(sensor)
         if sensor.kind == "joint_force":
             return self._joint_component(sensor)
         if sensor.kind in DRIVE_KINDS:
             return motion.reaction(f"{target}.drive")
+        if sensor.kind in SPRING_KINDS and self.scene.springs[target].bushing:
+            part = "force" if sensor.kind == "spring_force" else "moment"
+            return motion.scalars[f"{target}.{part}_{sensor.component}"]
         if sensor.kind in SPRING_KINDS:
-            return self._of_bushing(sensor) if self.scene.springs[target].bushing else motion.spring_tension(target)
+            return motion.spring_tension(target)
         if sensor.kind in CONTACT_KINDS:
             return motion.contact(target)[sensor.kind in ("contact_force", "contact_torque")]
         if sensor.kind in FRICTION_KINDS:
@@ -176,6 +179,10 @@ class Reader:
             vector = self.motion.seen_from(address_of(sensor).body, vector)
         return vector["xyz".index(sensor.component[-1])]
 
+    def _at(self, address: Address) -> tuple[str, tuple[float, ...]]:
+        """Body of a point, and its place there."""
+        return address.body, self.scene.point(address)
+
     def _displacement(self, sensor: Sensor) -> np.ndarray:
         return displacement_of(self.scene, sensor, self.rigid.frame(address_of(sensor).body), self._displaced)
 
@@ -186,15 +193,15 @@ class Reader:
         if address.body in self.scene.joints:
             return self._joint(sensor)[0] if self.rigid.freedoms == 6 else self._joint_coordinate(address.body)
         if sensor.component == "angle":
-            return self._angle(address)
-        return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
+            return self.motion.angle(*self._at(address))
+        return self._component(sensor, self.motion.place(*self._at(address)), np.zeros((3, self.steps)))
 
     def _joint_coordinate(self, name: str) -> np.ndarray:
         """Angle of a joint's second body relative to its first [rad], or its slide along a guide [m]."""
         joint = self.scene.joints[name]
         first, second = joint.addresses
         if joint.kind != "prismatic":
-            return self._angle(second) - self._angle(first)
+            return self.motion.angle(*self._at(second)) - self.motion.angle(*self._at(first))
         return self.motion.slide(name)
 
     def _joint(self, sensor: Sensor) -> Rates:
@@ -221,38 +228,34 @@ class Reader:
         if sensor.axes == "body" and self.scene.is_spatial:
             x, y, last = self.motion.seen_from(loose.sides[0].body, np.array([x, y, last]))
         elif sensor.axes == "body" and loose.direction is None:
-            x, y = applied(turning(-self._angle(loose.sides[0])), (x, y))
+            x, y = applied(turning(-self.motion.angle(*self._at(loose.sides[0]))), (x, y))
         return {"x": x, "y": y}.get(sensor.component, last)
-
-    def _angle(self, address: Address) -> np.ndarray:
-        return self.motion.angle(address.body, self.scene.point(address))
-
-    def _place(self, address: Address) -> np.ndarray:
-        return self.motion.place(address.body, self.scene.point(address))
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
         if address_of(sensor).body in self.scene.joints:
             return self._joint(sensor)[1]
-        return self._component(sensor, *self._rate(address_of(sensor), 1))
+        return self._component(sensor, *self.motion.rate(*self._at(address_of(sensor)), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """Acceleration of the displaced point; a - g for an accelerometer."""
         if address_of(sensor).body in self.scene.joints:
             return self._joint(sensor)[2]
-        acceleration, turning = self._rate(address_of(sensor), 2)
+        acceleration, turning = self.motion.rate(*self._at(address_of(sensor)), 2)
         if sensor.reading == "accelerometer":
             acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (-1, 1))
         return self._component(sensor, acceleration, turning)
 
-    def _rate(self, address: Address, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """Global velocity (``order`` 1) or acceleration (2) of a displaced point, and that of its angle."""
-        return self.motion.rate(address.body, self.scene.point(address), order)
-
     # ---- forces -----------------------------------------------------------------------------------------------
 
-    def _of_section(self, sensor: Sensor, section: Section) -> np.ndarray:
+    def _of_section(self, sensor: Sensor) -> np.ndarray:
         """Reading of a sensor from N, V, M, or in space N, V_y, V_z, T, M_y, M_z; a planar strain is N / (E A) - fibre
         M / (E I)."""
+        body, point = address_of(sensor)
+        if (data := self.scene.bodies[body].modal) is not None:
+            section = data.sections.at(point, self.motion.modal(body)[0])
+        else:
+            x = self.scene.point(address_of(sensor))[0]
+            section = self.motion.section(body, x, sensor.cut == "after")
         if sensor.kind == "axial_force":
             return section[0]
         if sensor.kind == "strain":
@@ -262,40 +265,24 @@ class Reader:
             return section[first + max(0, "xyz".find(sensor.component))]
         return section[1 + (sensor.kind == "bending_moment")]
 
-    def _of_bushing(self, sensor: Sensor) -> np.ndarray:
-        part = "force" if sensor.kind == "spring_force" else "moment"
-        return self.motion.scalars[f"{sensor.target}.{part}_{sensor.component}"]
-
     def _stress(self, sensor: Sensor) -> np.ndarray:
         body, point = address_of(sensor)
         data = self.scene.bodies[body].modal
         assert data is not None  # checked with the scene
         return data.stresses.stresses_at(point, self.motion.modal(body)[0])[sensor.component]
 
-    def _section(self, sensor: Sensor) -> Section:
-        body, point = address_of(sensor)
-        if (data := self.scene.bodies[body].modal) is not None:
-            return data.sections.at(point, self.motion.modal(body)[0])
-        return self.motion.section(*self._cut(sensor))
-
-    def _cut(self, sensor: Sensor) -> tuple[str, float, bool]:
-        """Link, position [m from its start] and side of the section that a sensor reads."""
-        address = address_of(sensor)
-        return address.body, self.scene.point(address)[0], sensor.cut == "after"
-
     def _joint_component(self, sensor: Sensor) -> np.ndarray:
-        """Component of a joint's force or moment on ``sensor.body`` (by default the second)."""
-        first, second = (address.body for address in self.scene.joints[str(sensor.joint_force)].addresses)
-        exerted = (-1.0 if sensor.body == first else 1.0) * self._exerted(sensor)
+        """Component of a joint's force or moment on ``sensor.body`` (by default the second), in space about the joint's
+        second point."""
+        name, mechanism, motion = str(sensor.joint_force), mechanism_of(self.scene), self.motion
+        first, second = (address.body for address in self.scene.joints[name].addresses)
+        if sensor.component.startswith("angle"):
+            exerted = joint_moment(mechanism, name, motion.reaction)
+        else:
+            exerted = joint_force(mechanism, motion.scalars, name, motion.reaction)
+        exerted = (-1.0 if sensor.body == first else 1.0) * exerted
         if sensor.component == "angle":
             return exerted
         if sensor.axes == "body":
-            exerted = self.motion.seen_from(sensor.body or second, exerted)
+            exerted = motion.seen_from(sensor.body or second, exerted)
         return exerted["xyz".index(sensor.component[-1])]
-
-    def _exerted(self, sensor: Sensor) -> np.ndarray:
-        """Global force of a joint on its second body, or its moment, in space about the joint's second point."""
-        name, mechanism, motion = str(sensor.joint_force), mechanism_of(self.scene), self.motion
-        if sensor.component.startswith("angle"):
-            return joint_moment(mechanism, name, motion.reaction)
-        return joint_force(mechanism, motion.scalars, name, motion.reaction)

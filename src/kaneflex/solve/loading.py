@@ -75,8 +75,10 @@ def load(scene: SceneLike, progress: Progress | None = None, like: Model | None 
     else:
         (model, seconds), notes = _bind_one_way(given, options, progress, like), ()
     seconds["set_up"] = time.perf_counter() - started - sum(seconds.values())
-    notes = (*ignored_of(given, options), *notes, *_one_way_joints(model))
-    model = replace(model, warnings=(*_warnings(model), *notes), seconds=seconds, given=given)
+    free = () if options.dynamics in ("rigid", "coupled") else model.module.FREE
+    notes = (*ignored_of(given, options), *notes, *((ONE_WAY.format(joints=", ".join(free)),) if free else ()))
+    known = () if model.motion.is_start else model.warnings  # those of the equations follow from the motion
+    model = replace(model, warnings=(*known, *implausible(model.scene), *notes), seconds=seconds, given=given)
     _check_start(model)
     return model
 
@@ -150,17 +152,6 @@ def _as_it_starts(scene: Scene) -> Scene:
     from kaneflex.mechanism.tight_start import as_it_starts
 
     return as_it_starts(scene)
-
-
-def _warnings(model: Model) -> tuple[str, ...]:
-    """Warnings of a model and its scene; those of its equations follow from the motion, which may not be known yet."""
-    return (*(() if model.motion.is_start else model.warnings), *implausible(model.scene))
-
-
-def _one_way_joints(model: Model) -> tuple[str, ...]:
-    """Note on free joints that don't follow the deformation."""
-    free = () if model.options.dynamics in ("rigid", "coupled") else model.module.FREE
-    return (ONE_WAY.format(joints=", ".join(free)),) if free else ()
 
 
 def _check_start(model: Model) -> None:

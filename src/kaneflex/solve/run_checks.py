@@ -198,8 +198,7 @@ def check_memory(mechanism: Any, options: Options, scalars: int) -> None:
     elastic = {name: body.beam for name, body in mechanism.deforming.items() if body.elastic}
     links = {name: d * (options.elements or beam.elements) for name, beam in elastic.items()}
     size, coupled = sum(links.values()), options.dynamics == "coupled"
-    few = coupled and not isinstance(options.modes, int)  # default shapes of preset coupled
-    count = _SHAPES if few else _count(options.modes, size)
+    count = options.modes if isinstance(options.modes, int) else _SHAPES if coupled else size
     kept = size if options.reduction == "none" and not coupled else min(size, (count + 6) * len(links))
     whole = options.dynamics in ("rigid", "quasistatic") or coupled
     rows = options.steps + 1 if whole else min(options.steps, MAX_STORED) + 1
@@ -230,7 +229,3 @@ def check_memory(mechanism: Any, options: Options, scalars: int) -> None:
         cure = "Use fewer elements" + (", reduce them to modes, or start from zero" if not coupled else "")
         raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // d, needs, cure)
     raise SceneError("solve.steps", options.steps, needs, f"Use at most {there // (2 * row):,}")
-
-
-def _count(modes: int | str, size: int) -> int:
-    return modes if isinstance(modes, int) else size
