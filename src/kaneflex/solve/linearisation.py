@@ -99,15 +99,24 @@ class _Frozen(NamedTuple):
 
 
 def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
-    rigid = model.motion.at(t)
-    shifts = _inputs(model, rigid)
-    readings = _Readings(model, t, chosen)
-    by_z, by_v, by_a = readings.by_coordinates()
+    """Equations of one instant; sensors, affine in z, z', z'' and the inputs, by their readings for a unit of each."""
+    from kaneflex.response.elastic_motion import ElasticMotion
+    from kaneflex.response.sensors import measure
+
+    rigid, n = model.motion.at(t), model.reduced.size
+    shifts, basis = _inputs(model, rigid), np.eye(n) if model.modal_basis is None else model.modal_basis
+    moved = _shifted(model, t, [{}] * (1 + 3 * n) + [*shifts.values()])
+    units = np.zeros((3, len(basis), len(moved.times)))
+    for k in range(3):
+        units[k, :, 1 + k * n : 1 + (k + 1) * n] = basis
+    scene = model.scene.model_copy(update={"sensors": dict(chosen)})
+    straight = replace(model, options=model.options._replace(foreshortening=False), scene=scene)
+    series = measure(ElasticMotion(straight, moved, tuple(units)))
+    read = np.array([series[name].values for name in chosen]).reshape(len(chosen), len(moved.times))
+    by_state, by_a, by_inputs = np.split(read[:, 1:] - read[:, :1], [2 * n, 3 * n], axis=1)
+    F = moved.column_of(model.reduced.F)
     M, C, K = (as_array(rigid.first(model.kept[name])) for name in "MCK")
-    units = [*shifts.values()]
-    by_state, by_inputs = np.hstack([by_z, by_v]), readings.by_inputs(units)
-    F = _shifted(model, t, [{}, *units]).column_of(model.reduced.F)
-    F_u = F[:, 1:] - F[:, :1]
+    F_u = F[:, 1 + 3 * n :] - F[:, :1]
     return _Frozen(model.reduced.coordinates, tuple(shifts), M, C, K, F_u, by_state, by_a, by_inputs)
 
 
@@ -198,38 +207,3 @@ def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
     names = set().union(*shifts)
     columns = {name: np.array([shift.get(name, 0.0) for shift in shifts]) for name in names}
     return _ShiftedMotion(model.motion, rigid.times, rigid.values, columns)
-
-
-class _Readings:
-    """Readings of the sensors at one instant as affine functions of z, z', z'' and the inputs."""
-
-    def __init__(self, model: Model, t: float, sensors: Mapping[str, Sensor]):
-        options = model.options._replace(foreshortening=False)
-        scene = model.scene.model_copy(update={"sensors": dict(sensors)})
-        self.model, self.t, self.count = replace(model, options=options, scene=scene), t, len(sensors)
-
-    def by_coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Derivatives by z, z' and z'' of the integrated coordinates, each (n_outputs, n)."""
-        basis = self.model.modal_basis
-        n = self.model.reduced.size
-        units = np.eye(n) if basis is None else basis
-        probes = np.zeros((3, len(units), 3 * n + 1))
-        for k in range(3):
-            probes[k, :, 1 + k * n : 1 + (k + 1) * n] = units
-        read = self._read(_shifted(self.model, self.t, [{}] * (3 * n + 1)), tuple(probes))
-        return tuple(np.split(read[:, 1:] - read[:, :1], 3, axis=1))
-
-    def by_inputs(self, shifts: Sequence[Shift]) -> np.ndarray:
-        """Derivatives by the inputs at z = z' = z'' = 0, (n_outputs, n_inputs)."""
-        rigid = _shifted(self.model, self.t, [{}, *shifts])
-        still = np.zeros((self.model.equations.size, len(rigid.times)))
-        read = self._read(rigid, (still, still, still))
-        return read[:, 1:] - read[:, :1]
-
-    def _read(self, rigid: RigidMotion, coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-        from kaneflex.response.elastic_motion import ElasticMotion
-        from kaneflex.response.sensors import measure
-
-        series = measure(ElasticMotion(self.model, rigid, coordinates))
-        read = [series[name].values for name in self.model.scene.sensors]
-        return np.array(read).reshape(self.count, len(rigid.times))

@@ -28,8 +28,7 @@ def run_one_way(model: Model, progress: Progress | None = None) -> RunResult:
     started = time.perf_counter()
     if model.awaits_run:
         model, progress = _moved(model, progress or (lambda done: None))
-    trajectory = _METHODS[model.options.dynamics](model, progress)
-    found = RunResult(model, trajectory, time.perf_counter() - started)
+    found = RunResult(model, _solved(model, progress), time.perf_counter() - started)
     if not model.scene.events:
         return found
     from kaneflex.solve.events import until_stop
@@ -47,25 +46,22 @@ def _moved(model: Model, progress: Progress) -> tuple[Model, Progress]:
     return found, lambda done: progress(part + (1.0 - part) * done)
 
 
-def _instants(model: Model) -> np.ndarray:
-    return model.step * np.arange(model.options.steps + 1)
+def _solved(model: Model, progress: Progress | None) -> Trajectory:
+    """Motion by the method of the preset."""
+    if model.options.dynamics in ("dynamic", "frozen"):
+        from kaneflex.integrate.run import integrate
 
+        return integrate(run_of(model), progress)
+    times = model.motion.begin + model.step * np.arange(model.options.steps + 1)
+    z = v = a = np.zeros((len(times), 0))
+    started, ns = time.perf_counter(), 0.0
+    if model.options.dynamics == "quasistatic":
+        from kaneflex.solve.quasistatic import quasistatic
 
-def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
-    times = model.motion.begin + _instants(model)
-    none = np.zeros((len(times), 0))
-    return _completed(times, none, none, none, 0.0)
-
-
-def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
-    from kaneflex.solve.quasistatic import quasistatic
-
-    times = _instants(model)
-    started = time.perf_counter()
-    periodic = model.options.cycles and not_repeated(model) is None
-    z, v, a = quasistatic(model, times, periodic, progress)
-    ns = 1e9 * (time.perf_counter() - started) / len(times)
-    return _completed(times, z, v, a, ns)
+        periodic = model.options.cycles and not_repeated(model) is None
+        z, v, a = quasistatic(model, times, periodic, progress)
+        ns = 1e9 * (time.perf_counter() - started) / len(times)
+    return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
 
 
 def storing(model: Model) -> int:
@@ -86,16 +82,6 @@ def not_repeated(model: Model) -> str | None:
         if changes[k] > _REPEATS * sizes[k] + rounding:
             return UNREPEATED.format(name, *ends[:, k])
     return None
-
-
-def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
-    return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
-
-
-def _integrated(model: Model, progress: Progress | None) -> Trajectory:
-    from kaneflex.integrate.run import integrate
-
-    return integrate(run_of(model), progress)
 
 
 def run_of(model: Model) -> Run:
@@ -133,9 +119,3 @@ def run_of(model: Model) -> Run:
         rho_infinity=options.rho_infinity,
         tolerance=options.tolerance,
     )
-
-
-_METHODS = {
-    "rigid": _as_moved, "quasistatic": _quasistatic,
-    "dynamic": _integrated, "frozen": _integrated,
-}  # fmt: skip
