@@ -16,7 +16,7 @@ from kaneflex.cli import main
 from kaneflex.multibody.model import assembly
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.time import shooting
-from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections, one_way_steps
+from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections
 from kaneflex.solve.error_stages import Read
 from kaneflex.solve.initial import state_after
 from kaneflex.solve.run_result import nominal_seconds, seconds_of_steps
@@ -185,8 +185,8 @@ def test_reductions_have_no_use_where_nothing_deforms():
 def test_richer_models_that_take_long_are_not_solved_without_being_asked(monkeypatch):
     """Modal damping fills the frame's matrices: by 240 coordinates its steps took an hour."""
     frame = load(with_settings(kaneflex.read_scene("free-frame"), ["damping.modal.ratio=882"]))
-    assert seconds_of_steps(frame, frame.options.steps) > one_way_steps.LONGEST
-    monkeypatch.setattr(one_way_steps, "LONGEST", 0.0)
+    assert seconds_of_steps(frame, frame.options.steps) > one_way_corrections.LONGEST
+    monkeypatch.setattr(one_way_corrections, "LONGEST", 0.0)
     scene = with_settings(kaneflex.read_scene("engine-transient"), ["solve.duration=5 ms", "solve.steps=100"])
     estimates, reason = solved(scene).errors
     assert not estimates and 'request it by solve.errors = "total"' in reason
