@@ -220,51 +220,44 @@ def inertia(p, o, q, i, c, s, out, k, coupling, modal):
 
 @njit(**WITHIN)
 def energy(p, o, q, v, i, c, s, x, y, omega_z, out):
-    """Add kinetic energy, strain energy [J], dissipated power [W]; return mass times its centre's place from r; x, y:
-    velocity of the start."""
+    """Add kinetic and strain energy [J]; return mass times its centre's place from r; x, y: velocity of the start."""
     v_x, v_y = c * x + s * y, c * y - s * x
     mass, S_x, S_y, I_zz = p[o], p[o + 1], p[o + 2], p[o + 3]
     to_u, to_v = int(p[o + 4]), int(p[o + 5])
     o += 6
-    kinetic = strain = lost = 0.0
+    kinetic = strain = 0.0
     for j in range(to_u):
         q_j, v_j, P_x_0, J_zz_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
-        J_zz_uq = J_zz_uv = C_uv = H_z_vq = C_vv = 0.0
+        J_zz_uq = J_zz_uv = H_z_vq = 0.0
         for l in range(to_u):
             J_zz_l = p[o]
             J_zz_uq += J_zz_l * q[i + l]
             J_zz_uv += J_zz_l * v[i + l]
-            C_uv += p[o + 1] * v[i + l]
             o += 2
         for l in range(to_u, to_v):
             H_z_vq += p[o] * q[i + l]
-            C_vv += p[o + 1] * v[i + l]
             o += 2
         J_zz = J_zz_0 + J_zz_uq
         kinetic += v_j * (H_z_vq * omega_z + 0.5 * J_zz_uv + P_x_0 * v_x)
         strain += 0.5 * K_0 * (q_j * q_j)
-        lost += v_j * (C_uv + C_vv)
         S_x += P_x_0 * q_j
         I_zz += q_j * (J_zz + J_zz_0)
     for j in range(to_u, to_v):
         q_j, v_j, P_y_0, H_z_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
-        H_z_uq = C_uv = P_x_vq = J_zz_vq = M_vv = C_vv = 0.0
+        H_z_uq = P_x_vq = J_zz_vq = M_vv = 0.0
         for l in range(to_u):
             H_z_uq += p[o] * q[i + l]
-            C_uv += p[o + 1] * v[i + l]
             o += 2
         for l in range(to_u, to_v):
             P_x_vq += p[o] * q[i + l]
             J_zz_vq += p[o + 1] * q[i + l]
             M_vv += p[o + 2] * v[i + l]
-            C_vv += p[o + 3] * v[i + l]
             o += 4
         H_z = H_z_0 + H_z_uq
         kinetic += v_j * (H_z * omega_z + 0.5 * M_vv + P_x_vq * v_x + P_y_0 * v_y)
         strain += 0.5 * K_0 * (q_j * q_j)
-        lost += v_j * (C_uv + C_vv)
         S_x += 0.5 * P_x_vq * q_j
         S_y += P_y_0 * q_j
         I_zz += J_zz_vq * q_j
@@ -274,5 +267,4 @@ def energy(p, o, q, v, i, c, s, x, y, omega_z, out):
     )
     out[0] += kinetic
     out[1] += strain
-    out[2] += lost
     return c * S_x - s * S_y, s * S_x + c * S_y

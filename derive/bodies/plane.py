@@ -187,13 +187,12 @@ def _energy() -> str:
 
     kinetic = rigid_energy() + MASS * sum(x**2 for x in VELOCITY) / 2
     doc = (
-        "Add kinetic energy, strain energy [J], dissipated power [W]; return mass times its centre's place from r; "
-        "x, y:\nvelocity of the start."
+        "Add kinetic and strain energy [J]; return mass times its centre's place from r; x, y: velocity of the start."
     )
     return _kernel("energy(p, o, q, v, i, c, s, x, y, omega_z, out)", doc, [
-        "v_x, v_y = c * x + s * y, c * y - s * x", *_BEGUN, "kinetic = strain = lost = 0.0",
+        "v_x, v_y = c * x + s * y, c * y - s * x", *_BEGUN, "kinetic = strain = 0.0",
         *loops(of_shape, kinds=PLANE), *added("out[0]", kinetic.xreplace(_STILL)),
-        "out[0] += kinetic", "out[1] += strain", "out[2] += lost",
+        "out[0] += kinetic", "out[1] += strain",
         "return c * S_x - s * S_y, s * S_x + c * S_y",
     ])  # fmt: skip
 

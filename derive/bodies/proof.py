@@ -129,9 +129,9 @@ class _Body:
         return [*forces[:6], *(forces[6 + j] + inside[j] for j in range(2))], M
 
     def energies(self, twist: Sequence, M: Sequence[Sequence]) -> list:
-        """Kinetic energy, strain energy and dissipated power."""
+        """Kinetic energy and strain energy."""
         strain = (self.K[0] * self.q[0] ** 2 + self.K[1] * self.q[1] ** 2) / 2
-        return [_product([*twist, *self.v], M) / 2, strain, _product(self.v, self.C)]
+        return [_product([*twist, *self.v], M) / 2, strain]
 
 
 # ---- space ----------------------------------------------------------------------------------------------------------
@@ -153,7 +153,7 @@ def _in_space(text: str, shapes: tuple[str, str]) -> Comparisons:
     blocks = (range(6), range(6)), (range(6), range(6, 8)), (range(6, 8), range(6, 8))
     yield "shaped_inertia", out, [M[j][k] for rows, columns in blocks for j in rows for k in columns]
 
-    out, twist = [ring.zero] * 6, [*velocity, *motion[:3]]
+    out, twist = [ring.zero] * 5, [*velocity, *motion[:3]]
     kernels["shaped_energy"](p, 0, 2, twist, 0, q, 0, v, 0, out, 0)
     first = [M[1][5], M[2][3], M[0][4]]  # force per angular acceleration
     yield "shaped_energy", out, [*body.energies(twist, M), *first]
@@ -212,7 +212,7 @@ def _in_plane(text: str, shapes: tuple[str, str]) -> Comparisons:
     blocks = (range(3), range(3)), (range(3, 5), range(3)), (range(3, 5), range(3, 5))
     yield "inertia", plain(out), plain(whole[j][k] for rows, columns in blocks for j in rows for k in columns)
 
-    out = [ring.zero] * 3
+    out = [ring.zero] * 2
     centre = kernels["energy"](p, 0, q, v, 0, c, s, X, Y, omega, out)
     yield "energy", plain(out), plain(body.energies([along, across, omega], M))
     yield "centre", plain(centre), plain(turned([M[1][2], -M[0][2]]))

@@ -182,13 +182,12 @@ def _inertia() -> str:
 
 
 def energies(shape: Shape) -> tuple[list[str], dict[str, sm.Expr]]:
-    """Statements for the j-th shape, and increments of energies, dissipated power and moments."""
+    """Statements for the j-th shape, and increments of energies and moments."""
     q, v = sm.symbols("q_j v_j")
     lines, of = grown(shape)
     speed = sum(of.get(name, 0) * x for name, x in zip((*P, *H), (*VELOCITY, *OMEGA), strict=True))
     return lines, {
         "kinetic": v * (speed + shape.total("M", "v") / 2), "strain": shape.single("K") * q**2 / 2,
-        "lost": v * shape.total("C", "v"),
     } | first_and_second(shape, of)  # fmt: skip
 
 
@@ -204,9 +203,9 @@ def _energy() -> str:
         return [*lines, *grow(total | increments(shape, rates=True, accelerations=False))]
 
     whole = [f"kinetic += {code(rigid_energy())}"]
-    stores = {"kinetic": 0, "strain": 1, "lost": 2, "S_x": 3, "S_y": 4, "S_z": 5}
+    stores = {"kinetic": 0, "strain": 1, "S_x": 2, "S_y": 3, "S_z": 4}
     whole += [f"out[{emit.offset('n', k)}] += {name}" for name, k in stores.items()]
-    zeros = ["kinetic", "strain", "lost", *_components("S"), *_components("I", MOMENTS), "scale", "scale_1"]
+    zeros = ["kinetic", "strain", *_components("S"), *_components("I", MOMENTS), "scale", "scale_1"]
     zeros += ["T_y", "T_z", "W_y", "W_z"]
     body = [*loops(of_shape), *of_energy(), *_cubic(""), *whole]
     return _kernel("shaped_energy(p, o, count, w, k, q, i, u, s, out, n)", _ENERGY, [
@@ -286,5 +285,5 @@ Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmet
 them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
 """
 _ENERGY = """\
-Add kinetic energy beyond that of the rigid body, strain energy [J], dissipated power [W] and the first moment of
-mass beyond that of the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
+Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of the
+rigid body; w[k]: velocity of the origin and omega in the body's axes."""

@@ -57,11 +57,11 @@ class Instants:
     springs : ndarray (n_springs, 7)
         Length or angle, tension or torque, force, energy, dissipated power; then of bushings, see
         :mod:`kaneflex.multibody.dynamics.bushings`.
-    energies : ndarray (4,)
-        Kinetic and strain energy [J], dissipated power [W], and potential energy of the weight [J].
+    energies : ndarray (3,)
+        Kinetic and strain energy, and potential energy of the weight [J].
     powers : ndarray (n_works,)
         Of dissipation without contacts and friction, loads, drives, frictions and contacts [W].
-    touching : ndarray (n_unilateral, 8)
+    touching : ndarray (n_unilateral, 7)
         Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.frictions.record`.
     sizes : ndarray (n_loads,)
         Of the loads; behind the record follow those of switches.
@@ -118,16 +118,13 @@ class Columns(NamedTuple):
     """Columns of a record by the coordinates of the bodies, see :attr:`kaneflex.multibody.engine.Engine.recorded`.
 
     ``q``: place, in space with the axes, row by row, and shapes of each; ``v``, ``a``: twist and shapes' rates, and the
-    rates of these; ``forces``: of joints and drives; ``loss``, ``supplied``: powers of dissipation, and of loads and
-    drives.
+    rates of these; ``forces``: of joints and drives.
     """
 
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
     forces: np.ndarray
-    loss: int
-    supplied: np.ndarray
 
 
 @dataclass(eq=False)

@@ -18,7 +18,7 @@ from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, LOSING, MODAL, ON, POWER, PRESCRIBED, PUSHED, PUSHES,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, MODAL, ON, POWER, PRESCRIBED, PUSHED, PUSHES,
     ROW_AT, SPRINGS, SQUARE, STORED, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
@@ -34,7 +34,7 @@ def _energies_of_body(m, n):
     r_x, r_y, _ = m.r[n]
     v_x, v_y, omega = m.twist[n]
     x, z = body.energy(m.block, o, m.y, m.u, m.nodes[n, SPEED], c, s, v_x, v_y, omega, m.energies)
-    m.energies[3] -= g_x * (m.block[o] * r_x + x) + g_y * (m.block[o] * r_y + z)
+    m.energies[2] -= g_x * (m.block[o] * r_x + x) + g_y * (m.block[o] * r_y + z)
 
 
 @njit(**OPTIONS)
@@ -43,7 +43,7 @@ def _energies_of_body_in_space(m, n):
     laws.inertia(block, o, m.x, 0)
     twist, centre = to_axes(m, n, m.twist[n]), (block[o + 1], block[o + 2], block[o + 3])
     energies[0] += 0.5 * dot(twist, times(twists(m, m.x), twist))
-    energies[3] -= block[o] * dot(m.gravity[0], plus(m.r[n], to_global(m, n, centre)))
+    energies[2] -= block[o] * dot(m.gravity[0], plus(m.r[n], to_global(m, n, centre)))
     if m.nodes[n, KIND] == SHAPES:
         _energies_of_shapes(m, n)
 
@@ -56,11 +56,10 @@ def _energies_of_shapes(m, n):
     m.x3[0], m.x3[1], m.x3[2] = first(twist), last(twist), weight
     m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
     own = m.nodes[n, BODY] + OF_RIGID
-    shape_laws.shaped_energy(m.block, own, shapes, x, 0, m.y, u, m.u, u, x, 9)
-    m.energies[0] += x[9]
-    m.energies[1] += x[10]
-    m.energies[2] += x[11]
-    m.energies[3] -= dot(weight, m.x3[4])
+    shape_laws.shaped_energy(m.block, own, shapes, x, 0, m.y, u, m.u, u, x, 10)
+    m.energies[0] += x[10]
+    m.energies[1] += x[11]
+    m.energies[2] -= dot(weight, m.x3[4])
 
 
 _energies_of_body = by_size(_energies_of_body, _energies_of_body_in_space)
@@ -68,22 +67,19 @@ _energies_of_body = by_size(_energies_of_body, _energies_of_body_in_space)
 
 @njit(**OPTIONS)
 def energies(m):
-    """Kinetic energy, strain energy, dissipated power, and potential energy of the weight, after ``demand``."""
+    """Kinetic energy, strain energy, and potential energy of the weight, after ``demand``."""
     apart()
-    plan, w = m.plan, m.w
-    for k in range(4):
+    plan = m.plan
+    for k in range(3):
         m.energies[k] = 0.0
     for b in range(plan[BODIES]):
         n = m.frames[b, 0]
         if m.nodes[n, BODY] >= 0:
             _energies_of_body(m, n)
     for n in range(1, plan[CONTACTS] - plan[SPRINGS] + 1):
-        k = spring_size(m) * n
-        m.energies[1] += m.springs[k - 2]
-        m.energies[2] += m.springs[k - 1]
+        m.energies[1] += m.springs[spring_size(m) * n - 2]
     for n in range(-rows.frictions(m), rows.contacts(m)):
-        m.energies[1] += w[rows.at(m, n) + STORED]
-        m.energies[2] += w[rows.at(m, n) + LOSING]
+        m.energies[1] += m.w[rows.at(m, n) + STORED]
 
 
 @njit(**OPTIONS)

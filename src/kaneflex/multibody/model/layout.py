@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-CONTACT_SIZE = 45
+CONTACT_SIZE = 44
 """Numbers of a unilateral or frictional row, see :mod:`kaneflex.multibody.unilateral.rows`."""
 
 SHAPES, DOF, FIRST, MODAL, PARENT_BODY, OUTBOARD, COUPLING, SQUARE = range(8)
@@ -51,12 +51,12 @@ MODE_SIZE = 2
 ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
 """MEMORY of a switch: the laws' side of zero, or that it stays at zero."""
 (
-    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, BEFORE, FIRMEST, FORCE, STORED, LOSING,
+    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, BEFORE, FIRMEST, FORCE, STORED,
     MODE, MEMORY, DUE, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE,
     BEGAN_X, BEGAN_Y, BEGAN_Z, NODES,
-) = range(26)  # fmt: skip
+) = range(25)  # fmt: skip
 """Numbers of a row: gap with two rates; normal force, largest holding force, previous force, and largest g of bristles
-since its sides touch, all of friction; force, stored energy and loss; mode and what belongs to it; its change at the
+since its sides touch, all of friction; force and stored energy; mode and what belongs to it; its change at the
 end of this step; of a contact the error allowed in its gap, k and c of the factors, the effective mass along its
 normal, and of the current impact its time, approach speed, impulse, peak force, previous loss and place; then a step's
 nodes."""
@@ -73,7 +73,7 @@ bristles' rate by speed, by deflection (negative) and by normal force; time when
 speed, g, deflection, force."""
 BORE = FIRMEST
 """Numbers of sticking friction, which has no bristles: the force at which it slips."""
-RESULTS, FORCE_AT, STORED_AT = 8, 2, 4
+RESULTS, FORCE_AT, STORED_AT = 7, 2, 4
 """Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.record`), and places of its force and its
 stored energy; its gap is the first one."""
 (

@@ -96,7 +96,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
     stored = {
         "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
         **dict.fromkeys(("twist", "rate"), (n, d)), "exerted": (c.joints, d), "multipliers": (c.reactions,),
-        "along": (s,), "springs": (c.springs, 5 + d // 3), "energies": (4,), "powers": (c.works,),
+        "along": (s,), "springs": (c.springs, 5 + d // 3), "energies": (3,), "powers": (c.works,),
         "touching": (c.holds + c.touching, at.RESULTS), "sizes": (c.loads,),
     }  # fmt: skip
     views, first = Views(), numbers.size

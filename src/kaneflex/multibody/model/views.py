@@ -101,7 +101,7 @@ class Views:
             parts[2].extend([kept.twist[0, node], kept.u[0, speeds]])
             parts[3].extend([kept.rate[0, node], kept.du[0, speeds]])
         exerted, q, v, a = (np.concatenate([none, *part]) for part in parts)
-        return Columns(q, v, a, exerted, kept.energies[0, 2], kept.powers[0, 1 : 1 + self.inputs])
+        return Columns(q, v, a, exerted)
 
     def amplitudes(self, body: str) -> tuple[np.ndarray, np.ndarray]:
         """Places of the amplitudes of a body's shapes among the coordinates q, and their speeds."""

@@ -241,7 +241,7 @@ class RunCurve(Curve):
         frictions = RowRecord.of(names, touching[:, rubbing], lost[:, rubbing], jams=jams)
         dissipated = works[:, 0] + contacts.lost.sum(axis=1) + frictions.lost.sum(axis=1)
         supplied = works[:, 1 : 1 + self.engine.inputs].sum(axis=1)
-        kinetic, strain, _, weight = found.energies.T
+        kinetic, strain, weight = found.energies.T
         return Energy(kinetic, strain, weight, dissipated, supplied), contacts, frictions
 
     def between(self, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:

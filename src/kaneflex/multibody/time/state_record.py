@@ -30,26 +30,6 @@ def modes(m):
 
 
 @njit(**OPTIONS)
-def stands(m, row):
-    """Set the modes and the quaternions of balls from a row."""
-    for n in range(-frictions(m), contacts(m)):
-        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
-        m.w[k + MODE], m.w[k + MEMORY] = row[i], row[i + 1]
-    for k in range(4 * m.counts[BALLS]):
-        m.q[m.balls[k // 4, 0] + k % 4] = row[modes(m) + k]
-
-
-@njit(**OPTIONS)
-def stored(m, row):
-    """Store the modes and the quaternions of balls in a row."""
-    for n in range(-frictions(m), contacts(m)):
-        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
-        row[i], row[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
-    for k in range(4 * m.counts[BALLS]):
-        row[modes(m) + k] = m.q[m.balls[k // 4, 0] + k % 4]
-
-
-@njit(**OPTIONS)
 def take(m, row):
     """Set the motion from a row."""
     apart()
@@ -58,7 +38,12 @@ def take(m, row):
         m.y[i], m.u[i], m.du[i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
     for r in range(plan[REACTIONS]):
         m.multipliers[r] = row[1 + 3 * n + r]
-    stands(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
+    state = shifted(row, 1 + 3 * n + plan[REACTIONS])
+    for n in range(-frictions(m), contacts(m)):
+        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
+        m.w[k + MODE], m.w[k + MEMORY] = state[i], state[i + 1]
+    for k in range(4 * m.counts[BALLS]):
+        m.q[m.balls[k // 4, 0] + k % 4] = state[modes(m) + k]
 
 
 @njit(**OPTIONS)
@@ -71,4 +56,9 @@ def give(m, t, row):
         row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = m.y[i], m.u[i], m.du[i]
     for r in range(plan[REACTIONS]):
         row[1 + 3 * n + r] = m.multipliers[r]
-    stored(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
+    state = shifted(row, 1 + 3 * n + plan[REACTIONS])
+    for n in range(-frictions(m), contacts(m)):
+        k, i = at(m, n), MODE_SIZE * (n + frictions(m))
+        state[i], state[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
+    for k in range(4 * m.counts[BALLS]):
+        state[modes(m) + k] = m.q[m.balls[k // 4, 0] + k % 4]

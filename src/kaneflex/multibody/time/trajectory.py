@@ -79,16 +79,6 @@ class CoupledTrajectory:
         names them, (n_times, m)."""
         return self.record[:, self.of.forces]
 
-    @property
-    def loss(self) -> np.ndarray:
-        """Dissipated power [W], (n_times,)."""
-        return self.record[:, self.of.loss]
-
-    @property
-    def power(self) -> np.ndarray:
-        """Supplied power [W], (n_times,)."""
-        return self.record[:, self.of.supplied].sum(axis=1)
-
 
 def by_themselves(system: Any, rows: np.ndarray, record: np.ndarray | None = None) -> CoupledTrajectory:
     """Rows without a run, whose loops are closed, or near states with this record: energies, contacts and frictions are

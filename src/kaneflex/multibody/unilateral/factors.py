@@ -242,7 +242,7 @@ def prescribe_now(m, A):
             continue
         A[m.plan[WANTED] - 1 - n] = -w[k + rate] if w[k + MODE] == STICKING else 0.0
         if w[k + MODE] == BENDING:
-            A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n))[0] - w[k + FORCE]
+            A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n)) - w[k + FORCE]
 
 
 @of_holds(0)

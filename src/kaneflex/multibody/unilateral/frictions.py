@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.algebra import (
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, AT, BENDING, BODIES, DUE, EXTENT, FIRMEST, FLANK, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, LOSING,
+    ACROSS, ALONG, AT, BENDING, BODIES, DUE, EXTENT, FIRMEST, FLANK, FLOWING, FORCE, GAP, GAP_RATE, LIMIT,
     MEMORY, MODE, NORMAL, ON, OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIPPING, SLIP_RATE, STICKING, STORED, TOUCH, TURN,
     WHAT,
 )  # fmt: skip
@@ -230,10 +230,8 @@ def exert(m):
         elif mode == SLIPPING:
             m.multipliers[row] = -w[k + MEMORY] * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
         w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
-        w[k + LOSING] = power(m, n)
         if mode == BENDING:
             w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]
-            w[k + LOSING] -= w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * lugre.by_now(w, k, j)[1]
 
 
 @njit(**OPTIONS)
@@ -281,7 +279,7 @@ def _force_of(m, n):
 @njit(**OPTIONS)
 def record(m):
     """Store the results of every row with an instant, frictions first: gap or position, rate, force, normal force,
-    stored energy, lost power, MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's
+    stored energy, MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's
     components."""
     w, i, out = m.w, 0, m.touching
     for n in range(-frictions(m), contacts(m)):
@@ -292,5 +290,5 @@ def record(m):
         elif n < 0 and second(m, n):
             out[i + 1], out[i + 2] = magnitude(m, n, SLIP), magnitude(m, n, FORCE)
         out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
-        out[i + 4], out[i + 5], out[i + 6], out[i + 7] = w[k + STORED], w[k + LOSING], w[k + MODE], w[k + MEMORY]
+        out[i + 4], out[i + 5], out[i + 6] = w[k + STORED], w[k + MODE], w[k + MEMORY]
         i += RESULTS

@@ -36,12 +36,12 @@ def resisted(w, j, N, v):
 
 @njit(**OPTIONS)
 def by_now(w, k, j):
-    """Force [N or N m] of bristles on the second side in the current state, and rate of their deflection."""
+    """Force [N or N m] of bristles on the second side in the current state."""
     v, z = w[k + SLIP], w[k + MEMORY]
     g = resisted(w, j, w[k + NORMAL], v)
     if g < _UNKNOWN * w[j + STIFFNESS_AT] * abs(z) or g == _LEAST:
-        return -w[j + STIFFNESS_AT] * z - w[j + VISCOUS_AT] * v, 0.0
-    return -laws.bristle_force(w, j, g, v, z), laws.bristle_rate(w, j, g, v, z)
+        return -w[j + STIFFNESS_AT] * z - w[j + VISCOUS_AT] * v
+    return -laws.bristle_force(w, j, g, v, z)
 
 
 @njit(**OPTIONS)

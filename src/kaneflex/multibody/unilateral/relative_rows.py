@@ -22,7 +22,7 @@ from kaneflex.multibody.dynamics.kinematics import section_motion, section_place
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
     ACROSS, AT, AXIS_AT, CIRCLES, CLOSED, COORDINATE_AT, EXTENT, FLANK, FORCE, GAP, GAP_ACCEL, GAP_RATE, LARGEST,
-    LAW, LOSING, MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
+    LAW, MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
     EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument, at, contacts, law_at, on_contact, rests, row_at, switches,
@@ -275,7 +275,7 @@ def meet(m, n):
     of its row, an unknown.
     """
     w, k, j, row, law = m.w, at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.acts[act_of(m, n), LAW]
-    w[k + FORCE] = w[k + STORED] = w[k + LOSING] = 0.0
+    w[k + FORCE] = w[k + STORED] = 0.0
     if switches(m, n):
         _meet_switch(m, n)
         return k
@@ -290,7 +290,6 @@ def meet(m, n):
     if mode == CLOSED:
         w[k + FORCE] = touching.normal_force(law, w, j, w[k + MEMORY], gap, rate)
     w[k + STORED] = touching.stored(w, j, gap)
-    w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + FORCE]) * rate
     return k
 
 

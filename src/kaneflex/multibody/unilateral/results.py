@@ -103,7 +103,7 @@ class RowRecord:
         jams: np.ndarray = _NONE,
     ) -> RowRecord:  # fmt: skip
         """Record from the engine's results of each row, (n_times, n_rows, RESULTS), their losses, impacts and jams."""
-        gap, speed, force, pressed, _, _, mode, memory = states.transpose(2, 0, 1)
+        gap, speed, force, pressed, _, mode, memory = states.transpose(2, 0, 1)
         bristles = np.where(mode == at.BENDING, memory, 0.0)
         return cls(names, gap, speed, force, pressed, lost, mode, bristles, impacts, jams)
 
