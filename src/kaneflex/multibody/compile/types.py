@@ -68,30 +68,30 @@ def _fixed_number(builder, place):
     return found
 
 
+def marked(*attributes):
+    """Signature and code of an intrinsic that gives the calling function these attributes of LLVM's."""
+
+    def mark(context, builder, sig, args):
+        for each in attributes:
+            builder.function.attributes.add(each)
+        return context.get_dummy_value()
+
+    return types.none(), mark
+
+
 @intrinsic
 def apart(typing):
     """Keep the calling function one piece of machine code, not inlined, with its loops as written.
 
     Unrolling and vectorising would take most of the compiler's time without gain for a few shapes per body.
     """
-
-    def mark(context, builder, sig, args):
-        builder.function.attributes.add("noinline")
-        builder.function.attributes.add("optsize")
-        return context.get_dummy_value()
-
-    return types.none(), mark
+    return marked("noinline", "optsize")
 
 
 @intrinsic
 def together(typing):
     """As :func:`apart`, for functions with loops long enough to be vectorised."""
-
-    def mark(context, builder, sig, args):
-        builder.function.attributes.add("noinline")
-        return context.get_dummy_value()
-
-    return types.none(), mark
+    return marked("noinline")
 
 
 @intrinsic

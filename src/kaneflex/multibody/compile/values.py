@@ -17,7 +17,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, UniTuple
 
-from kaneflex.multibody.compile.types import IN_ORDER
+from kaneflex.multibody.compile.types import IN_ORDER, marked
 
 
 class Vectors(types.Type):
@@ -112,12 +112,7 @@ def width(typing, of):
 @intrinsic
 def inside(typing):
     """Copy the calling function into its callers, for a few operations on values or a record of addresses."""
-
-    def mark(context, builder, sig, args):
-        builder.function.attributes.add("alwaysinline")
-        return context.get_dummy_value()
-
-    return types.none(), mark
+    return marked("alwaysinline")
 
 
 def size_of(kind: types.Type) -> int:

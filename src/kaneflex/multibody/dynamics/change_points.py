@@ -28,7 +28,6 @@ from kaneflex.multibody.model.layout import (
     KEPT,
     LEAST,
     MEASURE,
-    PASSED,
     PASSING,
     REACH,
     REACTIONS,
@@ -121,9 +120,7 @@ def end(m, t, h):
     if not crosses(m, t):
         now, row = margin(m)
     w[shared + LEAST] = now
-    if t - h < w[shared + WHEN] <= t:
-        w[shared + PASSED] = w[shared + WHEN]
-    elif 0.0 < now < before:
+    if not t - h < w[shared + WHEN] <= t and 0.0 < now < before:
         ahead, reach = h * now / (before - now), REGULAR * h / (before - now)
         near = ahead < 2.0 * (_BESIDE * h + reach) and SIDES * reach * fastest(m, row) < _FAR
         w[shared + WHEN] = t + ahead if near and determined(m) else -math.inf

@@ -61,10 +61,10 @@ def named_speeds(system: System) -> list[int]:
             *system.engine.modal[1].tolist()]  # fmt: skip
 
 
-def least_singular_values(system: System, rows: Iterable[np.ndarray]) -> np.ndarray:
-    """Smallest singular value, at each of some instants, of the constraints by the speeds that no drive prescribes, in
-    the measures of both, without redundant rows."""
-    sizes = [np.linalg.svd(system.jacobian(q)[:, system.engine.open_speeds], compute_uv=False) for q in rows]
+def least_singular_values(system: System, positions: Iterable[np.ndarray], speeds: np.ndarray) -> np.ndarray:
+    """Smallest singular value, at each of some positions, of the constraints by speeds, in the measures of both,
+    without redundant rows."""
+    sizes = [np.linalg.svd(system.jacobian(q)[:, speeds], compute_uv=False) for q in positions]
     rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
     return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 

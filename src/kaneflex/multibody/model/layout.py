@@ -93,10 +93,10 @@ ROOM, LARGEST = STIFF, ALLOWED
 SHUT, SHIFT = STIFF, VISCOUS
 """Numbers of a contact by Newton's law: 1 if dependent coordinates keep it closed; shift of its gap after a separation
 without speed. ALLOWED is the force [N] that counts as zero."""
-WHEN, REACH, LEAST, PASSED, CHANGE_POINT = range(5)
+WHEN, REACH, LEAST, CHANGE_POINT = range(4)
 """Numbers of change points: time of the next or last one; time [s] from there until the loops are regular again, 0 if
-unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close; time when the
-last one was passed. Then interpolation data."""
+unknown; least pivot of the cuts' derivatives at the end of the last step, 0 if that was too close. Then
+interpolation data."""
 IMPACT_SIZE, MOST_IMPACTS = 11, 256
 """Numbers of a completed impact: contact, its begin and end, approach speed, separation speed, impulse, peak force,
 energy lost, x, y and z of its begin; number of impacts after which Python must collect them. Their count precedes

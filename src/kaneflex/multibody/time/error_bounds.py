@@ -64,7 +64,7 @@ class ErrorBounds:
         shared = engine.numbers(at.TOUCH, at.SHARED)
         shared[:] = 0.0
         shared[at.PRECISION], shared[at.EXTENT] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
-        engine.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -math.inf, 0.0, 0.0, -math.inf
+        engine.numbers(at.CROSSING, at.CHANGE_POINT)[:] = -math.inf, 0.0, 0.0
         self.update(np.zeros((0, 1 + 3 * engine.size)))
 
     def update(self, rows: np.ndarray) -> None:

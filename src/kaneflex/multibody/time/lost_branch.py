@@ -10,6 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import LARGEST_JUMP
 from kaneflex.multibody.model import layout as at
+from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 
@@ -28,44 +29,23 @@ def jump(system: System, path: CoupledTrajectory, share: float = LARGEST_JUMP) -
 
     ``share``: jump of the energy balance, relative to the exchanged energy.
     """
-    suspects = path.energy.jumps(share)
-    loops = min(system.engine.count(at.JOINT_ROWS), system.engine.count(at.KEPT))  # resting contacts are also kept rows
-    if not len(suspects) or not len(_free(system)) or not loops:
+    suspects, engine = path.energy.jumps(share), system.engine
+    joints = engine.open_speeds[~engine.shapes[engine.open_speeds]]
+    if not len(suspects) or not len(joints) or not engine.count(at.JOINT_ROWS):
         return None
+
+    def regularity(rows: np.ndarray) -> np.ndarray:
+        return least_singular_values(system, (engine.state_of(row)[0] for row in rows), joints)
+
     some = np.unique(np.linspace(0, len(path.times) - 1, _INSTANTS).astype(int))
-    rows = _loops(system, path.rows[some])
-    scale = np.maximum(abs(rows).max(axis=(0, 2), keepdims=True), 1e-300)
-    regular = _least(system, rows / scale).max()
+    regular = regularity(path.rows[some]).max()
     part = np.linspace(0.0, 1.0, _BETWEEN)
     for k in suspects.tolist():
         between = path.rows[k] + part[:, None] * (path.rows[k + 1] - path.rows[k])
-        least = _least(system, _loops(system, between) / scale)
+        least = regularity(between)
         if least.min() < _NEAR * regular:
             return k, float(between[least.argmin(), 0])
     return None
-
-
-def _free(system: System) -> list[int]:
-    """Coordinates of joints without prescribed drive."""
-    engine = system.engine
-    return [k for k in (*engine.choice.independent.tolist(), *engine.choice.dependent.tolist()) if not engine.shapes[k]]
-
-
-def _loops(system: System, path: np.ndarray) -> np.ndarray:
-    """Derivatives of the cut joints' rows by the joints' free coordinates at rows of a path, (n_times, rows,
-    coordinates)."""
-    engine, free, found = system.engine, _free(system), []
-    for row in path:
-        engine.stand(row)
-        engine.openings(float(row[0]))
-        found.append(engine.jacobian[:, free])
-    return np.array(found)
-
-
-def _least(system: System, loops: np.ndarray) -> np.ndarray:
-    """Least singular value of the independent rows, (n_times,)."""
-    values = np.linalg.svd(loops, compute_uv=False)
-    return values[:, min(system.engine.count(at.KEPT), values.shape[1]) - 1]
 
 
 def cause(system: System, path: CoupledTrajectory) -> str:

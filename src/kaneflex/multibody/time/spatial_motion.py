@@ -314,7 +314,7 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     if not system.layout.cuts:
         return []
     rows = motion.curve.rows(times)
-    values = least_singular_values(system, system.engine.instants(rows).q)
+    values = least_singular_values(system, system.engine.instants(rows).q, system.engine.open_speeds)
     at = motion.bare.at(times[[values.argmin()]])
     told = {name: float(at[f"{name}.angle"][0]) for name in system.mechanism.drives if f"{name}.angle" in motion.column}
     return [Closing(", ".join(system.layout.cuts), False, values, system.mechanism.written(told))]
