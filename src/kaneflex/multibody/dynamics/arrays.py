@@ -31,6 +31,19 @@ numbers, vectors of three, and of D.
 structure's module; ``real``, ``pair``: arrays for factors; ``K``, ``C``: stiffness and damping of the shapes of every
 body, (count, count), ``joint_stiffness``, ``joint_damping``: of springs at joints of the tree, by their speeds;
 ``balls``: places of every ball's quaternion in q, and of its rotation vector in y; ``own``: of all other coordinates.
+See :class:`Work` for those that Python reads; others are
+
+- ``wrenches`` (n, d): force and moment about its origin that a node's joint exerts on it;
+- ``h`` (s,): generalised inertia forces less applied ones and those of the cuts;
+- ``I``, ``E``, ``L`` (d b, d), (n_shapes, d), (n_square,): inertia of each of b bodies, coupling to its shapes, and the
+  shapes' own, see :mod:`kaneflex.multibody.dynamics.articulated`;
+- ``P`` (n, 3): position of the joint's point; ``slow`` (n, d): twist relative to the parent;
+- ``moved``, ``bent`` (n, 3), (n, 3, 3): displacement and rotation of a section by shapes, in the body's axes;
+- ``S`` (s, d): twist of its node's origin for a unit of every speed of a joint;
+- ``phi`` (n_phi, d): twist of a section for a unit of every shape of its body, in the body's axes;
+- ``F`` (n, d): twists of the nodes, then momenta of their bodies, for the mass matrix;
+- ``alpha`` (3 s,): angular accelerations of balls in their axes at the stages of a step;
+- ``x``, ``x3``: numbers of one body or station at hand; the same by three.
 """
 
 
@@ -129,37 +142,20 @@ class Columns(NamedTuple):
 
 @dataclass(eq=False)
 class Work(Instants):
-    """Arrays filled by the compiled functions, b bodies: views of the tables' numbers w.
+    """Arrays filled by the compiled functions that Python reads: views of the tables' numbers w.
 
     Attributes
     ----------
     kept : ndarray
         All that is stored of an instant.
-    wrenches : ndarray (n, d)
-        Force and moment about its origin that a node's joint exerts on it.
     rows : ndarray (n_rows, 3 + 2 d)
         Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of holds and contacts.
     y : ndarray (s,)
         Coordinates whose rates are the speeds: of a ball its rotation vector from the axes of its quaternion.
     J : ndarray (n_rows, s)
         Rates of the rows by the speeds, filled on request.
-    h : ndarray (s,)
-        Generalised inertia forces less applied ones and those of the cuts.
-    I, E, L : ndarray (d b, d), (n_shapes, d), (n_square,)
-        Inertia of every body, coupling to its shapes, and the shapes' own, see
-        :mod:`kaneflex.multibody.dynamics.articulated`.
-    P : ndarray (n, 3)
-        Position of the joint's point.
-    slow : ndarray (n, d)
-        Twist relative to the parent.
-    moved, bent : ndarray (n, 3), (n, 3, 3)
-        Displacement and rotation of a section by shapes, in the body's axes.
     offset : ndarray (n, 3)
         Place of the joint in the node's axes.
-    S : ndarray (s, d)
-        Twist of its node's origin for a unit of every speed of a joint.
-    phi : ndarray (n_phi, d)
-        Twist of a section for a unit of every shape of its body, in the body's axes.
     sections : ndarray (n_sections, 3 + 2 d)
         Place, in the plane with its angle, then twist and its rate.
     axes : ndarray (n_axes, 3)
@@ -169,39 +165,18 @@ class Work(Instants):
         Unit of every row of the cuts: the mechanism's size [m] or 1 rad.
     M : ndarray (s, s)
         Mass matrix, filled on request.
-    F : ndarray (n, d)
-        Twists of the nodes, then momenta of their bodies, for the mass matrix.
-    alpha : ndarray (3 s,)
-        Angular accelerations of balls in their axes at the stages of a step.
-    x, x3 : ndarray
-        Numbers of one body or station at hand; the same by three.
     now : ndarray (3,)
         Last instant of rows [s], its outcome, and the number of independent speeds.
     """
 
     kept: np.ndarray
-    wrenches: np.ndarray
     rows: np.ndarray
     y: np.ndarray
     J: np.ndarray
-    h: np.ndarray
-    I: np.ndarray
-    E: np.ndarray
-    L: np.ndarray
-    P: np.ndarray
-    slow: np.ndarray
-    moved: np.ndarray
     offset: np.ndarray
-    bent: np.ndarray
-    S: np.ndarray
-    phi: np.ndarray
     sections: np.ndarray
     axes: np.ndarray
     virtual_inertia: np.ndarray
     row_measure: np.ndarray
     M: np.ndarray
-    F: np.ndarray
-    alpha: np.ndarray
-    x: np.ndarray
-    x3: np.ndarray
     now: np.ndarray
