@@ -115,7 +115,7 @@ def test_the_published_trajectory_is_that_of_its_step():
 def test_newtons_law_is_the_limit_of_shorter_steps(mu):
     """Its first impacts, too, to a published step; the first one is a step and 7 us before the published touch."""
     text = SLIDING.replace("stiffness = 1e13", 'law = "newton"').replace("steps = 90", "steps = 180")
-    text += f"joints.bore.clearance.friction = {{mu = {mu}}}\n" if mu else ""
+    text = text.replace("clearance.gap", f"clearance.friction.mu = {mu}, clearance.gap") if mu else text
     text += 'sensors.crank = {position = "main", component = "angle"}\n'
     solution = solved(scene_of(text + 'sensors.rod = {position = "rod", component = "angle"}'))
     rows = [int(np.argmin(abs(solution.times - point["t_s"]))) for point in POINTS]
@@ -144,7 +144,7 @@ def test_later_impacts_are_as_many_as_hard_and_as_costly_as_those_of_time_steppi
     stepped(1e-4, MODEL["mu"], at_end=False, until=0.1, approaches=stepping)
     *speeds, left, angle = stepping
     text = SLIDING.replace("stiffness = 1e13", 'law = "newton"').replace("steps = 90", "steps = 200")
-    text = text.replace("18 ms", "100 ms") + "joints.bore.clearance.friction = {mu = 0.01}\n"
+    text = text.replace("18 ms", "100 ms").replace("clearance.gap", "clearance.friction.mu = 0.01, clearance.gap")
     solution = solved(scene_of(text + 'sensors.crank = {position = "main", component = "angle"}'))
     first, turned = energy(np.zeros(3), np.array([150.0, -75.0, 0.0])), solution.series["crank"].values[-1]
     assert turned == pytest.approx(angle, rel=2e-3)
