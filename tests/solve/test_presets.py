@@ -10,6 +10,7 @@ from scipy.sparse import issparse
 from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.response.deformation import deform
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.quasistatic import rate_of
 from kaneflex.solve.validity import validity_warnings
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
@@ -35,6 +36,16 @@ def test_what_each_preset_keeps(preset):
     assert (options.weld_pins, options.free_drives, options.elements) == (paper, paper, 1 if paper else None)
     if paper:
         assert (options.start, options.duration, options.mode_angle) == ("zero", 0.04, 0.0)
+
+
+def test_rates_of_a_quasistatic_motion_are_of_fourth_order():
+    """Those of a sine; at its ends of second order."""
+    errors = []
+    for steps in (20, 40):
+        t = np.linspace(0.0, 1.0, steps + 1)
+        away = abs(rate_of(np.sin(3.0 * t)[:, None], 1.0 / steps, periodic=False)[:, 0] - 3.0 * np.cos(3.0 * t))
+        errors.append([away[2:-2].max(), away.max()])
+    assert np.log2(np.divide(*errors)) == pytest.approx([4.0, 2.0], abs=0.2)
 
 
 @pytest.mark.parametrize("group", ["spin", "gyroscopic", "euler", "geometric", "damping"])

@@ -1,6 +1,7 @@
 """Derivatives of one-way and coupled runs against central differences of whole runs, and against closed forms."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
+from kaneflex.study.sensitivity.report import _demand_some
 from kaneflex.study.sensitivity.slopes import neighbour_at, solver_of
 
 STEP = 4e-4  # larger than the package's own, with differences of a higher order
@@ -371,3 +373,11 @@ def test_command_study_and_refusals(tmp_path):
         assert float(column) == pytest.approx(expected.of(parameter, "tip_bend").min)
     refused(cli(*command, "--after", tmp_path / "out", "-o", tmp_path / "no"), "after", "from its start")
     assert not (tmp_path / "no").exists()
+
+
+def test_slopes_within_rounding_of_a_large_sensor_are_none():
+    (parameter,) = find_parameters(read_scene("engine"), ["rod.length"])
+    solution = SimpleNamespace(series={"force": SimpleNamespace(values=np.array([1e6]))})
+    _demand_some(solution, parameter, {"force": np.array([2e-3])})
+    with pytest.raises(SceneError, match="no sensor depends on it"):
+        _demand_some(solution, parameter, {"force": np.array([1e-4])})

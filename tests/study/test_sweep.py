@@ -329,6 +329,8 @@ def test_a_section_is_read_once_a_period(tmp_path):
     assert (found.outcome == "completed").all()
     assert found.time.values == pytest.approx(np.array([[0.08, 0.12], [0.04, 0.06], [0.04, 0.06]]), rel=1e-12)
     whole = solved(plan.at(0))
+    two = plan.poincare.model_copy(update={"periods": 2})
+    assert np.arange(73)[two.instants(73)].tolist() == [72]
     assert len(whole.times) == 3 * 36 + 1 and whole.times[-1] == pytest.approx(0.12)
     for name, series in whole.series.items():
         assert np.array_equal(found[f"{name}_series"].values[0], series.values[[72, 108]]), name
