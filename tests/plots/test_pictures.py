@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 from machines import machine
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Polygon
 from places import DOCS
 from runs import run, solved
 
@@ -232,3 +234,14 @@ def test_sensors_of_other_magnitudes_have_axes_of_their_own():
     }  # fmt: skip
     constant = grouped(scene, forces, reach | {"piston_side_force": 0.0})
     assert constant == grouped(scene, forces) == {"Joint force": forces}
+
+
+def test_a_pivot_stands_on_its_hatched_base():
+    """The base is as low as the triangle, and wider."""
+    axes = show(read_scene("four-bar")).axes[0]
+    strokes = [each for drawn in axes.collections if isinstance(drawn, LineCollection) for each in drawn.get_segments()]
+    triangles = [patch.get_xy() for patch in axes.patches if isinstance(patch, Polygon) and len(patch.get_xy()) == 4]
+    assert len(triangles) == 2
+    for _, left, right, _ in triangles:
+        assert any(np.ptp(base[:, 1]) < 1e-9 and base[0, 1] == pytest.approx(left[1])
+                   and base[:, 0].min() < left[0] < right[0] < base[:, 0].max() for base in strokes)  # fmt: skip
