@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import machine
+from machines import four_bar, machine
 from runs import alike, solved
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
@@ -267,6 +267,23 @@ def test_coordinates_follow_from_enough_rows_as_from_all():
     by_enough, by_all = (joined.tied_maps(motion, each, every) for each in (choice, all_rows))
     for rate in range(3):
         assert abs(by_enough[rate] - by_all[rate]).max() < 1e-9 * abs(by_all[rate]).max()
+
+
+def test_rows_are_compared_by_pure_numbers():
+    """Displacements count by the mechanism's size, so rows of one that is 2^-10 as large are the same."""
+    rows = []
+    for size in (1.0, 2.0**-10):
+        beam = f"beam = {{E = 2e9, nu = 0.3, rho = 2000, section = {{circle = {0.01 * size}}}, elements = 2}}"
+        text = four_bar(
+            f"length = {0.1 * size}, mass = 1, inertia = [1, 1, 1], rotation = {{axis = [0, 0, 1], angle = 1}}",
+            f"length = {0.3 * size}, {beam}",
+            f"length = {0.3 * size}, rotation = {{axis = [0, 0, 1], angle = 1.2}}, {beam}",
+            'speed = "60 rpm", cycle = "360 deg"', "right", deep=True, ground={"right": [0.28 * size, 0, 0]},
+            solve={"preset": "linear", "start": "zero", "duration": "0.1 s", "steps": 4},
+        )
+        motion = load(scene_of(text)).motion
+        rows.append(motion.deforming.map.joined._scaled_rows(motion.bare.at(np.linspace(0.0, 0.1, 3))))
+    np.testing.assert_allclose(*rows, rtol=0.0, atol=1e-9)
 
 
 def test_maps_keep_the_joints_closed():

@@ -104,6 +104,15 @@ def test_a_freedom_that_moves_nothing_heavy_is_named():
         load(scene)
 
 
+def test_a_mass_beside_a_ball_resists_no_spin_about_its_arm():
+    """30 degrees off the x axis of the body, about which most of that spin is."""
+    text = machine(bodies=dict(arm="points.tip = [0.866, 0.5, 0]"), masses=dict(tip='at = "arm.tip", mass = 1'),
+                   joints=dict(hinge="spherical ground arm"), drives=dict(hinge="free = true"),
+                   solve=dict(preset="rigid", duration=1))  # fmt: skip
+    with pytest.raises(SceneError, match=r"drives.hinge: .*singular: hinge.omega_x carries no inertia"):
+        load(scene_of(text))
+
+
 def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction():
     spring = 'springs.coil = {between = ["ground", "bar.start"], stiffness = 10}'
     alone, pulled = (solved(pendulum(*more))["angle"].values for more in ((), [("", spring)]))

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from kaneflex import load, scene_of, simulate
 from kaneflex.cli import main
 from kaneflex.report.page import _as_json, _numbers, page
 from kaneflex.report.summary import summarise
-from kaneflex.report.tables import _rounded
+from kaneflex.report.tables import _rounded, ending
 
 
 def run(folder, *arguments: str) -> str:
@@ -95,6 +96,13 @@ def test_warnings_stand_first_and_a_run_that_stopped_says_so(tmp_path):
     assert data_of(text)["sensors"]
     nothing = run(tmp_path / "nothing", "engine", "--no-plots", "--set", "rod.E=1e7")
     assert "Stopped early: " in nothing and data_of(nothing)["sensors"] == {}
+
+
+def test_a_whole_cycle_that_disturbances_leave_did_not_stop_early():
+    ended = SimpleNamespace(outcome="unstable", message="any disturbance grows", duration_s=0.3, steps=3, step_s=0.1)
+    assert ending(ended) == "Any disturbance grows"
+    ended.duration_s = 0.2
+    assert ending(ended) == "Stopped early: any disturbance grows"
 
 
 def test_a_browser_shows_the_curve_of_the_sensor_that_is_clicked(engine, peer):
