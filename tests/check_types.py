@@ -12,15 +12,15 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).parents[1]
 BASELINE = {
-    "cli": 2,
+    "cli": 1,
     "fem": 13,
-    "integrate": 13,
+    "integrate": 10,
     "mechanism": 1,
     "multibody": 28,
     "plots": 29,
     "report": 5,
     "response": 18,
-    "scene": 58,
+    "scene": 57,
     "solve": 20,
     "study": 37,
     "support": 2,

@@ -174,7 +174,7 @@ def test_check_says_what_a_scene_is():
     for words in (
         "rod     elastic, 4 elements, 137 mm, 0.153 kg", "closes a loop, branch +", "6000 rpm from 0 deg",
         "preset      linear: vibration about", "duration    20 ms, one cycle",
-        "steps       1440 in a cycle, 13.8889 us each", "elements    rod 4", "degrees of freedom  12",
+        "steps       1440 stored instants in a cycle, 13.8889 us apart", "elements    rod 4", "degrees of freedom  12",
         "mid_transverse          displacement of rod.mid, y in body axes, relative to chord",
         "kaneflex.generated.engine", structure_hash(read_scene("engine")),
     ):  # fmt: skip

@@ -11,7 +11,6 @@ from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_sett
 from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.report.presentation import at_drive
 from kaneflex.solve.loading import integrated
 from kaneflex.solve.modes import mode_angle_spread
 from kaneflex.solve.quasistatic import mechanism_modes
@@ -66,7 +65,7 @@ def test_modes_of_a_locked_linkage_are_those_of_where_it_stands():
     placed, turning = (reference_modes(found, 3)[0] for found in both)
     assert placed == pytest.approx(turning, rel=1e-9)
     elsewhere = model(*LOCKED, "main.angle=413 deg")
-    assert at_drive(elsewhere) == "main = 413 deg"
+    assert elsewhere.reference_position == "main = 413 deg"
     assert reference_modes(elsewhere, 3)[0] == pytest.approx(placed, rel=1e-9)
     assert not np.allclose(reference_modes(model(*LOCKED), 3)[0], placed, rtol=0.2)
 
@@ -98,7 +97,7 @@ def test_nothing_is_said_of_a_place_whose_modes_the_run_does_not_use(preset):
 
 
 def test_the_place_is_named_by_every_drive():
-    said = at_drive(model("two-link-arm", "solve.mode_angle=45 deg"))
+    said = model("two-link-arm", "solve.mode_angle=45 deg").reference_position
     assert said.startswith("shoulder = 45 deg, elbow = ")
 
 

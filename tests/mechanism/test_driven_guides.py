@@ -11,7 +11,6 @@ from kaneflex import SceneError, load, read_scene, scene_of
 from kaneflex.cli.scene import configuration
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
-from kaneflex.report.presentation import at_drive
 
 CART = """
 schema = 1
@@ -231,8 +230,8 @@ def test_modes_are_said_to_be_where_the_guide_stands(tmp_path):
     path = tmp_path / "shaken.toml"
     law = SHAKEN.replace("TURN", repr(2 * math.pi / 40)).replace("0.001 * sin", "0.05 + 0.001 * sin")
     path.write_text(law)
-    assert at_drive(load(read_scene(path))) == "bore = 50 mm"
+    assert load(read_scene(path)).reference_position == "bore = 50 mm"
     path.write_text(law.replace("steps = 800", 'steps = 800, mode_angle = "50.5 mm"'))
     model = load(read_scene(path))
-    assert at_drive(model) == "bore = 50.5 mm"
+    assert model.reference_position == "bore = 50.5 mm"
     assert math.sin(40 * model.reference_time) == pytest.approx(0.5, abs=1e-3)

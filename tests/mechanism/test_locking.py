@@ -71,9 +71,9 @@ def test_a_link_without_mass_is_named():
     )
 
 
-@pytest.mark.parametrize("angle", ["30 deg", "-75 deg"])
+@pytest.mark.parametrize("angle", ["30 deg", "-75 deg", "30.123 deg"])  # the last between two samples
 def test_a_parallelogram_that_passes_its_change_point_is_singular_there(angle):
-    """It closes there, but for rounding."""
+    """It closes there, but for rounding, also where no sample is."""
     lengths = {"crank": "50 mm", "coupler": "150 mm", "rocker": "50 mm"}
     scene = scene_of({
         "schema": 1, "ground": {"far": ["150 mm", 0]},

@@ -30,7 +30,7 @@ def pendulum(*changes, text=PENDULUM):
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ('[0, 0, "-9.81 m/s^2"]', "[0, -9.81]", r"gravity.*two components, where joints.hinge.axis has three"),
+    ('[0, 0, "-9.81 m/s^2"]', "[0, -9.81]", r"joints.hinge.axis.*three components, where gravity has two"),
     (", axis = [0, 1, 0]", "", r"joints.hinge: in space a revolute joint needs an axis"),
     ("inertia = [0.001, 0.08, 0.08]", "inertia = 0.08", r"bodies.bar.inertia = 0.08.*three principal moments"),
     ("[0.001, 0.08, 0.08]", "[0.5, 0.08, 0.08]", r"bodies.bar.inertia.*no body has the principal moments"),
@@ -57,7 +57,7 @@ def pendulum(*changes, text=PENDULUM):
     ("joints.hinge", "joints.other = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}\njoints.hinge",
      r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),
     # no steps lead over a pole: each is shorter than the one before
-    ("{free = true}", '{law = "tan(20 * t)"}', r"drives\.hinge = 'tan.*: it grows without bound at t = 0\.0785398 s"),
+    ("{free = true}", '{law = "tan(20 * t)"}', r"drives\.hinge\.law = 'tan.*: it grows without bound at t = 0\.39"),
     ("length", "rotation = {axis = [0, 0, 1]}, length",  # it turned nothing, silently
      r"^bodies\.bar\.rotation\.angle: the axis has no angle\. Give it, like angle = '90 deg'\.$"),
 ])  # fmt: skip
@@ -79,7 +79,7 @@ PLANAR = (
     ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
     ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
      r"sensors.gauge.fibre.*a planar beam bends in one plane"),
-    ("free = true", "free = true, initial_speeds = [1, 2]", r"initial_speeds: a planar joint has one speed"),
+    ("free = true", "free = true, initial_speeds = [1, 2]", r"initial_speeds.*: a planar joint has one speed"),
     ("bodies.bar", "bodies.rod = {length = 1, "
      "beam = {material = 'steel', A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}\nbodies.bar",
      r"^bodies.rod.beam.J = 2e-09: planar beams don't twist. Give I, or give vectors three components"),
@@ -533,7 +533,7 @@ def test_a_brake_twists_and_bends_a_double_cardan_shaft(preset, changes):
 def test_what_is_wrong_with_a_cardan_shaft_is_said():
     with pytest.raises(SceneError, match=r"'first': a universal joint turns about several axes. Name a revolute or"):
         cardan("loads.brake.torque_at=first")
-    with pytest.raises(SceneError, match=r"start: a gap of [\d.e-]+ of the mechanism's size, or of 1 rad, remains"):
+    with pytest.raises(SceneError, match=r"start: a gap of [\d.e+]+ (mm|deg) remains"):
         load(cardan("ground.rear=[1, 2, 0]", "solve.preset=rigid"))
 
 

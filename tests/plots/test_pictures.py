@@ -195,7 +195,7 @@ def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     (tmp_path / "swinging.toml").write_text(SWINGING)
     shown = view(run(tmp_path / "swinging.toml"))
     assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
-    assert view(run("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
+    assert view(run("four-bar", "solve.preset=rigid")).x_label == "angle of main [deg]"
     (torque,) = (
         axes for axes in drawn(spectra.orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel()
     )
@@ -205,7 +205,7 @@ def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     (angle,) = course.get_lines()
     assert angle.get_ydata() == pytest.approx(np.degrees(1.5 + 0.3 * np.sin(2 * np.pi * shown.times)))
     backwards = view(run("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
-    assert backwards.x_label == "crank angle [deg]" and (np.diff(backwards.x) < 0).all()
+    assert backwards.x_label == "angle of main [deg]" and (np.diff(backwards.x) < 0).all()
 
 
 @pytest.mark.parametrize(("unit", "largest", "expected"), [

@@ -77,8 +77,14 @@ BAD = {
     "own point again": (LENGTH, LENGTH + ", points = {mid = [1, 0]}",
         "bodies.rod.points.mid = [1, 0]: every body has this point. Choose another name."),
     "three components": (LENGTH, LENGTH + ", points = {top = [1, 0, 0]}",
-        "joints.bore.direction = [1, 0]: two components, where bodies.rod.points.top has three. Give all vectors of a "
-        "scene three components in space, two in the plane."),
+        "bodies.rod.points.top = [1, 0, 0]: three components, where joints.bore.direction has two. Give all vectors of "
+        "a scene three components in space, two in the plane."),
+    "fixed points in a table": ("[bodies]", "[ground]\npoints = {far = [1, 0]}\n[bodies]",
+        "ground.points: a fixed point is a vector, not a table. Write points directly under ground, like far = "
+        "[0.1, 0]."),
+    "law with a pole": ('speed = "6000 rpm", cycle = "720 deg"', 'law = "tan(100 * t)", period = "20 ms"',
+        "drives.main.law = 'tan(100 * t)': it grows without bound at t = 0.015708 s. Give a law that is finite over "
+        "the run, or another duration."),
     "reserved name": ("[bodies]", "[bodies]\npi = {mass = 1}",
         "bodies.pi: a reserved name: laws use it. Choose another name."),
     "sensor over itself": ("[sensors]", '[sensors]\ntime = {position = "rod"}',
@@ -318,8 +324,8 @@ BAD = {
     "spectral radius above one": ("[solve]", "[solve]\nrho_infinity = 1.1",
         "solve.rho_infinity = 1.1: above one the integrator would be unstable. Give a number from 0 to 1."),
     "direction of three components": ("direction = [-1, 0]", "direction = [-1, 0, 0]",
-        "joints.bore.direction = [1, 0]: two components, where loads.gas.direction has three. Give all vectors of a "
-        "scene three components in space, two in the plane."),
+        "loads.gas.direction = [-1, 0, 0]: three components, where joints.bore.direction has two. Give all vectors of "
+        "a scene three components in space, two in the plane."),
     "law as an angle": ('speed = "6000 rpm", cycle = "720 deg"', 'angle = "0.9 * sin(10*t)"',
         "drives.main.angle = '0.9 * sin(10*t)': not a plain number. Write functions of t as law, in rad or m, like "
         "law = '0.5*sin(t)'."),
@@ -485,10 +491,10 @@ def test_settings_are_a_list():
 def test_files_that_are_not_text(tmp_path):
     (tmp_path / "bad.toml").write_text(ENGINE.read_text())
     (tmp_path / "gas.csv").write_bytes(b"\xff\xfe")
-    with pytest.raises(SceneError, match=r"^loads\.gas\.table = .*: cannot be read: .*\. Give a readable UTF-8 file"):
+    with pytest.raises(SceneError, match=r"^loads\.gas\.table = .*: not a text in UTF-8, from line 1 on\. Save it"):
         read_scene(tmp_path / "bad.toml")
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(SceneError, match=r"^scene = 'bad\.toml': cannot be read: .*\. Give a readable UTF-8 file"):
+    with pytest.raises(SceneError, match=r"^scene = 'bad\.toml': not a text in UTF-8, from line 1 on\. Save it"):
         read_scene(tmp_path / "bad.toml")
 
 

@@ -53,6 +53,13 @@ def test_a_law_is_the_function_that_was_written(text, function):
     assert parse_law(text, NAMES).to(ON_ARRAYS, values, float) == pytest.approx(function(t), rel=1e-12)
 
 
+def test_a_number_is_a_law():
+    for given in (5, -2.5):
+        changes = ("loads.gas=none", "main.speed=none", "main.cycle=none", f"main.law={given}", "solve.duration=0.1")
+        scene = with_settings(read_scene("engine"), [*changes, "solve.start=zero"])
+        assert scene.drives["main"].coordinate(0.1) == given
+
+
 def test_equal_laws_have_one_text():
     assert parse_law(" 2*sin( main )+t", NAMES).text == parse_law("2 * sin(main) + t", NAMES).text
 
@@ -172,7 +179,7 @@ def test_a_law_without_a_value_in_the_run_is_refused_when_the_scene_is_read(scen
 ])  # fmt: skip
 def test_a_pole_between_steps_is_found(law, pole):
     scene = with_settings(read_scene("two-link-arm"), [SCENES["two-link-arm"] % law, "solve.preset=rigid"])
-    with pytest.raises(SceneError, match=rf"^loads\.push = .*: it grows without bound at t = {pole} s\."):
+    with pytest.raises(SceneError, match=rf"^loads\.push\.law = .*: it grows without bound at t = {pole} s\."):
         load(scene)
 
 

@@ -296,7 +296,7 @@ def test_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shown = cli("linearise", "engine", "--at", "main=90deg", "--sensors", "tip_axial", "-o", "engine.npz")
     assert shown.exit_code == 0, shown.output
-    assert "24 states, 2 inputs, 1 outputs" in shown.stdout
+    assert "24 states, 2 inputs, 1 output" in shown.stdout
     with np.load("engine.npz") as found:
         assert found["t"] == pytest.approx(0.0025) and list(found["outputs"]) == ["tip_axial"]
     refused(cli("linearise", "engine", "-o", "engine.npz"), "the file exists", "--force")

@@ -67,7 +67,7 @@ def test_a_window_that_opens_where_nothing_closes_has_units_and_a_message_above_
         opened = Explorer(new_figure(9.0, 9.0, "", layout="none"), exploration)
     panels = opened.figure.axes[:-1]
     assert opened.solution is None and all(each.get_ylabel().endswith("]") for each in panels)
-    assert panels[-1].get_xlabel() == "crank angle [deg]"
+    assert panels[-1].get_xlabel() == "angle of main [deg]"
     (message,) = [text for text in opened.figure.texts if "cannot close" in text.get_text()]
     message.set_text("\n".join(["the longest that is shown"] * 3))
     opened.figure.canvas.draw()
@@ -92,7 +92,7 @@ def test_panels_have_titles_units_and_legends(explorer):
     for axes in panels:
         assert axes.get_title(loc="left") and axes.get_ylabel().endswith("]")
         assert "pale: the unchanged scene" in [text.get_text() for text in axes.get_legend().get_texts()]
-    assert panels[-1].get_xlabel() == "crank angle [deg]"
+    assert panels[-1].get_xlabel() == "angle of main [deg]"
     assert [slider.label.get_text() for slider in explorer.sliders] == ["main.speed", "rod.length"]
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from kaneflex.cli.command import check_file, command, force_option, output_option
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
+from kaneflex.support.errors import counted
 from kaneflex.support.terminal import Waiting, echo
 
 
@@ -30,7 +31,7 @@ def export(asked: SceneArguments, output: Path, force: bool) -> None:
     with Waiting() as waiting:
         made = export_fmu(scene, waiting)
     made.save(output)
-    echo(f"FMI 2.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
+    echo(f"FMI 2.0, {counted(len(made.outputs), 'output')}; can be set: {', '.join(made.inputs) or 'nothing'}")
     for warning in made.warnings:
         echo(f"Warning: {warning}", err=True)
     echo(f"Written to {output}")

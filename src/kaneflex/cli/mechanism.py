@@ -34,7 +34,7 @@ from kaneflex.cli.scene import (
     uncollected,
     undocumented,
 )
-from kaneflex.support.errors import OutputError, SceneError
+from kaneflex.support.errors import OutputError, SceneError, counted
 from kaneflex.support.files import file_stem, refuse_existing, whole_folder, write_bytes, write_text
 from kaneflex.support.terminal import Waiting, echo
 
@@ -222,18 +222,21 @@ def linearise(
     if bode is not None:
         from kaneflex.plots.bode import figure
         from kaneflex.plots.style import picture
+        from kaneflex.support.escaping import picture_text
 
-        drawn = picture(lambda: figure(system), bode.suffix[1:])
+        at = model.reference_position
+        title = f"{picture_text(scene.name)}: frequency response{' at ' if at else ''}{at}"
+        drawn = picture(lambda: figure(system, title), bode.suffix[1:])
     system.save(output)
     if bode is not None and drawn is not None:
         write_bytes(bode, drawn)
+    names = {"states": system.states, "inputs": system.inputs, "outputs": system.outputs}
     if as_json:
         poles = [{"real": pole.real, "imag": pole.imag} for pole in system.poles.tolist()]
-        names = {"states": system.states, "inputs": system.inputs, "outputs": system.outputs}
         print_json({"scene": scene.name, "poles": poles, **{key: list(value) for key, value in names.items()}})
     else:
         echo(poles_table(system))
-        echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+        echo(", ".join(counted(len(found), kind[:-1]) for kind, found in names.items()))
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
         echo(f"Warning: sensors left out, since frozen matrices do not define them: {', '.join(left_out)}", err=True)
@@ -324,7 +327,7 @@ def derive(
     plain = not standalone and scene.solve.preset != "coupled"
     if asked.settings and plain and structure_hash(scene) == structure_hash(read(asked.name, [])):
         echo("Note: the module contains no numbers of the scene, so --set has no effect", err=True)
-    echo(f"{text.count(chr(10))} lines written to {output}" if standalone else f"Written to {output}")
+    echo(f"{counted(text.count(chr(10)), 'line')} written to {output}" if standalone else f"Written to {output}")
 
 
 def _refuse_others(asked: str, others: Mapping[str, object]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, normalised
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.scene import Scene
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, counted
 
 if TYPE_CHECKING:
     from kaneflex.fem.links import Link
@@ -62,7 +62,7 @@ class Freedom(NamedTuple):
         if self.left > 0:
             return f"{self.left} too many: add a drive or a joint, or make a joint free"
         if self.left < 0:
-            return f"{-self.left} redundant constraints: leave a drive or a joint out"
+            return f"{counted(-self.left, 'redundant constraint')}: leave a drive or a joint out"
         return "forces drive the free joints" if self.free or self.floating else "the drives determine the motion"
 
 

@@ -22,6 +22,9 @@ SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 _SINGULAR = 1e-14
 """Margin of rounding, a hundred times that of a squared length."""
+_SMALL, _PARTS, _LEVELS = 1e-2, 64, 4
+"""Share of a loop's largest margin below which its least value is searched between instants, and how finely: the
+distance shrinks to 1e-6 of a sample, its square to rounding."""
 
 
 def check_closure(mechanism: NumericMechanism, motion: RigidKinematics, horizon: float) -> None:
@@ -42,12 +45,13 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
     for name in margins_of(rigid):
-        closes = rigid[name] > -_SINGULAR
-        if (rigid[name] > _SINGULAR).all():
+        near = _nearest_end(rigid, name)
+        closes = near[name] > -_SINGULAR
+        if (near[name] > _SINGULAR).all():
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]
         if closes.all():
-            at = drive_positions(mechanism, rigid, int(np.argmin(rigid[name])))
+            at = drive_positions(mechanism, near, int(np.argmin(near[name])))
             raise SceneError(
                 f"joints.{joint.name}.branch", joint.written_branch,
                 f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
@@ -56,9 +60,21 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
             )  # fmt: skip
         raise SceneError(
             f"joints.{joint.name}.branch", joint.written_branch,
-            f"the loop cannot close: at {drive_positions(mechanism, rigid, int(np.argmin(closes)))} {apart(joint)}",
+            f"the loop cannot close: at {drive_positions(mechanism, near, int(np.argmin(closes)))} {apart(joint)}",
             f"Change the lengths, or {_elsewhere(mechanism)}",
         )  # fmt: skip
+
+
+def _nearest_end(rigid: RigidMotion, name: str) -> RigidMotion:
+    """The motion around the least value of a loop's margin, which may lie between two instants, where the margin is
+    small: a change point is a touched zero, a square of the distance."""
+    for _ in range(_LEVELS if len(rigid.times) > 2 else 0):
+        margin = rigid[name]
+        k = int(np.argmin(margin))
+        if not 0.0 < margin[k] < _SMALL * margin.max() or not 0 < k < len(margin) - 1:
+            break
+        rigid = rigid.motion.at(np.linspace(rigid.times[k - 1], rigid.times[k + 1], _PARTS + 1))
+    return rigid
 
 
 def changed_speed(entry: str, given: float, found: float) -> SceneError:

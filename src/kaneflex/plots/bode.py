@@ -17,7 +17,7 @@ _POLES = 6
 _POINTS = 600
 
 
-def figure(system: StateSpace) -> Figure:
+def figure(system: StateSpace, title: str = "Frequency response") -> Figure:
     """Magnitude and phase of each output, a curve for each input. Raises SceneError where there is none of either."""
     for names, what, cure in ((system.inputs, "input", "Give the scene a load"),
                               (system.outputs, "output", "Give the scene a sensor")):  # fmt: skip
@@ -25,8 +25,6 @@ def figure(system: StateSpace) -> Figure:
             raise SceneError("--bode", None, f"the state space has no {what}", cure)
     hertz, rows = frequencies(system), len(system.outputs)
     response = system.frequency_response(hertz)
-    at = ", ".join(f"{name} = {value:.4g}" for name, value in system.drives.items())
-    title = f"Frequency response at t = {system.t:.4g} s" + (f", drives at {at} (rad, of a guide m)" if at else "")
     page = new_figure(12.0, 0.9 + 2.1 * rows, title)
     panels = page.subplots(rows, 2, sharex=True, squeeze=False)
     for k, (size, phase) in enumerate(panels):

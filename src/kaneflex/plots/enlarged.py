@@ -11,7 +11,7 @@ import numpy as np
 from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import readable, round_down
-from kaneflex.plots.view import View, angle_name
+from kaneflex.plots.view import View
 
 _DRAWN = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
@@ -155,4 +155,4 @@ def caption_at(shown: View, k: int) -> str:
         return time
     scene, coordinate = shown.solution.model.scene, float(shown.rigid[f"{drive}.angle"][k])
     at = f"{1e3 * coordinate:.1f} mm" if scene.slides(drive) else f"{math.degrees(coordinate):.0f} deg"
-    return f"{angle_name(shown.solution, drive)} {at}, {time}"
+    return f"{drive} = {at}, {time}"

@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from kaneflex.multibody.model.building import has_modes, reference_modes
-from kaneflex.plots.drawing import ROUNDING, draw_outline, draw_scenery, frame_axes, small_drawings
+from kaneflex.plots.drawing import draw_outline, draw_scenery, frame_axes, small_drawings
 from kaneflex.plots.mechanism import deformed_lines, outline, rigid_outline, rigid_scenery, scenery
 from kaneflex.plots.outlines import Outline, Scenery
 from kaneflex.plots.style import GREY, PALETTE, shade, wrapped
-from kaneflex.plots.view import angle_name
 from kaneflex.response.elastic_motion import ElasticMotion
 
 if TYPE_CHECKING:
@@ -77,12 +76,8 @@ def _deflected(model: Model, rigid: RigidMotion, fixed: Scenery, shapes: np.ndar
 
 def _title(solution: Solution, width: float) -> str:
     """Title with the configuration of the modes, in lines that a figure of that width [inches] holds."""
-    model = solution.model
-    stands = {drive: 0.0 if abs(at) < ROUNDING else at for drive, at in model.reference_coordinates.items()}
-    places = [
-        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, at)}" for drive, at in stands.items()
-    ]
-    return wrapped(f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped", width)
+    at = solution.model.reference_position
+    return wrapped(f"Mode shapes{' at ' if at else ''}{at}, undamped", width)
 
 
 def hertz(omega: float) -> str:

@@ -32,7 +32,7 @@ from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, counted
 from kaneflex.support.escaping import picture_text
 
 ELASTIC, DRIVE, LOAD = PALETTE[0], PALETTE[4], PALETTE[1]
@@ -84,8 +84,8 @@ def branches(scene: Scene, ways: Sequence[tuple[str, Placement]]) -> Figure:
     fixed = [rigid_scenery(scene, placed) for _, placed in ways]
     outlines = [rigid_outline(scene, placed, each) for (_, placed), each in zip(ways, fixed, strict=True)]
     figure, panels = small_drawings(len(ways), outlines, fixed[0])
-    count = f"{len(ways)} closure{'s' * (len(ways) > 1)} of its loops"
-    title = f"{picture_text(scene.name)}: {count} {_configuration(scene, ways[0][1])}"
+    title = f"{scene.name}: {counted(len(ways), 'closure')} of its loops"
+    title = f"{picture_text(title)} {_configuration(scene, ways[0][1])}"
     figure.suptitle(wrapped(title, figure.get_figwidth()))
     for axes, (told, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
         frame_axes(axes, outlines, each)

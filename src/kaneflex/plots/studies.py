@@ -18,13 +18,14 @@ from kaneflex.plots.style import (
     PALETTE,
     cells,
     finish,
-    legend_beside,
+    legend_of_page,
     new_figure,
     pages,
     readable,
     shade,
 )
 from kaneflex.scene.parts import PRESETS
+from kaneflex.support.errors import counted
 from kaneflex.support.escaping import picture_text
 from kaneflex.support.labelled import Labelled
 
@@ -52,7 +53,7 @@ _MOST_SECTIONS = 9
 
 def trade(found: Trade) -> Figure:
     """Points for all models, the Pareto front as a stair, presets and the chosen model by name."""
-    title = f"{found.scene.name}: {len(found.ranked)} models against {found.reference.name}"
+    title = f"{found.scene.name}: {counted(len(found.ranked), 'model')} against {found.reference.name}"
     page = new_figure(8.6, 5.6, title)
     axes = page.subplots()
     axes.set(xscale="log", yscale="log")
@@ -215,7 +216,7 @@ def sweep(found: Labelled) -> Figure:
     names = [name for name, (dims, *_) in found.variables.items() if dims == ("point", "statistic")]
     places = [_values(found, "statistic").tolist().index(end) for end in ("max", "min")]
     ends = {name: [_values(found, name)[:, place] for place in places] for name in names}
-    return _over(found, ends, "largest and smallest values", ("o-", "o--"), 3.0, "; smallest values dashed")
+    return _over(found, ends, "largest and smallest values (dashed)", ("o-", "o--"), 3.0)
 
 
 def bifurcation(found: Labelled) -> Figure:
@@ -254,12 +255,11 @@ def poincare(found: Labelled) -> Figure:
 
 
 def _over(
-    found: Labelled, sensors: dict[str, list[np.ndarray]], what: str, styles: tuple[str, ...], size: float,
-    note: str = "",
-) -> Figure:  # fmt: skip
+    found: Labelled, sensors: dict[str, list[np.ndarray]], what: str, styles: tuple[str, ...], size: float
+) -> Figure:
     """Values of sensors, (points,) or (points, periods), each in its style, over the parameter that varies."""
     across, label = _abscissa(found)
-    page, panels = pages(len(sensors), f"{found.attributes['scene']}: {what} over {across}")
+    page, panels = pages(len(sensors), f"{found.attributes['scene']}: {what} over {across}", 5.8)
     for axes, (name, parts) in zip(panels, sensors.items(), strict=True):
         factor, unit = readable(_about(found, name)["units"], *map(np.nan_to_num, parts))
         for k, (called, picked) in enumerate(_groups(found, across).items()):
@@ -269,9 +269,9 @@ def _over(
                 x = np.repeat(_values(found, across)[picked], y.size // len(picked))
                 label_of = called if part is parts[0] else None
                 axes.plot(x, y.ravel(), style, color=colour, markersize=size, label=label_of)
-        axes.set(title=f"{name}: {_about(found, name)['long_name']}{note}", ylabel=f"[{unit}]")
-        if len(axes.get_legend_handles_labels()[1]) > 1:
-            legend_beside(axes)
+        axes.set(title=f"{name}: {_about(found, name)['long_name']}", ylabel=f"[{unit}]")
+    if len(panels[0].get_legend_handles_labels()[1]) > 1:
+        legend_of_page(panels)
     finish(panels, label)
     return page
 

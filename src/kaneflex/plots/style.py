@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import MultipleLocator
 
 from kaneflex.support.escaping import picture_text
@@ -31,11 +32,16 @@ _LETTER, _HANDLE = 0.068, 0.45
 """Width of a legend's letter (8 points, DejaVu Sans) and of the line before a name [inches]."""
 _TITLE_LETTER = 0.092
 """Width of a figure title's letter (11 points) [inches]."""
+_PANEL_LETTER = 0.079
+"""Width of a panel title's letter (9.5 points) [inches]."""
+_ROW = 0.19
+"""Height of a legend's row [inches]."""
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 
 _STYLE = {
-    "axes.formatter.useoffset": False,  # its text would overlap the title
+    "axes.formatter.limits": (-5, 9),  # the text of a factor, as of an offset, would overlap the title
+    "axes.formatter.useoffset": False,
     "axes.axisbelow": True,
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -144,7 +150,8 @@ def finish(panels: list[Axes], label: str) -> list[Axes]:
 
 
 def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
-    """Give a figure's grid of panels fixed margins, with room for their legends at the right.
+    """Give a figure's grid of panels fixed margins, with room for legends at the right of panels and of the figure;
+    long titles of panels are wrapped.
 
     A layout engine would take a third of the time to draw.
     """
@@ -153,17 +160,35 @@ def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
     width, height = figure.get_size_inches()
     ticks = [text.get_text() for axes in panels for text in axes.get_yticklabels()]
     longest = max((len(text) for text in ticks if "$" not in text), default=0)
-    left, bottom, top, between = max(0.85, 0.4 + _LETTER * longest), 0.5, 0.62, 0.4  # inches: axis labels; titles
-    legends = [text.get_text() for axes in panels if (legend := axes.get_legend()) is not None
-               and legend.get_bbox_to_anchor().x0 >= axes.bbox.x1 for text in legend.get_texts()]  # fmt: skip
-    right = max((_LETTER * len(name) + _HANDLE for name in legends), default=0.2)
-    wide = max(1.5, (width - columns * (left + right)) / columns)
-    figure.set_figwidth(width := columns * (left + wide + right))
+    left, bottom = max(0.85, 0.4 + _LETTER * longest), 0.5  # inches, of axis labels
+    right = max([0.2, *(_breadth(legend) for axes in panels if (legend := axes.get_legend()) is not None
+                        and legend.get_bbox_to_anchor().x0 >= axes.bbox.x1)])  # fmt: skip
+    wide, outer = max(1.5, width / columns - left - right), sum(map(_breadth, figure.legends))
+    figure.set_figwidth(width := columns * (left + wide + right) + outer)
+    for axes in panels:
+        axes.set_title(fill(axes.get_title("left"), int((wide + right) / _PANEL_LETTER)))
+    more = 0.16 * max(axes.get_title("left").count("\n") for axes in panels)
+    top, between = 0.62 + more, 0.4 + more  # inches, of titles
     high = (height - bottom - top - (rows - 1) * between) / rows
     figure.subplots_adjust(
-        left=left / width, right=1.0 - right / width, bottom=bottom / height, top=1.0 - top / height,
+        left=left / width, right=1.0 - (right + outer) / width, bottom=bottom / height, top=1.0 - top / height,
         wspace=(left + right) / wide, hspace=between / high,
     )  # fmt: skip
+
+
+def _breadth(legend: Legend) -> float:
+    """Width of a legend [inches]."""
+    return legend._ncols * max(_LETTER * len(text.get_text()) + _HANDLE for text in legend.get_texts())
+
+
+def legend_of_page(panels: Sequence[Axes]) -> None:
+    """One legend at the right of a figure whose panels show the same curves."""
+    figure = panels[0].get_figure(root=True)
+    assert figure is not None
+    handles, labels = panels[0].get_legend_handles_labels()
+    columns = math.ceil(len(labels) * _ROW / (figure.get_figheight() - 0.8))
+    figure.legend(handles, labels, loc="upper right", bbox_to_anchor=(1.0, 1.0 - 0.5 / figure.get_figheight()),
+                  handlelength=1.6, ncols=columns)  # fmt: skip
 
 
 def grid_of(count: int) -> tuple[int, int]:

@@ -90,7 +90,7 @@ class View:
 
     @property
     def x_label(self) -> str:
-        return f"{angle_name(self.solution, self.drive)} [deg]" if self.drive else f"time [{self._time[1]}]"
+        return f"angle of {self.drive} [deg]" if self.drive else f"time [{self._time[1]}]"
 
     @cached_property
     def drive(self) -> str | None:
@@ -179,10 +179,3 @@ def _widest(vectors: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """The component that varies most of some vectors over time, each (components, n_times)."""
     components = np.vstack(vectors)
     return components[np.ptp(components, axis=1).argmax()]
-
-
-def angle_name(solution: Solution, drive: str) -> str:
-    """A drive's angle or position, named by the body that it moves."""
-    first, second = (address.body for address in solution.model.scene.joints[drive].addresses)
-    kind = "position" if solution.model.scene.slides(drive) else "angle"
-    return f"{second if second != 'ground' else first} {kind}"

@@ -121,7 +121,10 @@ def _lowest(model: Model) -> dict[str, str]:
     lowest = float(reference_modes(model, 1)[0][0]) / (2.0 * math.pi) if vibrates else 0.0
     if not lowest:
         return {}
-    return {"lowest mode": f"{lowest:.4g} Hz, {1.0 / (lowest * model.step):.3g} steps in a period"}
+    resolved = f"{1.0 / (lowest * model.step):.3g} steps in a period"
+    if model.options.integrator == "spectral":
+        resolved = f"{lowest * model.options.duration:.3g} times the frequency of the cycle"
+    return {"lowest mode": f"{lowest:.4g} Hz, {resolved}"}
 
 
 def _module(model: Model) -> str:

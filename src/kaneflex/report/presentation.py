@@ -14,6 +14,7 @@ from kaneflex.mechanism.closure import courses_of, instants, reach_lines, withou
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import PRESETS, SEVERAL_FREEDOMS, TERM_NAMES
+from kaneflex.support.errors import counted
 from kaneflex.support.terminal import block
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def spatial_mobility(system: System, choice: Choice) -> Blocks:
     free = ", ".join(system.mechanism.free_joints)
     return {"degrees of freedom": {
         "joints": f"{speeds} at {', '.join([*system.layout.tree, *system.mechanism.floating])}",
-        "closing": f"{rows} constraints at {', '.join(system.layout.cuts) or 'no joint'}"
+        "closing": f"{counted(rows, 'constraint')} at {', '.join(system.layout.cuts) or 'no joint'}"
         + (f", {spare} of them redundant" if spare else ""),
         "driven": f"{len(system.driven)}",
         "left": f"{left}" + (f", free: {free}" if free else ""),
@@ -130,9 +131,11 @@ def _options(model: Model) -> dict[str, str]:
         modal = any(body.modal is not None for body in bodies.values())
         shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"
         if elements:
-            shown["shapes"] = f"static ones and {options.modes} modes of each link"
+            shown["shapes"] = f"static ones and {counted(options.modes, 'mode')} of each link"
             shown["elements"] = ", ".join(f"{name} {count}" for name, count in elements.items())
         return shown
+    if options.integrator == "spectral":  # which chooses its own instants
+        shown["steps"] = f"{counted(options.steps, 'stored instant')} {per}, {_time(model.step)} apart"
     if dynamics in ("dynamic", "frozen"):
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"
         shown["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
@@ -144,10 +147,10 @@ def _options(model: Model) -> dict[str, str]:
     shown["pins"] = "elastic rotation shared" if options.weld_pins else "elastic rotation released unless shared"
     shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held unless free"
     shown["shortening"] = "included in the displacements" if options.foreshortening else "left out"
-    kept = "all" if options.modes == "all" else str(options.modes)
-    of = {"craig-bampton": f", {kept} modes of each link", "modal": f", {kept} modes of the mechanism", "none": ""}
+    kept = "all modes" if options.modes == "all" else counted(options.modes, "mode")
+    of = {"craig-bampton": f", {kept} of each link", "modal": f", {kept} of the mechanism", "none": ""}
     shown["reduction"] = options.reduction + of[options.reduction]
-    shown["mode angle"] = at_drive(model) or "none: nothing is driven"
+    shown["mode angle"] = model.reference_position or "none: nothing is driven"
     return shown
 
 
@@ -162,12 +165,6 @@ def _time(seconds: float) -> str:
         if seconds * factor >= 1.0:
             return f"{seconds * factor:.6g} {unit}"
     return f"{1e6 * seconds:.6g} us"
-
-
-def at_drive(model: Model) -> str:
-    """The configuration of the reference modes, "main = 90 deg", by every drive; empty without one."""
-    stands = model.reference_coordinates.items()
-    return ", ".join(f"{drive} = {model.scene.written_coordinate(drive, value)}" for drive, value in stands)
 
 
 def parts(scene: Scene) -> Blocks:
@@ -216,7 +213,7 @@ def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
 
 
 def _body(body: Body) -> str:
-    kind = f"elastic, {body.beam.elements} elements" if body.elastic else "rigid"
+    kind = f"elastic, {counted(body.beam.elements, 'element')}" if body.elastic else "rigid"
     kind = kind if body.modal is None else "elastic by modal data"
     length = "" if body.length is None else f", {1e3 * body.length:.6g} mm"
     return f"{kind}{length}, {body.mass:.6g} kg"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from kaneflex.report.presentation import at_drive
 from kaneflex.response.sensors import OF_RIGID
+from kaneflex.support.errors import counted
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
@@ -156,10 +156,10 @@ def run_lines(summary: Summary) -> str:
     if timing.ns_per_step:
         thousands = min(2, int(math.log10(max(1.0, timing.ns_per_step)) / 3))
         parts.append(f"{timing.ns_per_step / 1e3**thousands:.4g} {('ns', 'us', 'ms')[thousands]} a step")
-    steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
+    steps = f"{counted(summary.steps, 'step')} over {summary.duration_s:.6g} s"
     if summary.outcome != "completed" and not _is_whole(summary):
         reached = f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
-        steps = f"{summary.steps} steps requested, {reached}"
+        steps = f"{counted(summary.steps, 'step')} requested, {reached}"
     solver = f"{summary.solver}\n" if summary.solver else ""
     rigid = [name for name, entry in summary.sensors.items()
              if entry.meaning.endswith(OF_RIGID) and f"{name}_rigid" in summary.sensors]  # fmt: skip
@@ -171,8 +171,8 @@ def run_lines(summary: Summary) -> str:
         if summary.errors.endswith(REQUEST):  # other reasons leave no choice
             solver += f"errors of the sensors {summary.errors}\n"
     return (
-        f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
-        f"{summary.modes_kept} coordinates solved for, {steps}\n"
+        f"{summary.scene}, preset {summary.preset}: {counted(summary.degrees_of_freedom, 'degree of freedom')}, "
+        f"{counted(summary.modes_kept, 'coordinate')} solved for, {steps}\n"
         f"{solver}{', '.join(parts)}"
     )
 
@@ -213,7 +213,7 @@ def modes_table(found: Modes) -> str:
         for k, value in enumerate(found.frequencies)
     ]
     head = ("mode", "Hz", "largest displacement", "largest rotation")
-    where = at_drive(model)
+    where = model.reference_position
     return "\n".join([*([f"{model.scene.name} at {where}"] if where else []), table(head, rows, left=0)])
 
 

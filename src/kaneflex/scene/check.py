@@ -7,7 +7,17 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from kaneflex.scene.bodies import Body
-from kaneflex.scene.load_check import address_problems, drive_problems, event_problems, load_problems, spring_problems
+from kaneflex.scene.load_check import (
+    Rule,
+    address_problems,
+    broken,
+    drive_problems,
+    event_problems,
+    given,
+    is_tuple,
+    load_problems,
+    spring_problems,
+)  # fmt: skip
 from kaneflex.scene.parts import IN_THE_PLANE, SEVERAL_FREEDOMS, Joint
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
@@ -44,12 +54,13 @@ def problems_of(scene: Scene) -> list[Problem]:
 def _dimension_problems(scene: Scene) -> list[Problem]:
     """Problems of mixed vectors with two and three components, and of entries of the other kind of scene."""
     vectors = list(given_vectors(scene))
-    flat = next((key for key, value in vectors if len(value) == 2), None)
-    deep = next((key for key, value in vectors if len(value) == 3), None)
-    if flat is not None and deep is not None:
-        given = given_value(scene.raw, flat.split("."))
-        reason = f"two components, where {deep} has three"
-        return [Problem(flat, given, reason, "Give all vectors of a scene three components in space, two in the plane")]
+    flat, deep = ([key for key, value in vectors if len(value) == count] for count in (2, 3))
+    if flat and deep:
+        rare, usual = (deep, flat) if len(deep) <= len(flat) else (flat, deep)
+        own, others = ("three", "two") if rare is deep else ("two", "three")
+        reason = f"{own} components, where {usual[0]} has {others}"
+        cure = "Give all vectors of a scene three components in space, two in the plane"
+        return [Problem(rare[0], given_value(scene.raw, rare[0].split(".")), reason, cure)]
     if scene.is_spatial:
         from kaneflex.scene.spatial_check import spatial_problems
 
@@ -57,56 +68,41 @@ def _dimension_problems(scene: Scene) -> list[Problem]:
     return list(_spatial_only(scene))
 
 
-_IN_PLANE = "Give vectors three components, or import the body without --space"
+_CURE = "Give vectors three components, or leave it out"
+_SPATIAL_ONLY: tuple[Rule, ...] = (
+    ("bodies", "inertia", is_tuple, "a planar body turns about one axis", _CURE),
+    ("bodies", "rotation", given, "joints give the angles of planar bodies", _CURE),
+    ("bodies", "free.angular_velocity", given, "it turns about one axis", "Give angular_speed"),
+    ("masses", "inertia", is_tuple, "a planar body turns about one axis", _CURE),
+    *(("joints", kind, given, "a planar scene has no such joint", _CURE) for kind in SEVERAL_FREEDOMS),
+    *(("joints", axis, given, "planar joints turn about the plane's normal", _CURE) for axis in ("axis", "axes")),
+    ("springs", "bushing", given, "only scenes in space have bushings", IN_THE_PLANE),
+    ("drives", "angular_velocity", given, "a planar joint has one speed", "Give initial_speed"),
+    ("drives", "initial_speeds", given, "a planar joint has one speed", "Give initial_speed"),
+    ("contacts", "point_on_plane", given, "planar bodies touch along lines and circles",
+     "Use point_on_line in a planar scene"),
+    ("sensors", "torsional_moment", given, "planar beams don't twist", "Leave it out"),
+    ("sensors", "fibre", is_tuple, "a planar beam bends in one plane", "Give its height above the axis"),
+    ("sensors", "component", ("z", "angle_x", "angle_y", "angle_z").__contains__,
+     "a planar scene has no such component", _CURE),
+)  # fmt: skip
+"""Entries that only scenes in space have."""
 
 
 def _spatial_only(scene: Scene) -> Iterator[Problem]:
     """Problems of entries that only spatial scenes have."""
-    cure = "Give vectors three components, or leave it out"
+    yield from broken(scene, _SPATIAL_ONLY)
     for name, body in scene.bodies.items():
         if body.modal is not None and body.modal.dimension == 3:
-            reason = "the file describes a body in space"
-            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, _IN_PLANE)
-            continue
-        if isinstance(body.inertia, tuple):
-            yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
-        if body.rotation is not None:
-            yield Problem(f"bodies.{name}.rotation", None, "joints give the angles of planar bodies", cure)
-        if body.free is not None and body.free.angular_velocity is not None:
-            yield Problem(f"bodies.{name}.free.angular_velocity", None, "it turns about one axis", "Give angular_speed")
+            cure = "Give vectors three components, or import the body without --space"
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a body in space", cure)
         for part, sectioned in {} if body.beam is None else body.beam.sections.items():
             if sectioned.J is not None:
-                right = "Give I, or give vectors three components"
-                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
-    for name, mass in scene.masses.items():
-        if isinstance(mass.inertia, tuple):
-            yield Problem(f"masses.{name}.inertia", None, "a planar body turns about one axis", cure)
-    for name, joint in scene.joints.items():
-        if joint.kind in SEVERAL_FREEDOMS:
-            yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
-    for table, field, reason, right in (
-        ("joints", "axis", "planar joints turn about the plane's normal", cure),
-        ("joints", "axes", "planar joints turn about the plane's normal", cure),
-        ("springs", "bushing", "only scenes in space have bushings", IN_THE_PLANE),
-        ("drives", "angular_velocity", "a planar joint has one speed", "Give initial_speed"),
-        ("drives", "initial_speeds", "a planar joint has one speed", "Give initial_speed"),
-        ("sensors", "torsional_moment", "planar beams don't twist", "Leave it out"),
-    ):  # fmt: skip
-        for name, entry in getattr(scene, table).items():
-            if getattr(entry, field) is not None:
-                yield Problem(f"{table}.{name}.{field}", None, reason, right)
-    for name, contact in scene.contacts.items():
-        if contact.kind == "point-plane":
-            right = "Use point_on_line in a planar scene"
-            yield Problem(contact.entry(name), None, "planar bodies touch along lines and circles", right)
+                cure = "Give I, or give vectors three components"
+                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", cure)
     for name, sensor in scene.sensors.items():
         if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
             yield Problem(f"sensors.{name}.component", sensor.component, "planar beams need none", "Leave it out")
-        if isinstance(sensor.fibre, tuple):
-            right = "Give its height above the axis"
-            yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)
-        if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
-            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has no such component", cure)
 
 
 _MOST_GRAVITY = 1e15
@@ -121,7 +117,7 @@ def _gravity(scene: Scene) -> Iterator[Problem]:
 
 def _problems(scene: Scene, *more: Callable[[Scene], Iterable[Problem]]) -> list[Problem]:
     """Problems of the scene with contacts in place of its joints with clearance; ``more``: checks of these."""
-    checks = (_gravity, _names, lambda of: _beams(of.bodies, of.joints), _joints, _masses, _poses, drive_problems,
+    checks = (_gravity, _names, _addresses, lambda of: _beams(of.bodies, of.joints), _branches, _poses, drive_problems,
               load_problems, spring_problems, *more, _sensors, event_problems, _modal, _horizon)  # fmt: skip
     return [problem for check in checks for problem in check(scene)]
 
@@ -170,12 +166,16 @@ def _beams(bodies: Mapping[str, Body], joints: Mapping[str, Joint]) -> Iterator[
                 yield Problem(f"bodies.{name}.beam.axially_rigid", True, reason, cure)
 
 
-def _joints(scene: Scene) -> Iterator[Problem]:
-    bad = [problem for name, joint in scene.joints.items() for address in joint.addresses
-           for problem in address_problems(scene, f"joints.{name}.{joint.kind}", address, ground=True)]  # fmt: skip
-    yield from bad
-    closing = () if bad else scene.loop_joints()
-    for name, joint in () if bad else scene.joints.items():
+def _addresses(scene: Scene) -> Iterator[Problem]:
+    """Problems of points at which joints, springs, contacts, loads and masses act."""
+    for key, address in dict.fromkeys(scene.acting):
+        yield from address_problems(scene, key, address, ground=not key.startswith(("loads.", "masses.")))
+
+
+def _branches(scene: Scene) -> Iterator[Problem]:
+    joined = {side.body for joint in scene.joints.values() for side in joint.addresses}
+    closing = scene.loop_joints() if joined <= {"ground", *scene.bodies} else tuple(scene.joints)
+    for name, joint in scene.joints.items():
         if "branch" in joint.model_fields_set and name not in closing:
             yield Problem(f"joints.{name}.branch", joint.branch, *_no_loop(scene.bodies, scene.joints, closing))
 
@@ -216,11 +216,6 @@ def _poses(scene: Scene) -> Iterator[Problem]:
         yield Problem(f"drives.{name}", None, still, "Leave out either the drive or the poses")
 
 
-def _masses(scene: Scene) -> Iterator[Problem]:
-    for name, mass in scene.masses.items():
-        yield from address_problems(scene, f"masses.{name}.at", mass.at, ground=False)
-
-
 def _modal(scene: Scene) -> Iterator[Problem]:
     if any(body.modal_data is not None for body in scene.bodies.values()):
         from kaneflex.scene.modal_check import modal_problems
@@ -231,7 +226,11 @@ def _modal(scene: Scene) -> Iterator[Problem]:
 def _sensors(scene: Scene) -> Iterator[Problem]:
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
-        yield from _OF_SENSORS[sensor.kind](scene, key, sensor)
+        check, table, noun = _OF_SENSORS[sensor.kind]
+        if table and str(sensor.target) not in (known := getattr(scene, table)):
+            yield unknown(f"{key}.{sensor.kind}", str(sensor.target), noun, known)
+        else:
+            yield from check(scene, key, sensor)
         base = name.removesuffix("_rigid")
         if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
             yield taken(key, f"the value of {base} in the rigid mechanism has this name")
@@ -283,9 +282,7 @@ def _stress_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    if target not in scene.drives:
-        yield unknown(f"{key}.{sensor.kind}", target, "drive", scene.drives)
-    elif scene.is_spatial and scene.drives[target].free:
+    if scene.is_spatial and scene.drives[target].free:
         reason = f"a free joint has no drive force: drives.{target} is free"
         yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that moves it")
     elif target in scene.joints:
@@ -298,15 +295,12 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    if target not in scene.springs:
-        yield unknown(f"{key}.{sensor.kind}", target, "spring", scene.springs)
-        return
-    spring, given = scene.springs[target], "component" in sensor.model_fields_set
+    spring, chosen = scene.springs[target], "component" in sensor.model_fields_set
     right = "spring_force" if spring.torsional_at is None else "spring_torque"
     if spring.bushing is None and sensor.kind != right:
         kind = "linear" if spring.torsional_at is None else "torsional"
         yield Problem(f"{key}.{sensor.kind}", target, f"a {kind} spring has no {sensor.kind}", f"Measure its {right}")
-    elif spring.bushing is None and given:
+    elif spring.bushing is None and chosen:
         yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
     elif spring.bushing is not None and sensor.component not in ("x", "y", "z"):
         reason = "a bushing acts along and about x, y, z of its first body"
@@ -315,9 +309,7 @@ def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    if target not in scene.contacts:
-        yield unknown(f"{key}.{sensor.kind}", target, "contact", scene.contacts)
-    elif (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
+    if (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
         others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
         right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
         what = "a flank has a torque and an angle" if right in FLANK_KINDS else "it has a force and a gap"
@@ -337,22 +329,19 @@ def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    joint = scene.joints.get(target)
-    if joint is None:
-        yield unknown(f"{key}.joint_force", target, "joint", scene.joints)
-        return
-    bodies = [address.body for address in joint.addresses]
+    bodies = [address.body for address in scene.joints[target].addresses]
     if sensor.body is not None and sensor.body not in bodies:
         yield Problem(f"{key}.body", sensor.body, f"{target} joins {' and '.join(bodies)}", "Name one of them")
 
 
-_OF_SENSORS: dict[str, Callable[[Scene, str, Sensor], Iterator[Problem]]] = {
-    **dict.fromkeys(POINT_KINDS, _point_sensor), "stress": _stress_sensor,
-    **dict.fromkeys(DRIVE_KINDS, _drive_sensor), **dict.fromkeys(SPRING_KINDS, _spring_sensor),
-    **dict.fromkeys(CONTACT_KINDS, _contact_sensor), **dict.fromkeys(FRICTION_KINDS, _friction_sensor),
-    "joint_force": _joint_sensor,
+_OF_SENSORS: dict[str, tuple[Callable[[Scene, str, Sensor], Iterator[Problem]], str, str]] = {
+    **dict.fromkeys(POINT_KINDS, (_point_sensor, "", "")), "stress": (_stress_sensor, "", ""),
+    **dict.fromkeys(DRIVE_KINDS, (_drive_sensor, "drives", "drive")),
+    **dict.fromkeys(SPRING_KINDS, (_spring_sensor, "springs", "spring")),
+    **dict.fromkeys(CONTACT_KINDS, (_contact_sensor, "contacts", "contact")),
+    **dict.fromkeys(FRICTION_KINDS, (_friction_sensor, "", "")), "joint_force": (_joint_sensor, "joints", "joint"),
 }  # fmt: skip
-"""Check of a sensor's target, by the sensor's kind."""
+"""Check of a sensor by its kind; table that has its target, and what that is."""
 
 
 def _horizon(scene: Scene) -> Iterator[Problem]:
@@ -369,14 +358,14 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
         if drive.period is None:
             continue
         key = f"drives.{name}.{'cycle' if drive.cycle else 'period'}"
-        given = given_value(scene.raw, key.split("."))
+        cycle = given_value(scene.raw, key.split("."))
         if drive.cycle and not _is_multiple(drive.cycle, math.tau):
             reason = "the mechanism repeats only after whole turns"
-            plain = "" if isinstance(given, str) else "; plain numbers are in rad"
-            yield Problem(key, given, reason, f"Give a multiple of 360 deg{plain}")
+            plain = "" if isinstance(cycle, str) else "; plain numbers are in rad"
+            yield Problem(key, cycle, reason, f"Give a multiple of 360 deg{plain}")
         if not math.isclose(drive.period, scene.period, rel_tol=1e-9):
             reason = f"this cycle takes {drive.period:.6g} s, another drive's {scene.period:.6g} s"
-            yield Problem(key, given, reason, "Give cycles that take the same time")
+            yield Problem(key, cycle, reason, "Give cycles that take the same time")
 
 
 def _periods(scene: Scene) -> Iterator[Problem]:

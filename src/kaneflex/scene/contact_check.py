@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.clearances import ClearanceContact, contacts_of
 from kaneflex.scene.contacts import Contact
-from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, taken
@@ -77,8 +77,8 @@ def contact_problems(scene: Scene) -> Iterator[Problem]:
     for name, contact in scene.contacts.items():
         key = contact.entry(name)
         for side in contact.sides:
-            if (key, side) not in seen:
-                yield from _side(scene, key, contact, side)
+            if (key, side) not in seen and side.body in scene.bodies:
+                yield from _side(scene.bodies[side.body], key, contact, side)
             seen.add((key, side))
         if scene.is_frame:
             yield Problem(key, None, "bodies with poses don't move", "Leave out either the contact or the poses")
@@ -108,11 +108,7 @@ def tilt_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give its inertia")
 
 
-def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:
-    yield from address_problems(scene, key, side, ground=True)
-    body = scene.bodies.get(side.body)
-    if body is None:
-        return
+def _side(body: Body, key: str, contact: Contact, side: Address) -> Iterator[Problem]:
     if body.modal_data is not None:
         reason = f"{side.body} has modal data: contacts on such bodies are not available in this version"
         yield Problem(key, str(side), reason, "Put the contact on a rigid body joined to it")

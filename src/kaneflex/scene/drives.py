@@ -13,6 +13,7 @@ from kaneflex.scene.quantities import (
     AngularVelocity,
     DriveSpeed,
     DriveSpeeds,
+    LawText,
     Length,
     NonNegativeRatio,
     PositiveAngle,
@@ -47,7 +48,7 @@ class Drive(SceneTable):
     """
 
     speed: DriveSpeed | None = None
-    law: str | None = None
+    law: LawText | None = None
     table: str | None = None
     free: Literal[True] | None = None
     initial_speed: DriveSpeed = 0.0

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from kaneflex.scene.bodies import Body
-from kaneflex.scene.drives import Drive
-from kaneflex.scene.laws import Law, sample_times
-from kaneflex.scene.parts import Joint, Load
+from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.tables import abscissae
@@ -38,18 +34,37 @@ def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> 
         yield Problem(key, str(address), f"{address.body} has no point {address.point!r}", cure)
 
 
+Rule = tuple[str, str, Callable[[Any], bool], str, str]
+"""Table and field of its entries, a test of the values that are given there, reason and advice of a problem."""
+
+
+def broken(scene: Scene, rules: Iterable[Rule]) -> Iterator[Problem]:
+    """Problems of given entries by some rules; a field with a dot lies in a table of the entry."""
+    for table, path, applies, reason, cure in rules:
+        inner, _, field = path.rpartition(".")
+        for name, entry in getattr(scene, table).items():
+            owner = getattr(entry, inner) if inner else entry
+            if owner is not None and field in owner.model_fields_set and applies(getattr(owner, field)):
+                key = (table, name, *path.split("."))
+                yield Problem(".".join(key), given_value(scene.raw, key), reason, cure)
+
+
+def given(value: object) -> bool:
+    """True for every value that is given."""
+    return value is not None
+
+
+def is_tuple(value: object) -> bool:
+    return isinstance(value, tuple)
+
+
 def load_problems(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
-        if load.force_on is not None:
-            yield from address_problems(scene, f"loads.{name}.force_on", load.force_on, ground=False)
-        elif load.spread_on is not None:
+        if load.spread_on is not None:
             yield from _distributed(scene.bodies, f"loads.{name}.spread_on", load.spread_on)
-        elif load.torque_at not in scene.joints:
-            yield unknown(f"loads.{name}.torque_at", load.torque_at, "joint", scene.joints)
-        elif (kind := scene.joints[load.torque_at].kind) not in ("revolute", "cylindrical"):
-            reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'turns about several axes'}"
-            cure = "Name a revolute or a cylindrical joint" if scene.is_spatial else "Name a revolute joint"
-            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, cure)
+        if load.torque_at is not None:
+            turning = ("revolute", "cylindrical") if scene.is_spatial else ("revolute",)
+            yield from _turning(scene.joints, f"loads.{name}.torque_at", load.torque_at, turning)
         if load.against not in (None, *scene.law_names()):
             yield unknown(f"loads.{name}.against", load.against, "joint or speed", scene.law_names())
             continue
@@ -57,6 +72,8 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
             if load.kind == "table":
                 yield from _abscissa(scene, name)
             elif load.kind == "law":
+                from kaneflex.scene.law_check import check_load_law
+
                 check_load_law(scene, load)
         except Fault as fault:
             field = fault.below or load.kind
@@ -103,7 +120,6 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
     for name, spring in scene.springs.items():
         key, kind = f"springs.{name}", "bushing" if spring.bushing else "between"
         for end in spring.ends:
-            yield from address_problems(scene, f"{key}.{kind}", end, ground=True)
             body = scene.bodies.get(end.body)
             if body is not None and body.elastic and body.beam.axially_rigid:
                 cure = "Leave axially_rigid out, or attach the spring elsewhere"
@@ -114,16 +130,16 @@ def spring_problems(scene: Scene) -> Iterator[Problem]:
             cure = "Move one of the points, give only stiffness, or write torsional_at for a torsional spring"
             yield Problem(f"{key}.between", [*map(str, spring.ends)], reason, cure)
         if spring.torsional_at is not None:
-            yield from _torsional(scene.joints, f"{key}.torsional_at", spring.torsional_at)
+            yield from _turning(scene.joints, f"{key}.torsional_at", spring.torsional_at, ("revolute",))
 
 
-def _torsional(joints: Mapping[str, Joint], key: str, name: str) -> Iterator[Problem]:
+def _turning(joints: Mapping[str, Joint], key: str, name: str, kinds: Sequence[str]) -> Iterator[Problem]:
+    """Problems of the name of a joint that must be of some kinds, to have one rotation."""
     if name not in joints:
         yield unknown(key, name, "joint", joints)
-    elif joints[name].kind != "revolute":
-        kind = joints[name].kind
-        reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'has several degrees of freedom'}"
-        yield Problem(key, name, reason, "Name a revolute joint")
+    elif (kind := joints[name].kind) not in kinds:
+        reason = f"a {kind} joint {'does not turn' if kind in _STILL else 'turns about several axes'}"
+        yield Problem(key, name, reason, f"Name a {' or a '.join(kinds)} joint")
 
 
 def event_problems(scene: Scene) -> Iterator[Problem]:
@@ -159,6 +175,8 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
         drive = scene.drives[name]
         try:
             if drive.kind == "law":
+                from kaneflex.scene.law_check import check_drive_law
+
                 check_drive_law(drive, scene.horizon)
             elif drive.kind == "table":
                 measured = drive.read_table().dimension
@@ -200,126 +218,3 @@ def of_the_joint(raw: Mapping[str, Any], path: tuple[str, ...], kind: str, dimen
             to_si(given, dimension)
     except Fault as fault:
         yield Problem(".".join(path), given, f"{kind}; {fault.reason}", fault.cure)
-
-
-_FINE = 20_000
-"""Intervals of a run searched for jumps of atan2 and ends of asin, as many as laws are sampled at."""
-_HALVINGS = 60
-"""Bisections of an interval, more than double precision has binary digits."""
-_ROUNDING = 1e-12
-"""Distance below 1 at which the argument of asin counts as 1: the slope is then above 7e5."""
-
-
-def check_drive_law(drive: Drive, horizon: float | None) -> None:
-    """Raise Fault unless a drive's law is valid, without kinks, and finite over the run."""
-    from kaneflex.scene.law_parser import parse_law
-
-    law = parse_law(drive.law, ("t",))
-    kink = law.kinks(smooth=("atan2",))
-    if kink is not None:
-        reason = f"{kink} has kinks, at which the speed would jump"
-        raise Fault(reason, "Write a law whose speed is continuous, like sqrt(x**2 + small**2) for abs(x)")
-    if horizon is not None:
-        law.check_values({"t": sample_times(horizon)})
-        _check_inverse_functions(law, np.linspace(0.0, horizon, _FINE + 1))
-
-
-def _check_inverse_functions(law: Law, times: np.ndarray) -> None:
-    """Raise Fault for a law in t whose atan2 jumps, or whose asin or acos has an infinite slope, at some time."""
-    for _, call, _ in law.calls("atan2"):
-        t = _first_jump(call, times)
-        if t is not None:
-            reason = f"{call.text} jumps where its point (x, y) crosses the negative x axis, "
-            cure = "Write a law whose point does not cross the negative x axis"
-            raise Fault(f"{reason}at t = {t:.6g} s", cure)
-    for _, call, (argument,) in law.calls("asin", "acos"):
-        t = _first_end(argument, times)
-        if t is not None:
-            reason = f"{call.text} has an infinite slope at t = {t:.6g} s, where its argument is 1 or -1"
-            raise Fault(reason, "Write a law whose argument stays between -1 and 1, both excluded")
-
-
-def load_jump(law: Law, names: Sequence[str], horizon: float | None) -> str | None:
-    """Text of the first part of a load's law that jumps; atan2 of the time alone counts only if it jumps in the run."""
-    found = law.jumps(smooth=("atan2",))
-    moving = [name for name in names if name != "t"]
-    for _, call, _ in law.calls("atan2") if found is None else ():
-        known = horizon is not None and not call.uses_any(moving)
-        if not known or _first_jump(call, np.linspace(0.0, horizon or 0.0, _FINE + 1)) is not None:
-            return call.text
-    return found
-
-
-def _first_jump(angle: Law, times: np.ndarray) -> float | None:
-    """First time between `times` at which an angle [rad] in t jumps; None without a jump.
-
-    Between neighbours that differ by more than 1 rad, the half with the larger difference is bisected down to
-    rounding: over a jump, of pi or more, the values remain different.
-    """
-
-    def values(at: np.ndarray) -> np.ndarray:
-        return angle.on_arrays({"t": at})
-
-    found = values(times)
-    k = np.flatnonzero(abs(np.diff(found)) > 1.0)
-    low, high = times[k], times[k + 1]
-    for _ in range(_HALVINGS if len(k) else 0):
-        middle = (low + high) / 2
-        first = abs(values(middle) - values(low)) >= abs(values(high) - values(middle))
-        low, high = np.where(first, low, middle), np.where(first, middle, high)
-    jumps = abs(values(high) - values(low)) > 1.0
-    return float(high[jumps][0]) if jumps.any() else None
-
-
-def _first_end(argument: Law, times: np.ndarray) -> float | None:
-    """First time at which the magnitude of an argument in t reaches 1, also between `times`; None if never."""
-
-    def sizes(at: np.ndarray) -> np.ndarray:
-        return abs(argument.on_arrays({"t": at}))
-
-    found = sizes(times)
-    k = np.arange(len(times))
-    largest = (found >= np.roll(found, 1)) | (k == 0)
-    largest &= (found >= np.roll(found, -1)) | (k == k[-1])
-    k = np.flatnonzero(largest)
-    low, high = times[np.maximum(k - 1, 0)], times[np.minimum(k + 1, len(times) - 1)]
-    for _ in range(2 * _HALVINGS):  # each iteration keeps two thirds
-        left, right = (2 * low + high) / 3, (low + 2 * high) / 3
-        rises = sizes(left) < sizes(right)
-        low, high = np.where(rises, left, low), np.where(rises, high, right)
-    at = np.where(sizes(times[k]) >= sizes(low), times[k], low)
-    ends = sizes(at) >= 1.0 - _ROUNDING
-    return float(at[ends][0]) if ends.any() else None
-
-
-def check_load_law(scene: Scene, load: Load) -> None:
-    """Raise Fault unless a load's law is valid, and finite wherever its joints' motion is known before the run.
-
-    A law of a free joint's motion is evaluated at the joint's start; laws in the speed of a spin-up, a law or a table
-    are sampled with the derived motion (`kaneflex.solve.run_checks.check_laws`).
-    """
-    from kaneflex.scene.law_parser import parse_law
-
-    law = parse_law(load.law, scene.law_names())
-    for name in scene.joints:
-        if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):
-            reason = f"{name}_speed is both a joint and the speed of joint {name}"
-            raise Fault(reason, "Give the joint another name")
-    free = law.uses_any(scene.free_joints)
-    if scene.horizon is None and not free:
-        return
-    times = np.zeros(1) if free else sample_times(scene.horizon)
-    known = {"t": times}
-    for name, drive in scene.drives.items():
-        known |= _motion(name, drive, times)
-    if all(name in known for name in scene.law_names() if law.uses(name)):
-        law.check_values(known)
-
-
-def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray | float]:
-    """Coordinate [rad or m] and speed of a drive at `times` (n,), as far as known before the run, by a law's names."""
-    speed = drive.initial_speed if drive.free else drive.speed if drive.spin_up is None else None
-    try:
-        return {name: drive.coordinate(times)} | ({} if speed is None else {f"{name}_speed": speed})
-    except Fault:
-        return {}  # reported by the drive's own check

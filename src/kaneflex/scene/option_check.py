@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from kaneflex.scene import Scene
-from kaneflex.scene.load_check import load_jump
 from kaneflex.scene.parts import Joint
 from kaneflex.support.errors import SceneError, refuse
 
@@ -81,11 +80,15 @@ def check_laws(scene: Scene, dynamics: str) -> None:
             continue
         given = load.law or load.against
         strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
-        jump, preset = load_jump(law, scene.law_names(), scene.horizon), scene.solve.preset
+        preset = scene.solve.preset
         if strange is not None and dynamics != "coupled" and not scene.is_spatial:
             reason = f"under preset {preset} laws and tables can use joints with a drive only: {strange} has none"
             raise SceneError(key, given, reason, "Use preset coupled, or a joint with a drive")
-        if jump is not None and free is not None and dynamics != "coupled":
+        if load.law is None or free is None or dynamics == "coupled":
+            continue
+        from kaneflex.scene.law_check import load_jump
+
+        if (jump := load_jump(law, scene.law_names(), scene.horizon)) is not None:
             reason = f"{jump} jumps, and preset {preset} would step over the jump as it integrates {free}"
             raise SceneError(key, load.law, reason, f"Use preset coupled, or a smooth law: {_SMOOTH}")
 

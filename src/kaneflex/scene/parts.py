@@ -30,6 +30,7 @@ from kaneflex.scene.quantities import (
     Direction,
     DriveCoordinate,
     ForceOrTorque,
+    LawText,
     NonNegativeMass,
     NonNegativeRatio,
     NumberPair,
@@ -210,7 +211,7 @@ class Load(SceneTable):
     direction: Direction | None = None
     axes: Literal["global", "body"] = "global"
     value: ForceOrTorque | None = None
-    law: str | None = None
+    law: LawText | None = None
     table: str | None = None
     column: str | None = None
     unit: str | None = None
@@ -318,12 +319,8 @@ class Solve(SceneTable):
 
     preset: str = "stiffened"
     start: Annotated[Literal["zero", "quasistatic", "periodic"] | Start, BeforeValidator(_start_of)] = "zero"
-    steps: WholeNumber | None = Field(
-        default=None, description="steps per cycle, or per run without a cycle"
-    )
-    integrator: (
-        Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal"] | None
-    ) = None
+    steps: WholeNumber | None = Field(default=None, description="steps per cycle, or per run without a cycle")
+    integrator: Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal"] | None = None
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
@@ -344,9 +341,7 @@ class Solve(SceneTable):
         description="errors of the sensors to estimate; total also where that takes long, all with its parts and the "
         "error of one-way coupling",
     )
-    rho_infinity: NonNegativeRatio = Field(
-        default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
-    )
+    rho_infinity: NonNegativeRatio = Field(default=0.8, description="generalised-alpha's spectral radius, 0 to 1")
 
     @property
     def says_a_file(self) -> bool:

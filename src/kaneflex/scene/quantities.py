@@ -49,6 +49,15 @@ Words = Annotated[str, AfterValidator(_encodable)]
 """Free text that can be encoded as UTF-8."""
 
 
+def _in_text(value: object) -> object:
+    """A law that is a single number, as text."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+LawText = Annotated[str, BeforeValidator(_in_text), WithJsonSchema({"type": ["string", "number"]})]
+"""Law, or the number that it is."""
+
+
 class Address(NamedTuple):
     """Point of a body ("rod.mid"); `body` is "ground" for fixed points."""
 
@@ -264,9 +273,7 @@ Direction = Annotated[
     BeforeValidator(_unit_vector),
     WithJsonSchema(_DIRECTION_SCHEMA | {"description": "a direction, any length; three components in space"}),
 ]
-Axes = Annotated[
-    tuple[Vector, Vector], BeforeValidator(_two_axes), WithJsonSchema(list_of(_DIRECTION_SCHEMA, 2, 2))
-]
+Axes = Annotated[tuple[Vector, Vector], BeforeValidator(_two_axes), WithJsonSchema(list_of(_DIRECTION_SCHEMA, 2, 2))]
 BodyInertia = Annotated[
     Any,  # a number in the plane, in space a tuple
     BeforeValidator(_inertia),
@@ -286,9 +293,7 @@ AddressPair = two(
     Address, _address, "a joint has two sides", "Write two addresses, like ['crank.end', 'rod.start']",
     "two addresses, 'body.point'",
 )  # fmt: skip
-WholeNumber = Annotated[
-    int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})
-]
+WholeNumber = Annotated[int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})]
 CountOrAll = Annotated[
     int | str,
     BeforeValidator(lambda value: value if value == "all" else _whole_number(value)),

@@ -283,7 +283,10 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
     """Problem for one of pydantic's errors in a file of such a `model`."""
     path = [str(part) for part in error["loc"]]
     fault = error.get("ctx", {}).get("error")
-    if isinstance(fault, Fault):
+    if path[0] == "ground" and len(path) == 2 and isinstance(error.get("input"), dict):
+        reason = "a fixed point is a vector, not a table"
+        cure = "Write points directly under ground, like far = [0.1, 0]"
+    elif isinstance(fault, Fault):
         path += fault.below.split(".") if fault.below else []
         reason, cure = fault.reason, fault.cure
     elif error["type"] == "extra_forbidden":
@@ -297,14 +300,14 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
     elif error["type"] == "literal_error":
         expected = error["ctx"]["expected"]
         reason, cure = f"must be {expected}", "Write one of these" if " or " in expected else f"Write {expected}"
+    elif error["type"] == "too_short":
+        reason, cure = "empty", f"Give at least {error['ctx']['min_length']}"
     elif error["type"] in ("dict_type", "model_type"):
         reason, cure = "not a table", "Write a table, like {key = value}"
     elif error["type"] == "string_type":
         reason, cure = "not a text", "Write it in quotes"
     elif error["type"] in ("tuple_type", "list_type"):
         reason, cure = "not a list", "Write it in brackets, like [...]"
-    elif error["type"] == "too_short":
-        reason, cure = "empty", f"Give at least {error['ctx']['min_length']}"
     elif error["type"] in ("bool_type", "bool_parsing"):
         reason, cure = "neither true nor false", "Write true or false, without quotes"
     else:

@@ -95,9 +95,7 @@ class Scene(SceneTable):
     """
 
     schema_version: Literal[1] = Field(alias="schema")
-    like: str | None = Field(
-        default=None, description="a shipped scene, or a file in the same folder, to start from"
-    )
+    like: str | None = Field(default=None, description="a shipped scene, or a file in the same folder, to start from")
     name: Words = ""
     description: Words = ""
     assumptions: dict[Words, Words] = Field(default={}, description="assumptions, by topic")
@@ -230,7 +228,8 @@ class Scene(SceneTable):
         """Points at which joints, springs, contacts, loads and lumped masses act, in that order, with their entries."""
         found = [(f"joints.{name}.{joint.kind}", side) for name, joint in self.joints.items()
                  for side in joint.addresses]  # fmt: skip
-        found += [(f"springs.{name}.between", end) for name, spring in self.springs.items() for end in spring.ends]
+        found += [(f"springs.{name}.{'bushing' if spring.bushing else 'between'}", end)
+                  for name, spring in self.springs.items() for end in spring.ends]  # fmt: skip
         found += [(contact.entry(name), side) for name, contact in self.contacts.items() for side in contact.sides]
         found += [(f"loads.{name}.force_on", load.force_on) for name, load in self.forces.items()]
         return found + [(f"masses.{name}.at", mass.at) for name, mass in self.masses.items()]

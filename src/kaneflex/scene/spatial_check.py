@@ -5,61 +5,65 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from kaneflex.scene.load_check import Rule, broken, given, is_tuple
 from kaneflex.scene.parts import SEVERAL_FREEDOMS, START_SPEEDS
-from kaneflex.scene.scene import Scene, given_value
+from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, taken
 
-_SENSORS = (
-    "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
-    "torsional_moment", "strain", "stress", "joint_force", "drive_torque", "drive_force", "spring_force",
-    "spring_torque", "contact_force", "contact_gap", "contact_torque", "contact_angle",
-    "friction_force", "friction_torque",
-)  # fmt: skip
-
-
 _NO_BRISTLES = "only planar scenes have this law so far"
-
-
 _ALONG = math.cos(math.radians(10.0))
 """Smallest cosine of the angle to a body's x axis at which a sliding direction is along the body."""
+_SO_FAR = "only planar scenes have this so far"
+
+
+def _is_number(value: object) -> bool:
+    return bool(value) and not is_tuple(value)
+
+
+_PLANAR_ONLY: tuple[Rule, ...] = (
+    ("bodies", "pose", given, _SO_FAR, "Leave it out"),
+    *(("joints", field, given, _SO_FAR, "Give the bodies' rotation instead")
+      for field in ("branch", "near", "relative_angle")),
+    ("contacts", "point_on_line", given, _SO_FAR, "Use point_on_plane in a scene in space"),
+    ("contacts", "width", given, "only planar cylinders have a width so far", "Leave it out: circles are spheres"),
+    ("bodies", "free.angle", given, "only planar bodies have it", "Give the body's rotation"),
+    ("bodies", "free.angular_speed", given, "only planar bodies have it", "Give angular_velocity"),
+    *((table, "inertia", test, "a body in space has three principal moments of inertia", "Give [J_x, J_y, J_z]")
+      for table, test in (("bodies", lambda value: not is_tuple(value)), ("masses", _is_number))),
+    ("bodies", "beam.axially_rigid", bool, "only planar beams support this so far", "Leave it out"),
+    ("events", "sensor", given, _SO_FAR, "Leave the event out"),
+)  # fmt: skip
+"""Entries that only planar scenes support."""
+
+
 def spatial_problems(scene: Scene) -> list[Problem]:
     """Problems of a spatial scene that a planar one can't have."""
-    parts = _planar_only, _joints, _laws, _bodies, _beams, _drives, _sensors
+    parts = lambda of: broken(of, _PLANAR_ONLY), _planar_only, _joints, _laws, _beams, _drives, _sensors
     return [problem for part in parts for problem in part(scene)]
 
 
 def _planar_only(scene: Scene) -> Iterator[Problem]:
-    """Problems of entries that only planar scenes support so far."""
-    reason, cure = "only planar scenes have this so far", "Leave it out"
+    """Further problems of entries that only planar scenes support so far."""
     for name, body in scene.bodies.items():
-        if body.pose is not None:
-            yield Problem(f"bodies.{name}.pose", None, reason, cure)
         if body.modal is not None and body.modal.dimension != 3:
             right = "Import its finite elements with --space, or export it from a scene in space"
             yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file describes a planar link", right)
-    for name, joint in scene.joints.items():
+    for name in scene.joints:
         yield from _friction(scene, name)
-        for field in ("branch", "near", "relative_angle"):
-            if field in joint.model_fields_set:
-                right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
-                yield Problem(f"joints.{name}.{field}", None, reason, right)
     for name, contact in scene.with_clearances().contacts.items():
-        if contact.joint is None and contact.kind == "point-line":
-            yield Problem(contact.entry(name), None, reason, "Use point_on_plane in a scene in space")
-        elif contact.joint is None and contact.width is not None:
-            cure = "Leave it out: circles are spheres"
-            yield Problem(f"contacts.{name}.width", contact.width, "only planar cylinders have a width so far", cure)
-        elif contact.friction is not None and contact.friction.law == "lugre":
+        if contact.friction is not None and contact.friction.law == "lugre":
             yield Problem(f"{contact.stands(name)}.friction.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
         elif contact.law == "newton":
             right = "Give a contact stiffness with a law such as exact"
-            yield Problem(f"{contact.stands(name)}.contact.law", contact.law, reason, right)
+            yield Problem(f"{contact.stands(name)}.contact.law", contact.law, _SO_FAR, right)
         base = scene.bodies.get(contact.sides[0].body)
         if contact.joint is None and contact.kind == "point-plane" and base is not None and base.deforms:
             right = "Weld a rigid body to it that has the plane"
             yield Problem(contact.entry(name), str(contact.sides[0]), "the plane's body deforms", right)
-    for name in scene.events:
-        yield Problem(f"events.{name}", None, reason, cure)
+    for name in scene.masses:
+        for table in ("bodies", "joints", "loads"):
+            if name in getattr(scene, table):
+                yield taken(f"masses.{name}", f"{table} has an entry of this name")
     if scene.solve.preset == "paper":
         cure = "Choose rigid, quasistatic, linear, stiffened or coupled"
         yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
@@ -119,36 +123,14 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"joints.{name}.{joint.kind}", str(joint.addresses[0]), reason, cure)
 
 
-def _bodies(scene: Scene) -> Iterator[Problem]:
-    for name, body in scene.bodies.items():
-        if body.free is not None:
-            for field, right in (("angle", "the body's rotation"), ("angular_speed", "angular_velocity")):
-                if field in body.free.model_fields_set:
-                    yield Problem(f"bodies.{name}.free.{field}", None, "only planar bodies have it", f"Give {right}")
-        if "inertia" in body.model_fields_set and not isinstance(body.inertia, tuple):
-            reason = "a body in space has three principal moments of inertia"
-            given = given_value(scene.raw, ("bodies", name, "inertia"))
-            yield Problem(f"bodies.{name}.inertia", given, reason, "Give [J_x, J_y, J_z]")
-    for name, mass in scene.masses.items():
-        if mass.inertia and not isinstance(mass.inertia, tuple):
-            reason = "a body in space has three principal moments of inertia"
-            yield Problem(f"masses.{name}.inertia", mass.inertia, reason, "Give [J_x, J_y, J_z]")
-        for table in ("bodies", "joints", "loads"):
-            if name in getattr(scene, table):
-                yield taken(f"masses.{name}", f"{table} has an entry of this name")
-
-
 def _beams(scene: Scene) -> Iterator[Problem]:
     """Problems of sections in space, which bend in two planes and twist."""
     for name, body in scene.bodies.items():
         if body.beam is None:
             continue
-        key = f"bodies.{name}.beam"
-        if body.beam.axially_rigid:
-            yield Problem(f"{key}.axially_rigid", True, "only planar beams support this so far", "Leave it out")
         if body.beam.shear and not body.beam.rotary:
             reason = "only planar beams support shear without rotary inertia so far"
-            yield Problem(f"{key}.theory", body.beam.theory, reason, "Use timoshenko")
+            yield Problem(f"bodies.{name}.beam.theory", body.beam.theory, reason, "Use timoshenko")
         for part, sectioned in body.beam.sections.items():
             part_key, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
             if sectioned.section is None and sectioned.J is None:
@@ -160,13 +142,10 @@ def _beams(scene: Scene) -> Iterator[Problem]:
                     yield Problem(f"{part_key}.{field}", getattr(sectioned, field), "only planar beams use it", cure)
             if made_of.G is None:
                 yield Problem(part_key, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
-        acted = [(f"loads.{load}", each.force_on) for load, each in scene.forces.items()]
-        acted += [(f"springs.{spring}", end) for spring, each in scene.springs.items() for end in each.ends]
-        acted += [(f"contacts.{contact}", end) for contact, each in scene.contacts.items()
-                  for end in each.sides if each.joint is None]  # fmt: skip
-        for by, at in acted:
-            if at is not None and at.body == name and at.point in body.points_all and any(scene.point(at)[1:]):
-                reason = f"{by} acts off the axis of an elastic body"
+        for by, at in scene.acting:
+            off = at.body == name and at.point in body.points_all and any(scene.point(at)[1:])
+            if off and by.startswith(("loads.", "springs.", "contacts.")):
+                reason = f"{by.rpartition('.')[0]} acts off the axis of an elastic body"
                 key = f"bodies.{name}.points.{at.point}"
                 yield Problem(key, scene.point(at), reason, "Move the point onto the axis")
 
@@ -192,9 +171,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
     scene = scene.with_clearances()
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
-        if sensor.kind not in _SENSORS:
-            yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
-        elif sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
+        if sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
             what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
             yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or z", "Give y or z")
         elif sensor.kind == "strain" and not isinstance(sensor.fibre, tuple):

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.support import units
-from kaneflex.support.errors import Fault, nearest, within
+from kaneflex.support.errors import Fault, counted, nearest, within
 from kaneflex.support.files import read_text
 from kaneflex.support.interpolation import Interpolation, cubics_through
 from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, plain_number, scaled, unit_factor
@@ -283,7 +283,7 @@ def _read(
             reason = f"{path.name}, line {line}: {len(row)} cells under {len(header)} columns"
             raise Fault(reason, "Separate cells by commas, and write decimals with a point", below="table")
     if len(rows) - 1 < _FEWEST_ROWS:
-        reason = f"{path.name} has {len(rows) - 1} rows of numbers"
+        reason = f"{path.name} has {counted(len(rows) - 1, 'row')} of numbers"
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
     x_assumed = next((_ASSUMED[each] for each in x_dimensions if each in _ASSUMED), None)
     with within("table"):

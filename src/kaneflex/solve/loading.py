@@ -27,6 +27,7 @@ from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
 from kaneflex.support.arguments import takes
+from kaneflex.support.errors import counted
 from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import compiled_by, silent
 
@@ -244,7 +245,8 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} has no effect")
     found += _idle_settings(scene, options)
     if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
-        found.append(f"preset coupled uses {options.modes} modes of each link for solve.modes = all: give a number")
+        modes = counted(int(options.modes), "mode")
+        found.append(f"preset coupled uses {modes} of each link for solve.modes = all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
         found.append(f"solve.rho_infinity = {solve.rho_infinity:g} has no effect: it belongs to generalised-alpha")
     beams = {name: body.beam for name, body in scene.bodies.items() if body.elastic and body.beam is not None}
@@ -255,7 +257,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append("no body is elastic: damping.modal has no modes to damp")
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
-        count = "one element" if options.elements == 1 else f"{options.elements} elements"
+        count = counted(options.elements, "element")
         whatever = f"and ignores the elements of {', '.join(finer)}"
         found.append(f"preset {options.preset} uses {count} for each link {whatever}")
     idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]

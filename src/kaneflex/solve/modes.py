@@ -18,7 +18,7 @@ from kaneflex.solve.loading import load, uncoupled
 from kaneflex.solve.run_result import MOST_FREQUENCIES
 from kaneflex.solve.summary_tables import PeakSpread
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, counted
 
 _LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
 """Modes compared with a mesh of twice the elements, change that is reported, and elements of a link
@@ -107,7 +107,8 @@ def _count(model: Model, size: int, count: int | None) -> int:
         cure = "Give a body a beam, or choose another preset"
         raise SceneError("solve.preset", model.options.preset, "no body is elastic: there are no modes", cure)
     if count is not None and count > size:
-        raise SceneError("count", count, f"the mechanism has {size} degrees of freedom", f"Use at most {size}")
+        reason = f"the mechanism has {counted(size, 'degree of freedom')}"
+        raise SceneError("count", count, reason, f"Use at most {size}")
     return count or min(size, MOST_FREQUENCIES)
 
 

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.state import State
 
-_ROUNDED = 1e-9  # share of a law's largest value that counts as rounding
-_POLE_PARTS, _POLE_LEVELS = 64, 4
-"""Parts into which intervals around a possible pole are divided, and how often: by 1e7 in all."""
 _MEETING = 1e-3
 """Share of a spring's greatest length below which its direction is undefined."""
 UNREPEATED = "{} is {:.6g} at first and {:.6g} a cycle later"
@@ -64,6 +61,8 @@ def _check_finite(model: Model) -> None:
     if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
         _check_poles(model, rigid, known)
         return
+    from kaneflex.scene.law_check import FINITE
+
     for name in sorted(known, key=lambda name: name not in scene.loads):
         lost = ~np.isfinite(rigid[name])
         if not lost.any():
@@ -74,52 +73,18 @@ def _check_finite(model: Model) -> None:
         else:
             drive = min(scene.drives, key=lambda drive: scene.drives[drive].law is None)
             key, thing, given = f"drives.{drive}", "the motion or a derivative of it", scene.drives[drive].law
-        raise SceneError(
-            key, given, f"{thing} has no finite value at t = {t:.6g} s",
-            "Give a law that is finite over the run, or another duration",
-        )  # fmt: skip
+        raise SceneError(key, given, f"{thing} has no finite value at t = {t:.6g} s", FINITE)
 
 
 def _check_poles(model: Model, rigid: RigidMotion, known: Sequence[str]) -> None:
-    """Raise SceneError if a law has a pole between two samples."""
-    laws = {f"{name}.angle": ("drives", name, drive.law) for name, drive in model.scene.drives.items()}
-    laws |= {name: ("loads", name, load.law) for name, load in model.scene.loads.items()}
-    for scalar in sorted(laws.keys() & set(known)):
-        table, name, law = laws[scalar]
-        t = None if law is None else _pole(rigid, scalar)
-        if t is not None:
-            raise SceneError(
-                f"{table}.{name}", law, f"it grows without bound at t = {t:.6g} s",
-                "Give a law that is finite over the run, or another duration",
-            )  # fmt: skip
+    """Raise SceneError if a load's law has a pole between two samples; those of drives are checked with the scene."""
+    loads = model.scene.loads
+    for name in sorted(name for name in loads.keys() & set(known) if loads[name].law is not None):
+        from kaneflex.scene.law_check import FINITE, pole
 
-
-def _pole(rigid: RigidMotion, scalar: str) -> float | None:
-    """Time of a pole of a scalar [s], searched where neighbouring values differ most; None if there is none.
-
-    At a pole the difference grows with each refinement; at a jump it stays the same, elsewhere it decreases. A pole at
-    an instant itself exceeds both neighbours at every refinement.
-    """
-    times, values = rigid.times, rigid[scalar]
-    parted = abs(np.diff(values))
-    before = first = max(float(parted.max(initial=0.0)), _ROUNDED * float(abs(values).max()))
-    for _ in range(_POLE_LEVELS if first else 0):
-        k, before = int(parted.argmax()), max(first, float(parted.max()))
-        low, high = max(k - 1, 0), min(k + 2, len(parted))  # an even pole lies next to the largest difference
-        times = np.linspace(times[low], times[high], _POLE_PARTS * (high - low) + 1)
-        values = rigid.motion.at(times)[scalar]
-        parted = abs(np.diff(values))
-        if not np.isfinite(values).all():
-            return float(times[np.isfinite(values).argmin()])
-        if parted.max() < 2.0 / _POLE_PARTS * first:
-            return None
-    if not first:
-        return None
-    rise, fall = np.diff(values)[:-1], -np.diff(values)[1:]
-    alone = np.minimum(abs(rise), abs(fall)) * (rise * fall > 0.0)
-    if parted.max() > 2.0 * before:
-        return float(times[parted.argmax()])
-    return float(times[1 + alone.argmax()]) if alone.max() > 0.5 * parted.max() else None
+        if (t := pole(lambda at, of=name: rigid.motion.at(at)[of], rigid.times)) is not None:
+            law = loads[name].law
+            raise SceneError(f"loads.{name}.law", law, f"it grows without bound at t = {t:.6g} s", FINITE)
 
 
 def refuse_unrepeated(reason: str | None) -> None:

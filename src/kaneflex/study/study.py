@@ -20,7 +20,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import WholeNumber
 from kaneflex.scene.read import problem_in
 from kaneflex.scene.table import SceneTable, the_one_given
-from kaneflex.support.errors import Fault, SceneError, nearest
+from kaneflex.support.errors import Fault, SceneError, counted, nearest
 from kaneflex.support.files import read_text
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
@@ -137,7 +137,7 @@ class Poincare(SceneTable):
             If the drive has no period, or steps are not given.
         """
         if self.discard >= self.periods:
-            reason = f"a run has only {self.periods} periods"
+            reason = f"a run has only {counted(self.periods, 'period')}"
             raise SceneError("poincare.discard", self.discard, reason, "Discard fewer, or increase periods")
         duration = self.periods * self.period(scene)
         return [f"solve.duration={duration!r}", f"solve.steps={self.periods * self.steps(scene)}"]

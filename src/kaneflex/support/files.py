@@ -243,5 +243,8 @@ def read_text(path: Path) -> str:
     check_file(path)
     try:
         return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise Fault(f"not a text in UTF-8, from line {line} on", "Save it as UTF-8, or give another file") from None
+    except OSError as error:
         raise Fault(f"cannot be read: {error}", "Give a readable UTF-8 file") from None

@@ -13,7 +13,7 @@ from scipy.sparse import coo_array, csc_array, eye_array, kron
 
 from kaneflex.fem.imported.elements import OPPOSITE, TURNS, ImportedMesh
 from kaneflex.fem.imported.matrices import read_lines, read_matrix, read_table
-from kaneflex.support.errors import Fault
+from kaneflex.support.errors import Fault, counted
 from kaneflex.support.units import plain_number
 
 _NONE = 1e-9
@@ -128,7 +128,8 @@ def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     """Numbers and coordinates (n_nodes, 3) of the nodes."""
     table = _input_nodes(path) if Path(path).suffix.lower() == ".inp" else read_table(path)
     if table.shape[1] not in (3, 4):
-        raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
+        reason = f"{path} has {counted(table.shape[1], 'column')}"
+        raise Fault(reason, "Give a node's number, then its two or three coordinates")
     numbers = table[:, 0].astype(np.int64)
     if (wrong := numbers != table[:, 0]).any():
         number = f"{table[wrong][0, 0]:g}"

@@ -23,7 +23,7 @@ from scipy.io import mminfo
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from kaneflex.support import machine
-from kaneflex.support.errors import Fault, installed
+from kaneflex.support.errors import Fault, counted, installed
 from kaneflex.support.files import check_file
 
 LARGEST = 2**31
@@ -186,7 +186,7 @@ def _abaqus(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labe
     table = read_table(path)
     if table.shape[1] not in (3, 5):
         raise Fault(
-            f"{path} has {table.shape[1]} columns",
+            f"{path} has {counted(table.shape[1], 'column')}",
             "Give a Matrix Market file, or one of Abaqus: lines of node, direction, node, direction, value, or of "
             "row, column, value",
         )

@@ -23,7 +23,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_in
 from kaneflex.scene import Scene
 from kaneflex.scene.option_check import refuse_in_space
 from kaneflex.scene.options import Options
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, counted
 from kaneflex.support.escaping import visible
 from kaneflex.support.sparse_rows import SparseRows
 
@@ -148,7 +148,8 @@ class Model:
     @property
     def in_short(self) -> str:
         """Name, preset and degrees of freedom."""
-        return f"{visible(self.scene.name)}, {self.options.preset}, {self.degrees_of_freedom} degrees of freedom"
+        freedom = counted(self.degrees_of_freedom, "degree of freedom")
+        return f"{visible(self.scene.name)}, {self.options.preset}, {freedom}"
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -224,6 +225,12 @@ class Model:
             if abs(away) < REACHED["m" if slides else "rad"]:
                 found[name] = asked
         return found
+
+    @property
+    def reference_position(self) -> str:
+        """Text of :attr:`reference_coordinates`, like "main = 90 deg"; empty without a drive."""
+        rounded = {name: 0.0 if abs(at) < 1e-9 else at for name, at in self.reference_coordinates.items()}
+        return ", ".join(f"{name} = {self.scene.written_coordinate(name, at)}" for name, at in rounded.items())
 
     @property
     def module(self) -> ModuleType:

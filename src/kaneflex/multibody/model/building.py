@@ -26,7 +26,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
-from kaneflex.support.errors import SceneError
+from kaneflex.support.errors import SceneError, counted
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -341,7 +341,7 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
     count = size if modes == "all" else modes
     if count > size:
         raise SceneError(
-            "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
+            "solve.modes", modes, f"the mechanism has {counted(size, 'degree of freedom')}",
             "Use fewer modes, or more elements",
         )  # fmt: skip
     if size and not has_modes(model):

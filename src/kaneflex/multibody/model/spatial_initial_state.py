@@ -100,12 +100,15 @@ def _check_drives(system: System, choice: Choice) -> None:
 def _check_closing(system: System, q: np.ndarray) -> None:
     """Check that redundant rows hold, too."""
     system.place(q)
-    off = abs(system.work.rows[: len(system.work.row_measure), 0]) / system.work.row_measure
-    if off.max(initial=0.0) > 1e-7:
-        joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
+    gaps, measure = abs(system.work.rows[: len(system.work.row_measure), 0]), system.work.row_measure
+    if (gaps > 1e-7 * measure).any():
+        worst = int((gaps / measure).argmax())
+        joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= worst < rows.stop)
+        unit, factor = ("mm", 1e3) if measure[worst] != 1.0 else ("deg", 180.0 / np.pi)
+        unit, factor = ("m or rad", 1.0) if system.mechanism.size == 1.0 else (unit, factor)
         raise SceneError(
             f"joints.{joint}", None, "the loop that it closes can't close where the drives start: "
-            f"a gap of {off.max():.1e} of the mechanism's size, or of 1 rad, remains",
+            f"a gap of {factor * gaps[worst]:.3g} {unit} remains",
             "Check lengths and axes, and give the bodies rotations near the initial position",
         )  # fmt: skip
 

@@ -25,6 +25,7 @@ from kaneflex.multibody.time.error_bounds import Method
 from kaneflex.multibody.time.linearisation import Equations, state_matrix
 from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.support.errors import counted
 
 _CYCLES = 100
 """Largest number of cycles of the search."""
@@ -204,7 +205,7 @@ class Cycles:
             if self.repeats(found, REPEATS if stalled else self.left):
                 tell(1.0)
                 verdict = self.judged(found) if self.judges else COMPLETED
-                how = f"; found by continuing for {waited} cycles{failure}" if failure else ""
+                how = f"; found by continuing for {counted(waited, 'cycle')}{failure}" if failure else ""
                 return found, verdict._replace(message=verdict.message + how)
             tell(count / _CYCLES)
             if not failure:

@@ -16,6 +16,7 @@ from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_mul
 from kaneflex.study.stability.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.study.stability.sweep import FORWARD, ORDERS, Sweep, check_sweep, sweep
 from kaneflex.support.arguments import takes
+from kaneflex.support.errors import counted
 from kaneflex.support.terminal import share_of, silent
 
 FREQUENCIES = 6
@@ -224,9 +225,9 @@ def _of_recommended(found: Stability) -> str:
         return "no integrator is stable"
     options = found.model.options
     own = next((each for each in found.limits if each.integrator == options.integrator), None)
-    text = f"{limit.integrator} with {limit.steps} steps in a period or more"
+    text = f"{limit.integrator} with {counted(limit.steps, 'step')} in a period or more"
     if own is not None and own.limited and (own.steps is None or options.steps < own.steps):
-        return f"{text}: the scene's {options.steps} steps with {options.integrator} are too few"
+        return f"{text}: more than the scene's {counted(options.steps, 'step')} with {options.integrator}"
     return text
 
 

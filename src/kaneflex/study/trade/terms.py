@@ -179,7 +179,8 @@ def terms(
             if isinstance(error, StoppedEarly) and group.dropped in runs.failed:
                 effects.append(Effect(group, (), True, None, str(error)))
             else:
-                left_out[group.name] = str(error)
+                # without advice, which concerns a setting that only this model has
+                left_out[group.name] = "; ".join(f"{each.key}: {each.reason}" for each in error.problems)
     effects.sort(key=lambda effect: -(effect.error if effect.differences or effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
 
