@@ -52,7 +52,7 @@ def pendulum(*changes, text=PENDULUM):
      r"sensors.angle.component = 'angle_y'.*not a coordinate of this joint"),
     ("", 'contacts.stop = {between = ["ground", "bar.end"], kind = "point-line"}', r"contacts"),
     ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
-     r"sensors.gauge.fibre = 0.005.*Give both, like"),
+     r"sensors.gauge.fibre = '5 mm'.*Give both, like"),
     ("", "bodies.loose.mass = 1", r"bodies.loose: it has neither a joint nor a position"),
     ("joints.hinge", "joints.other = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}\njoints.hinge",
      r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),

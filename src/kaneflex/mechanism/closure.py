@@ -147,23 +147,22 @@ def reach_lines(mechanism: NumericMechanism, courses: Courses) -> dict[str, str]
     for name, joint in mechanism.joints.items():
         if joint.kind == "weld":
             continue
-        values = without_rounding(mechanism, joint_course(joint, courses), joint.slides)
-        if joint.slides:
-            stroke = f", a stroke of {1e3 * np.ptp(values):.4g} mm" if len(values) > 1 else ""
-            found[name] = f"{_range(1e3 * values)} mm{stroke}"
-        else:
-            found[name] = "full turns" if turns_around(values) else f"{_range(np.degrees(values))} deg"
+        found[name] = reach_line(mechanism, joint_course(joint, courses), joint.slides)
     meeting = _meeting(mechanism, courses)
     return found | ({"coincide": "; ".join(meeting)} if meeting else {})
 
 
-def without_rounding(mechanism: Numbers, course: np.ndarray, slides: bool) -> np.ndarray:
-    """Coordinate of a joint over the motion [rad or m], (n,), without differences from zero or from its start
-    below 1e-9 of a turn or of the mechanism's size."""
+def reach_line(mechanism: Numbers, course: np.ndarray, slides: bool) -> str:
+    """Range of the coordinate of a joint over the motion [rad or m], (n,), as text, without differences from zero or
+    from its start below 1e-9 of a turn or of the mechanism's size."""
     points = [at for own in mechanism.points.values() for at in own.values()]
     size = max(abs(np.array(each)).max() for each in points) or 1.0
     least = _OPEN * (max(size, abs(course).max()) if slides else math.tau)
-    return np.where(abs(course) < least, 0.0, np.where(abs(course - course[0]) < least, course[0], course))
+    values = np.where(abs(course) < least, 0.0, np.where(abs(course - course[0]) < least, course[0], course))
+    if slides:
+        stroke = f", a stroke of {1e3 * np.ptp(values):.4g} mm" if len(values) > 1 else ""
+        return f"{_range(1e3 * values)} mm{stroke}"
+    return "full turns" if turns_around(values) else f"{_range(np.degrees(values))} deg"
 
 
 def joint_course(joint: Joint, courses: Courses) -> np.ndarray:

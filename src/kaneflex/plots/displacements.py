@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from kaneflex.plots.style import new_figure, readable
-from kaneflex.plots.view import Panel, View, view
+from kaneflex.plots.style import Panel, new_figure, readable
+from kaneflex.plots.view import View, view
 from kaneflex.response.time_statistics import envelope, thinned
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.plots.style import legend_beside, new_figure, plot_curves, readable
-from kaneflex.plots.view import Panel, View, view
+from kaneflex.plots.style import Panel, legend_beside, new_figure, readable
+from kaneflex.plots.view import View, view
 from kaneflex.response.motion import Motion
 from kaneflex.scene.parts import Load
 from kaneflex.scene.tables import abscissae, evaluate_block, read_table
@@ -64,9 +64,9 @@ def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tu
     for axes, (name, (joint, speed)) in zip(places, speeds.items(), strict=True):
         load = scene.loads[name]
         factor, unit = readable("m/s", speed) if scene.joints[joint].kind == "prismatic" else (30.0 / np.pi, "rpm")
-        quantity = _QUANTITY[load.si_unit]
-        title = f"{name}: {quantity.lower()} {_where(load)}"
-        size, _ = plot_curves(axes, factor * speed, [(name, sizes[name])], load.si_unit, title, quantity.lower())
+        quantity = _QUANTITY[load.si_unit].lower()
+        panel = Panel(f"{name}: {quantity} {_where(load)}", quantity, load.si_unit, [(name, sizes[name])])
+        size, _ = panel.plot(axes, factor * speed)
         axes.plot(factor * speed[0], size * sizes[name][0], "o", color="black", markersize=5, markerfacecolor="white")
         axes.set_xlabel(f"speed of {joint}, starting at the ring [{unit}]")
         axes.margins(x=0.02)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import legend_above, new_figure, plot_curves
+from kaneflex.plots.style import Panel, legend_above, new_figure
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
@@ -16,13 +17,12 @@ if TYPE_CHECKING:
 
 _NOTHING = 1e-9
 """A mean below this share of the largest value is written as none."""
-Curves = list[tuple[str, np.ndarray]]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``motion``: positions, velocities and accelerations, translation left and rotation right, drives below."""
     shown = view(solution)
-    columns = [column for column in (_guided(shown), _turning(shown)) if any(curves for *_, curves in column)]
+    columns = [column for column in (_guided(shown), _turning(shown)) if any(panel.curves for panel in column)]
     drives = _drives(shown)
     rows = 3 * bool(columns)
     if not columns and not drives:
@@ -32,24 +32,24 @@ def figures(solution: Solution) -> dict[str, Figure]:
     below = []
     for column, panels in enumerate(columns):
         first = None
-        for row, (title, quantity, unit, curves) in enumerate(panels):
+        for row, panel in enumerate(panels):
             axes = figure.add_subplot(grid[row, column], sharex=first)
-            plot_curves(axes, shown.x, curves, unit, title, quantity)
+            panel.plot(axes, shown.x)
             axes.tick_params(labelbottom=row == len(panels) - 1)
             first = first or axes
         below.append(axes)
-    for row, (title, quantity, unit, curves) in enumerate(drives):
+    for row, panel in enumerate(drives):
         axes = figure.add_subplot(grid[rows + row, :])
-        factor, label = plot_curves(axes, shown.x, curves, unit, title, quantity)
-        if quantity in ("torque", "force"):
-            _mark_means(axes, shown, curves, factor, label)
+        factor, label = panel.plot(axes, shown.x)
+        if panel.quantity in ("torque", "force"):
+            _mark_means(axes, shown, panel.curves, factor, label)
         below.append(axes)
     for axes in below:
         shown.label_x(axes)
     return {"motion": figure}
 
 
-def _guided(shown: View) -> list[tuple[str, str, str, Curves]]:
+def _guided(shown: View) -> list[Panel]:
     """Position along the guide from the guide's origin, velocity and acceleration, of bodies on fixed guides."""
     scene, rigid = shown.solution.model.scene, shown.rigid
     position, velocity, acceleration = [], [], []
@@ -65,13 +65,13 @@ def _guided(shown: View) -> list[tuple[str, str, str, Curves]]:
         acceleration.append((name, a))
     whose = f" of {position[0][0]}" if len(position) == 1 else ""
     return [
-        (f"Position{whose} along its guide", "position", "m", position),
-        (f"Velocity{whose}", "velocity", "m/s", velocity),
-        (f"Acceleration{whose}", "acceleration", "m/s^2", acceleration),
+        Panel(f"Position{whose} along its guide", "position", "m", position),
+        Panel(f"Velocity{whose}", "velocity", "m/s", velocity),
+        Panel(f"Acceleration{whose}", "acceleration", "m/s^2", acceleration),
     ]
 
 
-def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
+def _turning(shown: View) -> list[Panel]:
     """Angle, angular velocity and acceleration of the bodies that turn without being driven."""
     scene, rigid = shown.solution.model.scene, shown.rigid
     driven = {address.body for name in scene.drives for address in scene.joints[name].addresses}
@@ -80,13 +80,13 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
     rates, accelerations = ([(name, rigid[f"{name}.{key}"]) for name in names] for key in ("omega", "epsilon"))
     whose = f" of {names[0]}" if len(names) == 1 else ""
     return [
-        (f"Angle{whose}", "angle", "rad", angles),
-        (f"Angular velocity{whose}", "ang. velocity", "rad/s", rates),
-        (f"Angular acceleration{whose}", "ang. acceleration", "rad/s^2", accelerations),
+        Panel(f"Angle{whose}", "angle", "rad", angles),
+        Panel(f"Angular velocity{whose}", "ang. velocity", "rad/s", rates),
+        Panel(f"Angular acceleration{whose}", "ang. acceleration", "rad/s^2", accelerations),
     ]
 
 
-def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
+def _drives(shown: View) -> list[Panel]:
     """Coordinates of the drives that do not turn or slide evenly, by laws, tables or from rest; then their forces and
     torques, but where the rigid mechanism only follows the coupled run."""
     motion, scene, found = shown.motion, shown.solution.model.scene, []
@@ -100,11 +100,11 @@ def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
         if own:
             whose = own[0] if key == "angle" and len(own) == 1 else "the drives"
             curves = [(name, values[f"{name}.{key}"]) for name in own]
-            found.append((f"{quantity.capitalize()} of {whose}", quantity, unit, curves))
+            found.append(Panel(f"{quantity.capitalize()} of {whose}", quantity, unit, curves))
     return found
 
 
-def _mark_means(axes: Axes, shown: View, curves: Curves, factor: float, label: str) -> None:
+def _mark_means(axes: Axes, shown: View, curves: Sequence[tuple[str, np.ndarray]], factor: float, label: str) -> None:
     """The means of curves over what is shown, dashed, drawn in a unit that is ``factor`` of SI."""
     for (name, values), line in zip(curves, axes.get_lines(), strict=True):
         mean = factor * np.trapezoid(values, shown.times) / (np.ptp(shown.times) or 1.0)

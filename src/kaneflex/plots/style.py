@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from struct import pack
 from textwrap import fill
+from typing import NamedTuple
 from zlib import compress, crc32
 
 import matplotlib
@@ -252,21 +253,23 @@ def shade(colour: str, towards: float) -> tuple[float, float, float]:
     return tuple((1 - abs(towards)) * part + abs(towards) * mixed for part in to_rgb(colour))
 
 
-def plot_curves(
-    axes: Axes, x: np.ndarray, curves: Iterable[tuple[str, np.ndarray]], unit: str, title: str, quantity: str
-) -> tuple[float, str]:
-    """Curves (label, values in SI) of one quantity on one panel, with its axis label, title and legend.
+class Panel(NamedTuple):
+    """Curves (name, values in their SI unit) of one quantity."""
 
-    Returns the factor and the label of the unit that the panel is drawn in.
-    """
-    curves = list(curves)
-    factor, label = readable(unit, *(values for _, values in curves))
-    for name, values in curves:
-        axes.plot(x, factor * values, label=name)
-    axes.set(title=title, ylabel=f"{quantity} [{label}]", xmargin=0)
-    if len(curves) > 1:
-        legend_above(axes)
-    return factor, label
+    title: str
+    quantity: str
+    unit: str
+    curves: Sequence[tuple[str, np.ndarray]]
+
+    def plot(self, axes: Axes, x: np.ndarray) -> tuple[float, str]:
+        """Plot the curves with axis label, title and legend; return factor and label of the unit that is drawn."""
+        factor, label = readable(self.unit, *(values for _, values in self.curves))
+        for name, values in self.curves:
+            axes.plot(x, factor * values, label=name)
+        axes.set(title=self.title, ylabel=f"{self.quantity} [{label}]", xmargin=0)
+        if len(self.curves) > 1:
+            legend_above(axes)
+        return factor, label
 
 
 def legend_above(axes: Axes) -> None:

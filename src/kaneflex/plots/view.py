@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.plots.style import finish, mark_angles, pages, plot_curves, readable
+from kaneflex.plots.style import Panel, finish, mark_angles, pages, readable
 from kaneflex.response.motion import Motion
 from kaneflex.response.time_statistics import MISSED, frames, missed
 
@@ -26,15 +26,6 @@ FRAMES = 60
 _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
 _TURNS_SHOWN = 3
-
-
-class Panel(NamedTuple):
-    """Curves (name, values in their SI unit) over what is shown."""
-
-    title: str
-    quantity: str
-    unit: str
-    curves: Sequence[tuple[str, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +119,7 @@ class View:
         """Panels of that size [inches] over one abscissa; ``mark`` adds to each after its curves."""
         figure, grid = pages(len(panels), f"{heading}{self.note}", width, height)
         for axes, panel in zip(grid, panels, strict=True):
-            plot_curves(axes, self.x, panel.curves, panel.unit, panel.title, panel.quantity)
+            panel.plot(axes, self.x)
             if mark is not None:
                 mark(axes, panel)
         self.finish(grid)

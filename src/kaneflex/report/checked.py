@@ -39,8 +39,8 @@ def description(model: Model) -> Blocks:
     state = start_coordinates(model) if model.options.dynamics == "coupled" else ()
     equations = {
         "degrees of freedom": str(model.degrees_of_freedom),
-        "coordinates": _named((*model.coordinates, *model.shapes_given)),
-        **({"coordinates of a state": _named(state)} if state else {}),
+        **{title: _named(names) for title, names in (
+            ("coordinates", (*model.coordinates, *model.shapes_given)), ("coordinates of a state", state)) if names},
         **_lowest(model),
         "structure": model.motion.module.STRUCTURE,
         "module": _module(model),
@@ -58,7 +58,7 @@ def _named(coordinates: Sequence[str]) -> str:
     shown = list(coordinates)
     if len(shown) > _MOST_NAMES:
         shown = [*shown[: _MOST_NAMES - 2], "...", shown[-1]]
-    return " ".join(shown) or "none"
+    return " ".join(shown)
 
 
 def warnings(model: Model) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.closure import courses_of, instants, reach_lines, without_rounding
+from kaneflex.mechanism.closure import courses_of, instants, reach_line, reach_lines
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import PRESETS, SEVERAL_FREEDOMS, TERM_NAMES
@@ -81,14 +81,9 @@ def _reach(model: Model) -> dict[str, str]:
 
 def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     """Least and greatest coordinates of the joints in space that have one."""
-    joints, found = model.scene.joints, {}
-    for name in model.module.coordinates:
-        sliding = joints[name].kind == "prismatic"
-        course = without_rounding(mechanism_of(model.scene), rigid[f"{name}.angle"], sliding)
-        low, high = course.min(), course.max()
-        ends = [f"{1e3 * x:.6g} mm" if sliding else f"{np.degrees(x):.6g} deg" for x in (low, high)]
-        found[name] = " to ".join(dict.fromkeys(ends))
-    return found
+    mechanism, joints = mechanism_of(model.scene), model.scene.joints
+    return {name: reach_line(mechanism, rigid[f"{name}.angle"], joints[name].kind == "prismatic")
+            for name in model.module.coordinates}  # fmt: skip
 
 
 def spatial_mobility(system: System, choice: Choice) -> Blocks:
@@ -99,8 +94,8 @@ def spatial_mobility(system: System, choice: Choice) -> Blocks:
     free = ", ".join(system.mechanism.free_joints)
     return {"degrees of freedom": {
         "joints": f"{speeds} at {', '.join([*system.layout.tree, *system.mechanism.floating])}",
-        "closing": f"{counted(rows, 'constraint')} at {', '.join(system.layout.cuts) or 'no joint'}"
-        + (f", {spare} of them redundant" if spare else ""),
+        **({"closing": f"{counted(rows, 'constraint')} at {', '.join(system.layout.cuts)}"
+            + (f", {spare} of them redundant" if spare else "")} if rows else {}),
         "driven": f"{len(system.driven)}",
         "left": f"{left}" + (f", free: {free}" if free else ""),
     }}  # fmt: skip
@@ -155,7 +150,7 @@ def _options(model: Model) -> dict[str, str]:
 
 
 _STARTS = {
-    "zero": "from rest, undeformed", "quasistatic": "quasi-static deformation", "periodic": "periodic",
+    "zero": "undeformed", "quasistatic": "quasi-static deformation", "periodic": "periodic",
     "given": "state given in the scene",
 }  # fmt: skip
 

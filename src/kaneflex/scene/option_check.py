@@ -47,20 +47,16 @@ def _welded(bodies: Collection[str], of: Mapping[str, Joint]) -> bool:
 
 def check_contacts(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for contacts, friction or free bodies without preset coupled."""
-    for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
-        what = "a contact" if contact.joint is None else "a joint with a clearance"
-        reason = f"preset {scene.solve.preset} does not support {what}"
-        raise SceneError(contact.stands(name), None, reason, "Use preset coupled")
-    for name in () if scene.is_spatial else scene.floating:
-        if dynamics != "coupled":
-            reason = f"preset {scene.solve.preset} does not support a free body"
-            raise SceneError(f"bodies.{name}.free", None, reason, "Use preset coupled")
-        if scene.solve.start in ("quasistatic", "periodic"):
-            reason = f"bodies.{name} is free, so there is no equilibrium or periodic motion"
-            raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
-    for name in scene.frictions if dynamics != "coupled" else ():
-        reason = f"preset {scene.solve.preset} does not support friction"
-        raise SceneError(f"joints.{name}.friction", None, reason, "Use preset coupled")
+    of_contacts = {contact.stands(name): "a contact" if contact.joint is None else "a joint with a clearance"
+                   for name, contact in scene.contacts.items()}  # fmt: skip
+    floating = [] if scene.is_spatial else [f"bodies.{name}" for name in scene.floating]
+    coupled = of_contacts | {f"{body}.free": "a free body" for body in floating}
+    coupled |= {f"joints.{name}.friction": "friction" for name in scene.frictions}
+    for key, what in coupled.items() if dynamics != "coupled" else ():
+        raise SceneError(key, None, f"preset {scene.solve.preset} does not support {what}", "Use preset coupled")
+    if floating and scene.solve.start in ("quasistatic", "periodic"):
+        reason = f"{floating[0]} is free, so there is no equilibrium or periodic motion"
+        raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
     if scene.solve.start == "periodic" and scene.is_spatial:
         reason = "only planar scenes have periodic motions so far"
         refuse_contacts(scene, "solve.start", "periodic", reason, "Start from zero and run long enough")

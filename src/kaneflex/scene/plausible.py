@@ -16,7 +16,7 @@ from kaneflex.scene.parts import Joint, Load, Mass
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sections import Constants
-from kaneflex.scene.sensors import SECTION_KINDS
+from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 from kaneflex.support.units import ANGLE
 
@@ -70,15 +70,18 @@ def _plain_numbers(scene: Scene) -> Iterator[str]:
         yield f"gravity is {g:.4g} m/s^2, where the earth's is 9.81: a plain number is in m/s^2"
 
 
+def _sections_read(scene: Scene) -> Iterator[tuple[str, Sensor, Address, Body, float]]:
+    """Name, sensor, address, body and distance from its start [m] of every sensor in a section of a beam."""
+    for name, sensor in scene.sensors.items():
+        if sensor.kind in SECTION_KINDS and isinstance(address := sensor.target, Address):
+            if (body := scene.bodies[address.body]).beam is not None:
+                yield name, sensor, address, body, scene.point(address)[0]
+
+
 def _cuts(scene: Scene) -> Iterator[str]:
     """Warnings of sensors without ``cut`` where section forces, or for a strain the section, jump."""
-    for name, sensor in scene.sensors.items():
-        if sensor.kind not in SECTION_KINDS or "cut" in sensor.model_fields_set:
-            continue
-        address = sensor.target
-        assert isinstance(address, Address)
-        body, x = scene.bodies[address.body], scene.point(address)[0]
-        if body.beam is None:
+    for name, sensor, address, body, x in _sections_read(scene):
+        if "cut" in sensor.model_fields_set:
             continue
         changes = sensor.kind == "strain" and x in {piece.stop for piece in body.profile.pieces[:-1]}
         if x in scene.acted_on(address.body) or changes:
@@ -88,14 +91,9 @@ def _cuts(scene: Scene) -> Iterator[str]:
 
 def _fibres(scene: Scene) -> Iterator[str]:
     """Warnings of strain gauges outside a section of known shape: beyond half its height, in space or width."""
-    for name, sensor in scene.sensors.items():
-        if sensor.fibre is None:
-            continue
-        address = sensor.target
-        assert isinstance(address, Address)
-        body, x = scene.bodies[address.body], scene.point(address)[0]
-        piece = body.profile.piece_at(x, sensor.cut == "after") if body.beam is not None else None
-        if piece is None or piece.shape is None:
+    for name, sensor, address, body, x in _sections_read(scene):
+        piece = body.profile.piece_at(x, sensor.cut == "after")
+        if sensor.fibre is None or piece.shape is None:
             continue
         height, second = (*piece.dimensions(x), 0.0)[:2]
         sides = (height, second if piece.shape.kind in ("rectangle", "I") else height)

@@ -147,7 +147,9 @@ def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
     close = difflib.get_close_matches(path.stem[:LONGEST_NAME], [*files, *shipped], n=1)
     if close and close[0] in files:
         return f"A similar file is {files[close[0]]!r}"
-    return nearest(path.stem, shipped).replace("Known", "Shipped scenes")
+    if close:
+        return f"The nearest known one is {close[0]!r}"
+    return "Give the path of a file, or the name of a shipped scene, see `kaneflex list`"
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:

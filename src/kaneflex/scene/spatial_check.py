@@ -31,6 +31,8 @@ _PLANAR_ONLY: tuple[Rule, ...] = (
     *((table, "inertia", test, "a body in space has three principal moments of inertia", "Give [J_x, J_y, J_z]")
       for table, test in (("bodies", lambda value: not is_tuple(value)), ("masses", _is_number))),
     ("bodies", "beam.axially_rigid", bool, "only planar beams support this so far", "Leave it out"),
+    ("sensors", "fibre", lambda value: not is_tuple(value), "a fibre in space needs y and z of the section",
+     "Give both, like ['10 mm', 0]"),
     ("events", "sensor", given, _SO_FAR, "Leave the event out"),
 )  # fmt: skip
 """Entries that only planar scenes support."""
@@ -174,9 +176,6 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         if sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
             what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
             yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or z", "Give y or z")
-        elif sensor.kind == "strain" and not isinstance(sensor.fibre, tuple):
-            reason = "a fibre in space needs y and z of the section"
-            yield Problem(f"{key}.fibre", sensor.fibre, reason, "Give both, like ['10 mm', 0]")
         elif sensor.component == "angle" and scene.joint_read(sensor) is None:
             yield Problem(f"{key}.component", "angle", "a rotation in space needs an axis", "Write it like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":
