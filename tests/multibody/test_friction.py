@@ -325,7 +325,7 @@ def test_the_one_way_presets_name_what_has_friction():
     (BLOCK, "mu = 0.3", "", "there is no friction"),
     (HINGE, ', radius = "10 mm"', "", "friction torque of a pin needs its radius"),
     (HINGE, "0.005 N m", "5 N", "preload.*torque"),
-    (HINGE, "friction_torque", "friction_force", "Measure its friction_torque"),
+    (HINGE, "friction_torque", "friction_force", "Write friction_torque"),
 ])  # fmt: skip
 def test_what_a_friction_lacks_is_named(scene, written, instead, says):
     with pytest.raises(SceneError, match=says):

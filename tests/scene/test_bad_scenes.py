@@ -240,7 +240,7 @@ BAD = {
         "springs.main: joints has an entry of this name. Choose another name."),
     "torque of a straight spring": ("[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_torque = "band"}',
-        "sensors.m.spring_torque = 'band': a linear spring has no spring_torque. Measure its spring_force."),
+        "sensors.m.spring_torque = 'band': a linear spring has no spring_torque. Write spring_force."),
     "force of no spring": ("[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
         '\n[sensors]\nm = {spring_force = "bnd"}',
         "sensors.m.spring_force = 'bnd': no spring of that name. The nearest known one is 'band'."),

@@ -161,11 +161,11 @@ def _hit(low: np.ndarray, high: np.ndarray, lower: np.ndarray, upper: np.ndarray
     return np.count_nonzero(meets[..., 0] & meets[..., 1], axis=-1)
 
 
-def sensors_by_place(scene: Scene, stand: Standing) -> list[tuple[str, np.ndarray, list[str]]]:
+def sensors_by_place(stand: Standing) -> list[tuple[str, np.ndarray, list[str]]]:
     """Places at which sensors measure: (address or joint, place [mm], names), in the scene's order."""
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
-    for name, sensor in scene.sensors.items():
-        key, ends = _measured_at(scene, sensor)
+    for name, sensor in stand.scene.sensors.items():
+        key, ends = _measured_at(stand.scene, sensor)
         found.setdefault(key, (np.mean([stand.at(end) for end in ends], axis=0), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
 

@@ -61,7 +61,7 @@ def scheme(scene: Scene, placed: Rigid) -> Figure:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
-    sensors = sensors_by_place(scene, stand)
+    sensors = sensors_by_place(stand)
     below = _arrange(figure, axes, shape, title, listed(sensors), 0.0 if fixed.flat else _FLAT_VIEWS)
     axes.set_title(_configuration(scene, stand))
     ground = draw_scenery(axes, fixed, drawn)

@@ -55,7 +55,7 @@ def grouped(scene: Scene, names: Iterable[str], reach: Mapping[str, float] | Non
     for name in names:
         sensor = scene.sensors[name]
         title = _title(sensor)
-        if in_clearance(scene, sensor):
+        if isinstance(sensor.position, Address) and sensor.position.body in scene.loose:
             title = "Angle in a clearance" if sensor.component == "angle" else "Position in a clearance"
         groups.setdefault(title, []).append(name)
     most, panels = len(PALETTE), dict[str, list[str]]()
@@ -84,11 +84,6 @@ def _reach(shown: View, name: str) -> float:
     values = shown.solution.series[name].values[shown.instants]
     span = float(np.ptp(values)) if values.size and np.isfinite(values).all() else 0.0
     return span if span > _ROUNDING * float(abs(values).max(initial=0.0)) else 0.0
-
-
-def in_clearance(scene: Scene, sensor: Sensor) -> bool:
-    """True where a sensor reads the place of a pin or a block in its clearance."""
-    return isinstance(sensor.position, Address) and sensor.position.body in scene.loose
 
 
 def quantity_of(sensor: Sensor) -> str:

@@ -287,44 +287,42 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         yield Problem(f"{key}.{sensor.kind}", target, reason, "Measure joint_force, or the load that moves it")
     elif target in scene.joints:
         slides = scene.slides(target)
-        right = "drive_force" if slides else "drive_torque"
-        if sensor.kind != right:
-            kind = "slides" if slides else "turns"
-            yield Problem(f"{key}.{sensor.kind}", target, f"that joint {kind}", f"Write {right}")
+        what = f"that joint {'slides' if slides else 'turns'}"
+        yield from _suits(key, sensor, "drive_force" if slides else "drive_torque", what)
 
 
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    target = str(sensor.target)
-    spring, chosen = scene.springs[target], "component" in sensor.model_fields_set
-    right = "spring_force" if spring.torsional_at is None else "spring_torque"
-    if spring.bushing is None and sensor.kind != right:
-        kind = "linear" if spring.torsional_at is None else "torsional"
-        yield Problem(f"{key}.{sensor.kind}", target, f"a {kind} spring has no {sensor.kind}", f"Measure its {right}")
-    elif spring.bushing is None and chosen:
-        yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
-    elif spring.bushing is not None and sensor.component not in ("x", "y", "z"):
+    spring = scene.springs[str(sensor.target)]
+    if spring.bushing is None:
+        right, kind = ("spring_torque", "torsional") if spring.torsional_at else ("spring_force", "linear")
+        yield from _suits(key, sensor, right, f"a {kind} spring has no {sensor.kind}")
+        if sensor.kind == right and "component" in sensor.model_fields_set:
+            yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
+    elif sensor.component not in ("x", "y", "z"):
         reason = "a bushing acts along and about x, y, z of its first body"
         yield Problem(f"{key}.component", sensor.component, reason, "Give x, y or z")
 
 
 def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    target = str(sensor.target)
-    if (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
-        others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
-        right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
-        what = "a flank has a torque and an angle" if right in FLANK_KINDS else "it has a force and a gap"
-        yield Problem(f"{key}.{sensor.kind}", target, what, f"Write {right}")
+    pairs, flank = [("contact_force", "contact_gap"), FLANK_KINDS], scene.contacts[str(sensor.target)].kind == "angle"
+    right = pairs[flank][any(sensor.kind == second for _, second in pairs)]
+    yield from _suits(key, sensor, right, "a flank has a torque and an angle" if flank else "it has a force and a gap")
 
 
 def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    target = str(sensor.target)
-    turning = {name: scene.turns_at(name) for name in scene.frictions}
-    if target not in turning:
-        cure = nearest(target, turning) if turning else "Give a joint or a contact friction"
+    target, known = str(sensor.target), scene.frictions
+    if target not in known:
+        cure = nearest(target, known) if known else "Give a joint or a contact friction"
         yield Problem(f"{key}.{sensor.kind}", target, "no joint or contact of that name has friction", cure)
-    elif turning[target] != (sensor.kind == "friction_torque"):
-        kind = "torque" if turning[target] else "force"
-        yield Problem(f"{key}.{sensor.kind}", target, f"the friction there is a {kind}", f"Measure its friction_{kind}")
+        return
+    kind = "torque" if scene.turns_at(target) else "force"
+    yield from _suits(key, sensor, f"friction_{kind}", f"the friction there is a {kind}")
+
+
+def _suits(key: str, sensor: Sensor, right: str, reason: str) -> Iterator[Problem]:
+    """Problem of a sensor whose target only has another kind of quantity."""
+    if sensor.kind != right:
+        yield Problem(f"{key}.{sensor.kind}", str(sensor.target), reason, f"Write {right}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
