@@ -41,7 +41,7 @@ def linear_about(model: Model, t: float) -> Linear:
     not known.
     """
     reason = "the equations are nonlinear"
-    refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
+    refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave contacts and friction out")
     equations, base = _undeformed(model, t)
     try:
         found = equations.equilibrium(base)
