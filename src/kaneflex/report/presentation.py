@@ -142,7 +142,7 @@ def _options(model: Model) -> dict[str, str]:
     shown["pins"] = "elastic rotation shared" if options.weld_pins else "elastic rotation released unless shared"
     shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held unless free"
     shown["shortening"] = "included in the displacements" if options.foreshortening else "left out"
-    kept = "all modes" if options.modes == "all" else counted(options.modes, "mode")
+    kept = counted(options.modes, "mode")
     of = {"craig-bampton": f", {kept} of each link", "modal": f", {kept} of the mechanism", "none": ""}
     shown["reduction"] = options.reduction + of[options.reduction]
     shown["mode angle"] = model.reference_position or "none: nothing is driven"

@@ -245,7 +245,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} has no effect")
     found += _idle_settings(scene, options)
     if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
-        modes = counted(int(options.modes), "mode")
+        modes = counted(options.modes, "mode")
         found.append(f"preset coupled uses {modes} of each link for solve.modes = all: give a number")
     if "rho_infinity" in solve.model_fields_set and options.integrator != "generalised-alpha":
         found.append(f"solve.rho_infinity = {solve.rho_infinity:g} has no effect: it belongs to generalised-alpha")

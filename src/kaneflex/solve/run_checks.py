@@ -82,7 +82,10 @@ def _check_poles(model: Model, rigid: RigidMotion, known: Sequence[str]) -> None
     for name in sorted(name for name in loads.keys() & set(known) if loads[name].law is not None):
         from kaneflex.scene.law_check import FINITE, pole
 
-        if (t := pole(lambda at, of=name: rigid.motion.at(at)[of], rigid.times)) is not None:
+        def sizes(at: np.ndarray, of: str = name) -> np.ndarray:
+            return rigid.motion.at(at)[of]
+
+        if (t := pole(sizes, rigid.times)) is not None:
             law = loads[name].law
             raise SceneError(f"loads.{name}.law", law, f"it grows without bound at t = {t:.6g} s", FINITE)
 

@@ -151,7 +151,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return "Known: " + ", ".join(known) if known else "There is none: add one first"
 
 
-def counted(count: int, noun: str) -> str:
+def counted(count: object, noun: str) -> str:
     """Number with its noun, like "1 step" and "2 degrees of freedom"."""
     many = noun.replace(" of ", "s of ") if " of " in noun else f"{noun}s"
     return f"{count} {noun if count == 1 else many}"
