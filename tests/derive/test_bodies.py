@@ -344,7 +344,7 @@ def test_the_weight_of_a_rod_is_a_load_spread_over_it(rod):
 def test_sections_of_loads_spread_over_rigid_and_elastic_bodies(rod):
     scene = scene_of(LOADED)
     length, blocks = scene.bodies["crank"].length, Blocks(mechanism_of(scene), {"rod": lambda held, freed: rod})
-    sections = build_tables(mechanism_of(scene), blocks).layout.sections
+    sections = build_tables(blocks).sections
     assert {Side("crank", (k * length / 3, 0.0, 0.0)) for k in (1, 2)} <= {*sections}
     middle = blocks.station(rod, *rod.at((scene.bodies["rod"].length / 2, 0.0, 0.0)))
     axial, transverse = rod.counts

@@ -86,8 +86,8 @@ def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(kind, tu
         drives={} if kind == "weld" else dict(first="free = true"), solve=dict(duration=1),
     ))  # fmt: skip
     mechanism = mechanism_of(scene)
-    tables = build_tables(mechanism, SpatialBlocks(mechanism, RIGID)).tables
-    cuts = tables.acts[: tables.ranges[1], WHAT]
+    built = build_tables(SpatialBlocks(mechanism, RIGID))
+    cuts = built.acts[: built.ranges[1], WHAT]
     assert sum(len(ANGLES[what]) for what in cuts) == held == 6 - mechanism.joints["first"].freedoms
     system = system_of(scene)
     rng = np.random.default_rng(SEED)

@@ -25,7 +25,7 @@ from kaneflex.multibody.model.shape_families import check_family
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import System, has_slopes
 from kaneflex.multibody.model.topology import build_tables
-from kaneflex.multibody.model.tree_builder import AnyMechanism, Built, Numbers
+from kaneflex.multibody.model.tree_builder import AnyMechanism, TreeBuilder
 from kaneflex.multibody.model.tree_layout import (
     BALL,
     COORDINATE,
@@ -114,7 +114,7 @@ def _system(
     in_laws = (*mechanism.drives, *mechanism.observed)
     integrates = coupled or not space or bool(mechanism.free_joints or mechanism.floating)
     blocks: Any = SpatialBlocks if space else Blocks
-    built = build_tables(mechanism, blocks(mechanism, flexible), in_laws, mechanism.prescribed, switches, rubs)
+    built = build_tables(blocks(mechanism, flexible), in_laws, mechanism.prescribed, switches, rubs)
     kind = _kind(mechanism, switches, coupled or (integrates and has_slopes(mechanism, in_laws)))
     engine = engine_of(built, module, p, kind=kind, integrates=integrates)
     shapes = engine.layout.shapes if made is None else made
@@ -153,40 +153,39 @@ def check_modes(mechanism: NumericMechanism, name: str, asked: int, limited: boo
         )  # fmt: skip
 
 
-def engine_of(built: Built, module: Any, p: np.ndarray, **more: Any) -> Engine:
+def engine_of(built: TreeBuilder, module: Any, p: np.ndarray, **more: Any) -> Engine:
     """Engine of a mechanism at rest, loops not closed; ``more``: further attributes."""
-    t, layout, counts = built.tables, built.layout, Counts(built)
-    numbers = Numbers()
-    numbers.put(built.w.whole)
-    plan, views, size = assign(counts, built.driven, numbers)
-    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else built.size for _, unit in layout.coordinates])
+    parts, layout, acts, numbers = built.arrays(), built.layout, built.acts, built.w
+    bodies, nodes, length = parts.pop("bodies"), parts["nodes"], built.of_bodies.mechanism.size
+    counts = Counts(built, bodies)
+    plan, views, size = assign(counts, built.courses, numbers)
+    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else length for _, unit in layout.coordinates])
     w = numbers.whole
-    balls = t.nodes[t.nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]] if counts.in_space else np.zeros((0, 2), int)
+    balls = nodes[nodes[:, KIND] == BALL][:, [COORDINATE, SPEED]] if counts.in_space else np.zeros((0, 2), int)
     of_balls = zip((counts.positions, counts.coordinates), balls.T, (4, 3), strict=True)
     own = np.column_stack([np.setdiff1d(np.arange(count), first[:, None] + np.arange(wide))
                            for count, first, wide in of_balls])  # fmt: skip
-    parts = {name: part for name, part in t._asdict().items() if name not in ("bodies", "acts", "ranges")}
-    parts |= {"balls": np.ascontiguousarray(balls), "own": own, "K": built.K, "C": built.C}
-    parts |= {"counts": np.array([
+    parts |= {"balls": np.ascontiguousarray(balls), "own": own}
+    parts["counts"] = np.array([
         counts.nodes, counts.coordinates, counts.positions, counts.sections, counts.axes, counts.bodies,
         views["kept"][1][0], counts.twists, views["geometry"][0], len(balls), len(own),
         counts.joints,
-    ])}  # fmt: skip
-    assign_rows(plan, t.acts)
-    of_joints = t.acts[t.ranges[4] : t.ranges[5]]
+    ])  # fmt: skip
+    assign_rows(plan, acts)
+    of_joints = acts[built.ranges[4] : built.ranges[5]]
     of_joints = of_joints[of_joints[:, at.COURSE_AT] >= 0]
     springs = np.zeros((counts.coordinates, 2))
     np.add.at(springs, of_joints[:, at.COURSE_AT], w[of_joints[:, [at.NUMBERS_AT]] + np.arange(2)])
     parts |= dict(zip(("joint_stiffness", "joint_damping"), np.ascontiguousarray(springs.T), strict=True))
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
     room, pairs = np.zeros(size), np.zeros(size, complex)
-    p = np.ascontiguousarray(p, float)
-    tables = at.Tables(plan, t.bodies, t.acts, w)
-    engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, light=built.light, **more)
-    work = engine.work
-    work.offset[:], work.row_measure[:] = t.numbers[:, SHIFT], np.where(built.angles, 1.0, built.size or 1.0)
-    work.sections[t.on < 0, :3] = t.at[t.on < 0]
+    p, tables = np.ascontiguousarray(p, float), at.Tables(plan, bodies, acts, w)
+    engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, light=built.is_light, **more)
+    work, on_ground = engine.work, parts["on"] < 0
+    work.offset[:] = parts["numbers"][:, SHIFT]
+    work.row_measure[:] = np.where(built.cuts.angles, 1.0, length or 1.0)
+    work.sections[on_ground, :3] = parts["at"][on_ground]
     if not counts.in_space:
         work.R[:, 0] = 1.0
-    w[plan[at.TOUCH] + at.EXTENT] = built.size or 1.0
+    w[plan[at.TOUCH] + at.EXTENT] = length or 1.0
     return engine

@@ -25,12 +25,13 @@ _LOAD = (0, -1, -1, -1, -1, -1)
 
 
 def list_acts(
-    builder: TreeBuilder, mechanism: AnyMechanism, in_laws: Sequence[str], switches: int, rubs: bool
+    builder: TreeBuilder, mechanism: AnyMechanism, in_laws: Sequence[str], rubs: bool
 ) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Rows of ``acts`` and their ranges, see :class:`Tables`, with those of the cuts.
+    """Interactions (n_acts, 6), see ``acts`` in :mod:`kaneflex.multibody.model.layout`, and their ranges: first places
+    of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches, and the end.
 
-    Joints used by laws follow the drives, switching arguments follow the contacts, forces and moments of loads follow
-    these. ``in_laws``: joints whose coordinates may occur in laws; ``rubs``: with friction.
+    Forces and moments of loads follow. ``in_laws``: joints whose coordinates may occur in laws; ``rubs``: with
+    friction.
     """
     drives, loads, cuts = list[Row](), [_LOAD] * len(mechanism.loads), builder.cuts
     joints: Mapping[str, Any] = mechanism.joints
@@ -47,7 +48,7 @@ def list_acts(
     others = len(cuts.acts) + len(drives) + len(loads) + len(springs)
     holds = _hold_acts(builder, mechanism, others) if rubs else []
     touching = [*_contact_acts(builder, mechanism, row + len(holds))]
-    touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
+    touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(builder.switches)]
     parts: Sequence[Sequence[Row]] = (cuts.acts, holds, drives, loads, springs, touching)
     ranges = tuple(np.cumsum([0, *map(len, parts)]).tolist())
     return whole([row for part in (*parts, _load_acts(builder, mechanism)) for row in part], 6), ranges

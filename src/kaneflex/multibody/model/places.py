@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.tree_builder import Built, Numbers
+from kaneflex.multibody.model.tree_builder import Numbers, TreeBuilder
 from kaneflex.multibody.model.tree_layout import COUNT, ROW_OF
 
 PLANE = 3
@@ -29,25 +29,25 @@ class Counts:
     those of holds, and with contacts; ``virtual``: most coordinates with virtual inertia.
     """
 
-    def __init__(self, built: Built) -> None:
-        t, layout = built.tables, built.layout
-        self.d = PLANE if t.numbers.shape[1] == 3 * PLANE else 6
-        self.in_space, self.row_size = self.d != PLANE, 3 + 2 * self.d
-        self.shapes: list[int] = t.bodies[:, at.SHAPES].tolist()
-        self.bodies, self.joints, self.nodes = len(t.bodies), len(t.joints), len(t.nodes)
-        self.sections, self.axes = len(t.on), len(t.axis_on)
-        self.coordinates, self.positions = len(layout.coordinates), len(layout.positions)
+    def __init__(self, built: TreeBuilder, bodies: np.ndarray) -> None:
+        mechanism, cuts = built.of_bodies.mechanism, built.cuts
+        self.d, self.in_space, self.row_size = built.d, built.d != PLANE, 3 + 2 * built.d
+        self.shapes: list[int] = bodies[:, at.SHAPES].tolist()
+        self.bodies, self.joints, self.nodes = len(bodies), len(mechanism.joints), len(built.nodes)
+        self.sections, self.axes = len(built.carriers), len(built.axes)
+        self.coordinates, self.positions = len(built.speeds), len(built.positions)
         self.coupling, self.square = sum(self.shapes), sum(count**2 for count in self.shapes)
-        self.twists = int(t.nodes[t.nodes[:, ROW_OF] >= 0, COUNT].sum())
-        self.ranges = *t.ranges, len(t.acts)
+        self.twists = sum(node[COUNT] for node in built.nodes if node[ROW_OF] >= 0)
+        self.ranges = *built.ranges, len(built.acts)
         _, self.holds, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
         self.pulls, self.courses, self.switches = self.loads + self.springs, len(built.driven), built.switches
-        self.joint_rows = max((rows.stop for rows in layout.cuts.values()), default=0)
+        self.joint_rows = len(cuts.angles)
         self.cut_rows = self.joint_rows + self.holds
         self.rows = self.cut_rows + self.touching
-        self.reactions = self.cut_rows + self.touching * built.rigid
+        rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
+        self.reactions = self.cut_rows + self.touching * rigid
         self.works = 1 + self.loads + self.courses + self.holds + self.touching
-        self.virtual = self.coordinates * built.light
+        self.virtual = self.coordinates * built.is_light
 
 
 def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarray, Views, int]:

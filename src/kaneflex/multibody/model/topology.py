@@ -16,7 +16,6 @@ from kaneflex.multibody.model.tree_builder import (
     ORIGIN,
     AnyMechanism,
     Branch,
-    Built,
     TreeBuilder,
     side_of,
 )  # fmt: skip
@@ -42,44 +41,33 @@ _CUTS = {"weld": (at.WELD, (False, False, True)), "revolute": (at.REVOLUTE, (Fal
 
 
 def build_tables(
-    mechanism: AnyMechanism, numbers: Blocks | SpatialBlocks, in_laws: Sequence[str] = (), driven: Sequence[str] = (),
-    switches: int = 0, rubs: bool = True,
-) -> Built:  # fmt: skip
+    numbers: Blocks | SpatialBlocks, in_laws: Sequence[str] = (), driven: Sequence[str] = (), switches: int = 0,
+    rubs: bool = True,
+) -> TreeBuilder:  # fmt: skip
     """Tables of a mechanism at rest with open loops.
 
-    ``numbers``: of its bodies and shapes; ``in_laws``: joints whose coordinates may occur in laws; ``driven``: joints
-    with prescribed courses; ``switches``: number of switches of loads' laws; ``rubs``: with friction, whose joints then
-    close loops, as friction depends on their reactions.
+    ``numbers``: of its bodies and shapes; ``in_laws``: joints whose coordinates may occur in laws; ``rubs``: with
+    friction, whose joints then close loops, as friction depends on their reactions.
 
     Raises
     ------
     SceneError
         If a body is not connected, its initial position is given twice, or too many coordinates of a loop are used.
     """
-    builder, tree = TreeBuilder(numbers), spanning_tree(mechanism, rubs)
+    mechanism, builder = numbers.mechanism, TreeBuilder(numbers, driven, switches)
+    tree = spanning_tree(mechanism, rubs)
     if isinstance(mechanism, SpatialMechanism):
         _check_hanging(mechanism)
     for body, name, child in tree:
         if name is None:
             _float(builder, mechanism, body)
         else:
-            _hang(builder, mechanism, name, child, name in driven)
+            _hang(builder, mechanism, name, child)
     for name in mechanism.joints:
         if name not in builder.tree:
-            _cut(builder, mechanism, name, [*driven].index(name) if name in driven else -1, rubs)
-    tables = builder.tables(
-        *list_acts(builder, mechanism, in_laws, switches, rubs), mechanism.gravity,
-        {name: side_of(joint.sides[1]) for name, joint in mechanism.joints.items()},
-    )  # fmt: skip
-    shapes = [builder.shapes.get(name) for name in builder.node_of if name != GROUND]
-    K, C = (np.concatenate([np.zeros(0), *(getattr(each, of).ravel() for each in shapes if each is not None)])
-            for of in ("stiffness", "damping"))  # fmt: skip
-    rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
-    return Built(
-        tables, builder.layout(driven), builder.w,
-        [builder.speed(name) if name in builder.tree else -1 for name in driven], builder.cuts.angles, mechanism.size,
-        switches, K, C, rigid, any(map(numbers.is_light, builder.own.values())),
-    )  # fmt: skip
+            _cut(builder, mechanism, name, rubs)
+    builder.acts, builder.ranges = list_acts(builder, mechanism, in_laws, rubs)
+    return builder
 
 
 def spanning_tree(mechanism: AnyMechanism, rubs: bool = True) -> list[Branch]:
@@ -166,7 +154,7 @@ def _in_space(mechanism: AnyMechanism, name: str) -> tuple[SpatialJoint, np.ndar
     return found, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), angle
 
 
-def _hang(builder: TreeBuilder, mechanism: AnyMechanism, name: str, child: int, driven: bool) -> None:
+def _hang(builder: TreeBuilder, mechanism: AnyMechanism, name: str, child: int) -> None:
     """Add the nodes of a joint of the tree, and its outer body.
 
     Traversed from the second body, a joint's freedoms come in reverse order and with opposite sign.
@@ -186,7 +174,7 @@ def _hang(builder: TreeBuilder, mechanism: AnyMechanism, name: str, child: int, 
         rotation, place = np.eye(3), np.zeros(3)
         nodes.append(parent)
     builder.tree[name] = tuple(nodes), 1 if child == 1 else -1
-    builder.body(outer.body, parent, outer.at, outer.at, "" if driven else _turned_about(moves))
+    builder.body(outer.body, parent, outer.at, outer.at, "" if name in builder.driven else _turned_about(moves))
 
 
 def _turned_about(moves: Sequence[tuple[int, str, np.ndarray]]) -> str:
@@ -221,8 +209,8 @@ def _float(builder: TreeBuilder, mechanism: AnyMechanism, name: str) -> None:
     builder.body(name, node, ORIGIN, None)
 
 
-def _cut(builder: TreeBuilder, mechanism: AnyMechanism, name: str, course: int, rubs: bool) -> None:
-    """Add the elementary constraints of a joint that closes a loop, in the plane also of its ``course``, if any."""
+def _cut(builder: TreeBuilder, mechanism: AnyMechanism, name: str, rubs: bool) -> None:
+    """Add the elementary constraints of a joint that closes a loop, in the plane also of its course, if any."""
     cuts, sides = builder.cuts, map(side_of, mechanism.joints[name].sides)
     sections, rows = [*map(builder.section, sides)], list[tuple[int, int, int, Sequence[bool]]]()
     if isinstance(mechanism, SpatialMechanism):
@@ -237,8 +225,8 @@ def _cut(builder: TreeBuilder, mechanism: AnyMechanism, name: str, course: int, 
         joint, put = mechanism.joints[name], builder.w.put
         what, angles = _CUTS[joint.kind]
         rows.append((what, -1, put([*joint.direction, joint.angle if joint.kind != "revolute" else 0.0]), angles))
-        if course >= 0:
-            kind = at.SLIDE if joint.slides else at.TURN
+        if name in builder.driven:
+            kind, course = at.SLIDE if joint.slides else at.TURN, builder.driven.index(name)
             rows.append((kind, course, put([*joint.direction, 0.0]), (not joint.slides,)))
     first = len(cuts.angles)
     for kind, of, place, are_angles in rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -15,7 +15,7 @@ from kaneflex.multibody.model.layout import DOF, MODAL
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     AT, AXED, AXES_NODE, AXIS, BODY, COORDINATE, COUNT, KIND, OWNER, PARENT, PLACE, ROW_OF, SHAPES, SHIFT, SPEED,
-    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Layout, Names, Place, Tables, leading,
+    SPEEDS, STATION, TWIST_NODE, Axis, Deformable, Layout, Names, Place, leading,
 )  # fmt: skip
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -63,50 +63,18 @@ class Cuts(NamedTuple):
     angles: list[bool]
 
 
-class Built(NamedTuple):
-    """All that an engine is made of.
-
-    Attributes
-    ----------
-    w : Numbers
-        Those of interactions.
-    driven : sequence of int
-        The coordinate that each course prescribes, or -1 for that of a cut.
-    angles : sequence of bool
-        True for rows of cuts that are angles.
-    size : float
-        Unit of lengths [m].
-    switches : int
-        Number of switches of loads' laws.
-    K, C : ndarray
-        Stiffness and damping matrices of the shapes of every body, (count, count), one number after the other.
-    rigid : bool
-        True if contacts are by Newton's law.
-    light : bool
-        True if some body has no mass, or no inertia about some axis.
-    """
-
-    tables: Tables
-    layout: Layout
-    w: Numbers
-    driven: Sequence[int]
-    angles: Sequence[bool]
-    size: float
-    switches: int
-    K: np.ndarray
-    C: np.ndarray
-    rigid: bool = False
-    light: bool = False
-
-
 class TreeBuilder:
     """Rows of the tables in construction.
 
-    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions.
+    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions; ``driven``: joints with
+    prescribed courses; ``switches``: number of switches of loads' laws; ``acts``, ``ranges``: see :func:`list_acts`.
     """
 
-    def __init__(self, numbers: Blocks | SpatialBlocks) -> None:
-        self.of_bodies, self.d = numbers, numbers.d
+    acts: np.ndarray
+    ranges: tuple[int, ...]
+
+    def __init__(self, numbers: Blocks | SpatialBlocks, driven: Sequence[str] = (), switches: int = 0) -> None:
+        self.of_bodies, self.d, self.driven, self.switches = numbers, numbers.d, tuple(driven), switches
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, Place], int] = {}
         self.nodes: list[list[int]] = []
@@ -213,29 +181,53 @@ class TreeBuilder:
         """First speed of a joint of the tree."""
         return self.nodes[leading(self.nodes, self.tree[joint])][SPEED]
 
-    def tables(
-        self, acts: np.ndarray, ranges: tuple[int, ...], gravity: Sequence[float] | np.ndarray,
-        joints: Mapping[str, Side],
-    ) -> Tables:  # fmt: skip
-        """Tables of all rows; ``joints``: all joints with their second sides."""
+    @property
+    def courses(self) -> list[int]:
+        """Coordinate that each course prescribes, or -1 for that of a cut."""
+        return [self.speed(name) if name in self.tree else -1 for name in self.driven]
+
+    @property
+    def is_light(self) -> bool:
+        """True if some body has no mass, or no inertia about some axis."""
+        return any(map(self.of_bodies.is_light, self.own.values()))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Arrays of compiled functions by their names.
+
+        nodes, numbers (n_nodes, 10), (n_nodes, 18), in the plane (n_nodes, 9); bodies (n_bodies, 8) with their joints
+        of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`, and their nodes frames (n_bodies, 5); joints,
+        points (n_joints, 5), (n_joints, 3): all joints in the scene's order, and their second points in the axes of the
+        nodes that carry these; on, at (n_sections,), (n_sections, 3): node (-1: the ground) of every section and the
+        place of its point in that node's axes; axis_on, axis_at (n_axes,), (n_axes, 3): the same of axes, in space;
+        gravity (3,); K, C: stiffness and damping of the shapes of every body, (count, count), one after the other.
+        block: numbers of the bodies and their shapes, see ``kaneflex.generated.body``, in space ten of each body by
+        ``kaneflex.generated.spatial.BODY``, behind them those of ``kaneflex.generated.spatial_shapes``, and numbers of
+        stations.
+        """
         rows, points = list[tuple[int, ...]](), list[tuple[int, np.ndarray]]()
-        for name, side in joints.items():
+        mechanism = self.of_bodies.mechanism
+        for name, joint in mechanism.joints.items():
             nodes, sign = self.tree.get(name, ((-1,), 1))
             of_cut = self.cuts.rows.get(name, slice(0, 0))
-            points.append(self.on(side))
+            points.append(self.on(side_of(joint.sides[1])))
             rows.append((nodes[-1], sign, points[-1][0], of_cut.start, of_cut.stop))
         bodies, frames = self._bodies()
-        return Tables(
-            whole(self.nodes, 10), np.array(self.numbers), bodies, frames, whole(rows, 5), _apart(points)[1],
-            self.block.whole, *_apart(self.carriers), *_apart(self.axes), acts, ranges,
-            np.array([*gravity, 0.0][:3]),
-        )  # fmt: skip
+        found = {"bodies": bodies, "frames": frames, "joints": whole(rows, 5), "points": _apart(points)[1]}
+        found |= {"nodes": whole(self.nodes, 10), "numbers": np.array(self.numbers), "block": self.block.whole}
+        found |= {"gravity": np.array([*mechanism.gravity, 0.0][:3])}
+        found |= dict(zip(("on", "at"), _apart(self.carriers), strict=True))
+        found |= dict(zip(("axis_on", "axis_at"), _apart(self.axes), strict=True))
+        shapes = [self.shapes[name] for name in self.node_of if name in self.shapes]
+        found["K"], found["C"] = (np.concatenate([np.zeros(0), *(getattr(each, of).ravel() for each in shapes)])
+                                  for of in ("stiffness", "damping"))  # fmt: skip
+        return found
 
-    def layout(self, driven: Sequence[str]) -> Layout:
+    @property
+    def layout(self) -> Layout:
         """Names of the tables' entries."""
         nodes = {name: node for name, node in self.node_of.items() if name != GROUND}
         return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, self.cuts.rows, tuple(self.speeds),
-                      tuple(self.positions), tuple(driven))  # fmt: skip
+                      tuple(self.positions), self.driven)  # fmt: skip
 
     def _bodies(self) -> tuple[np.ndarray, np.ndarray]:
         """Bodies with their joints, and their nodes. Sets ROW_OF and OWNER of all nodes."""

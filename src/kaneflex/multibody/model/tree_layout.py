@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -45,49 +45,6 @@ ANGLES = (3 * (False,), (True,), (False,))
 """Rows of an elementary constraint: which are angles."""
 SPEEDS = (0, 1, 1, 3, 0, 0)
 """Speeds of a node by its kind, without shapes."""
-
-
-class Tables(NamedTuple):
-    """Arrays of compiled functions.
-
-    Attributes
-    ----------
-    nodes, numbers : ndarray (n_nodes, 10), (n_nodes, 18), in the plane (n_nodes, 9)
-    bodies : ndarray (n_bodies, 8)
-        Bodies with their joints of the tree, see :mod:`kaneflex.multibody.dynamics.articulated`.
-    frames : ndarray (n_bodies, 5)
-    joints, points : ndarray (n_joints, 5), (n_joints, 3)
-        All joints in the scene's order, and their second points in the axes of the nodes that carry these.
-    block : ndarray
-        Numbers of the bodies and their shapes, see ``kaneflex.generated.body``, in space ten of each body by
-        ``kaneflex.generated.spatial.BODY``, behind them those of ``kaneflex.generated.spatial_shapes``; numbers of
-        stations.
-    on, at : ndarray (n_sections,), (n_sections, 3)
-        Node (-1: the ground) of every section and the place of its point in that node's axes.
-    axis_on, axis_at : ndarray (n_axes,), (n_axes, 3)
-        The same of axes, in space.
-    acts : ndarray (n_acts, 6)
-        Interactions, see ``acts`` in :mod:`kaneflex.multibody.model.layout`.
-    ranges : tuple of int
-        First places in ``acts`` of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches,
-        and the end; forces and moments of loads follow.
-    gravity : ndarray (3,)
-    """
-
-    nodes: np.ndarray
-    numbers: np.ndarray
-    bodies: np.ndarray
-    frames: np.ndarray
-    joints: np.ndarray
-    points: np.ndarray
-    block: np.ndarray
-    on: np.ndarray
-    at: np.ndarray
-    axis_on: np.ndarray
-    axis_at: np.ndarray
-    acts: np.ndarray
-    ranges: tuple[int, ...]
-    gravity: np.ndarray
 
 
 Place = tuple[float, ...]
