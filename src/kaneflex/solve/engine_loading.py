@@ -24,7 +24,7 @@ from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.assembly import bound_system, build_system, rigid_system
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import build_model, model_without_equations, reference_instant
+from kaneflex.multibody.model.building import build_model, reference_instant
 from kaneflex.multibody.model.determinacy import (
     check_bearings,
     check_freedoms,
@@ -75,7 +75,7 @@ def _in_space(scene: Scene, options: Options, progress: Progress) -> tuple[Model
     motion = _bound(system, scene, options)
     if not motion.is_start:
         rigid = motion.rigid if isinstance(motion, CoupledKinematics) else motion
-        check_laws(model_without_equations(scene, options, rigid))
+        check_laws(Model(scene, options, rigid))
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
     beyond = _beyond(system, modes_of(scene.solve)) if coupled and not limits_modes(scene.solve) else []
@@ -99,7 +99,7 @@ def _in_the_plane(
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
     check_reference(motion, options)
-    bound = model_without_equations(scene, options, motion)
+    bound = Model(scene, options, motion)
     check_laws(bound)
     check_lines(bound)
     model = build_model(scene, options, motion, bare=bare)
@@ -186,7 +186,7 @@ def _beyond(system: System, asked: int) -> list[str]:
 def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
     """Model of deforming bodies in space, without linear equations."""
     rigid = motion.rigid if isinstance(motion, CoupledKinematics) and not motion.is_start else motion
-    model = model_without_equations(scene, options, motion)
+    model = Model(scene, options, motion)
     return replace(model, reference_time=reference_instant(replace(model, motion=rigid))[0])
 
 

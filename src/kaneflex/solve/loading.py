@@ -19,7 +19,7 @@ from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import build_model, model_without_equations
+from kaneflex.multibody.model.building import build_model
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
@@ -142,7 +142,7 @@ def _bind_one_way(
         motion = at_start(system, motion)
     else:
         check_closure(mechanism, motion, options.duration)
-        check_laws(model_without_equations(scene, options, motion))
+        check_laws(Model(scene, options, motion))
     return build_model(scene, options, motion, like=like), {"derive": derived, "compile": compiled}
 
 

@@ -35,36 +35,11 @@ if TYPE_CHECKING:
     from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """Elastic stage of a mechanism in the plane or in space.
-
-    Attributes
-    ----------
-    motion : RigidKinematics
-        Rigid motion, with all scalars of the parts.
-    links, parts, bases, interfaces, frame
-        As :class:`kaneflex.multibody.model.bound_model.Model` has them.
-    placed, sprung : list of Placed
-        What is assembled, and what acts on bodies that do not move by deformation; ``sprung`` are springs, with dampers
-        of their own.
-    """
-
-    motion: RigidKinematics
-    links: Mapping[str, Link]
-    parts: Mapping[str, Part]
-    bases: Mapping[str, np.ndarray]
-    interfaces: Interfaces
-    frame: Frame
-    placed: list[Placed]
-    sprung: list[Placed]
-    warnings: tuple[str, ...] = ()
-
-
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the requested coordinate."""
 _FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")
 """Cached attributes that follow from the equations and options alone."""
+NO_EQUATIONS = ElasticEquations.zero(())
 JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
 """Scalars JOINT.NAME of the motion: joint forces and moment on its second body, and its drive's force or torque."""
 
@@ -72,6 +47,8 @@ JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
 @dataclass(frozen=True, eq=False)
 class Model:
     """A scene bound to its generated module, ready to be simulated. Made by :func:`kaneflex.load`.
+
+    Without linear elastic equations its reference configuration is that of the first instant.
 
     Attributes
     ----------
@@ -113,15 +90,15 @@ class Model:
     scene: Scene
     options: Options
     motion: RigidKinematics
-    links: Mapping[str, Link]
-    parts: Mapping[str, Part]
-    bases: Mapping[str, np.ndarray]
-    interfaces: Interfaces | None
-    frame: Frame | None
-    equations: ElasticEquations
-    reduced: ElasticEquations
-    modal_basis: np.ndarray | None
-    reference_time: float
+    links: Mapping[str, Link] = field(default_factory=dict)
+    parts: Mapping[str, Part] = field(default_factory=dict)
+    bases: Mapping[str, np.ndarray] = field(default_factory=dict)
+    interfaces: Interfaces | None = None
+    frame: Frame | None = None
+    equations: ElasticEquations = NO_EQUATIONS
+    reduced: ElasticEquations = NO_EQUATIONS
+    modal_basis: np.ndarray | None = None
+    reference_time: float = 0.0
     coupled: System | None = None
     energy: Energy | None = None
     warnings: tuple[str, ...] = ()

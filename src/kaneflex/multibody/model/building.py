@@ -23,7 +23,7 @@ from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficien
 from kaneflex.mechanism.affine import Affine, Matrix, entries, from_entries, sparse
 from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.model.bound_model import REACHED, Model, Stage, keep_terms
+from kaneflex.multibody.model.bound_model import REACHED, Model, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError, counted
@@ -46,7 +46,7 @@ def build_model(
     ``frozen`` provides the order of coordinates, the bases and the damping modes; ``like`` the equations, if equal.
     ``bare``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
     """
-    model = model_without_equations(scene, options, motion)
+    model = Model(scene, options, motion)
     reference, warnings = reference_instant(model)
     model = replace(model, reference_time=reference)
     if like is not None and _same_equations(model, like):
@@ -60,24 +60,24 @@ def build_model(
         return model
     bases = {} if frozen is None else frozen.bases
     if scene.is_spatial:  # a local import lets planar scenes start faster
-        from kaneflex.multibody.model.spatial_elastic import elastic_stage
+        from kaneflex.multibody.model.spatial_elastic import with_elastic_parts
 
-        stage = elastic_stage(model, bases)
+        model = with_elastic_parts(model, bases)
     else:
-        stage = _planar_stage(model, bases)
-    placed = stage.placed
+        model = _with_elastic_parts(model, bases)
+    placed, of_parts = list(model.placed), model.warnings
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [each._replace(part=with_rayleigh(each.part, alpha, beta)) for each in placed]
-    frame, placed = stage.frame, placed + stage.sprung
+    frame, placed = model.frame, [*placed, *model.sprung.values()]  # springs have dampers of their own
+    assert frame is not None
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
     moving = (each for each in placed if each.L.terms)
     equations = assemble(moving, frame.coordinates, options.convective, options.dynamics == "quasistatic")
-    shared = {name: getattr(stage, name) for name in ("motion", "links", "parts", "bases", "interfaces")}
-    sprung = {each.part.name: each for each in placed[len(stage.placed) :]}
-    model = replace(model, frame=frame, equations=equations, reduced=equations, sprung=sprung, **shared,
+    sprung = dict(zip(model.sprung, placed[len(model.placed) :], strict=True))
+    model = replace(model, frame=frame, equations=equations, reduced=equations, sprung=sprung, warnings=(),
                     placed=tuple(each for each in placed if each.at))  # fmt: skip
-    warnings = (*warnings, *_without_modes(model))
+    warnings = (*warnings, *_without_modes(model), *of_parts)
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
@@ -88,7 +88,7 @@ def build_model(
         if options.dynamics == "frozen":
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
-    return replace(model, warnings=(*warnings, *stage.warnings))
+    return replace(model, warnings=warnings)
 
 
 def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
@@ -109,22 +109,16 @@ def _links(model: Model) -> Mapping[str, Link]:
     }
 
 
-def _planar_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
-    """Meshed links and coordinates of a planar mechanism; ``frozen``: bases of reductions."""
-    mechanism, options, links = mechanism_of(model.scene), model.options, _links(model)
-    interfaces = find_interfaces(mechanism, links, options.weld_pins, options.free_drives)
-    parts, bases = parts_of_links(options, links, interfaces, frozen)
+def _with_elastic_parts(model: Model, frozen: Mapping[str, np.ndarray]) -> Model:
+    """Model with the meshed links and coordinates of a planar mechanism; ``frozen``: bases of reductions."""
+    mechanism, links = mechanism_of(model.scene), _links(model)
+    interfaces = find_interfaces(mechanism, links, model.options.weld_pins, model.options.free_drives)
+    parts, bases = parts_of_links(model.options, links, interfaces, frozen)
     sites = Sites(mechanism, links, parts, interfaces)
-    frame = sites.frame
-    placed = [Placed(part, frame.maps[name]) for name, part in parts.items()]
+    placed = [Placed(part, sites.frame.maps[name]) for name, part in parts.items()]
     placed += [*place_rigid(sites), *place_torques(sites)]
-    return Stage(model.motion, links, parts, bases, interfaces, frame, placed, [*place_springs(sites)])
-
-
-def model_without_equations(scene: Scene, options: Options, motion: RigidKinematics) -> Model:
-    """Model without linear elastic equations, whose reference configuration is that of its first instant."""
-    none = ElasticEquations.zero(())
-    return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, 0.0)
+    return replace(model, links=links, parts=parts, bases=bases, interfaces=interfaces, frame=sites.frame,
+                   placed=tuple(placed), sprung={each.part.name: each for each in place_springs(sites)})  # fmt: skip
 
 
 def _same_equations(model: Model, like: Model) -> bool:

@@ -27,7 +27,7 @@ from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.mechanism.wrenches import wrenches_on
-from kaneflex.multibody.model.bound_model import Model, Stage
+from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene.options import Options
@@ -149,8 +149,8 @@ class DeformingKinematics(SpatialKinematics):
         return SpatialMotion(self, rigid.times, out)
 
 
-def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
-    """Mesh the links and find the coordinates; ``frozen``: bases to reduce to.
+def with_elastic_parts(model: Model, frozen: Mapping[str, np.ndarray]) -> Model:
+    """Model with the meshed links, coordinates and scalars of a mechanism in space; ``frozen``: bases to reduce to.
 
     Raises
     ------
@@ -202,8 +202,9 @@ def elastic_stage(model: Model, frozen: Mapping[str, np.ndarray]) -> Stage:
     warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
     module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
-    kept = {name: parts[name] for name in links}
-    return Stage(moved, links, kept, bases, interfaces, frame, placed, springs, warnings)
+    return replace(model, motion=moved, links=links, parts={name: parts[name] for name in links}, bases=bases,
+                   interfaces=interfaces, frame=frame, placed=tuple(placed),
+                   sprung={each.part.name: each for each in springs}, warnings=warnings)  # fmt: skip
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
