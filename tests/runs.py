@@ -20,7 +20,7 @@ from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import tree_layout as of
-from kaneflex.multibody.model.inertia_integrals import body_moments, link_data
+from kaneflex.multibody.model.body_parameters import body_moments, link_data
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_builder import side_of

@@ -24,8 +24,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.assembly import build_system
 from kaneflex.multibody.model.body_parameters import Blocks, body_block, point_block
-from kaneflex.multibody.model.shape_moments import ShapeMoments
-from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.shapes import ShapeMoments, Shapes
 from kaneflex.multibody.model.topology import build_tables
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)

@@ -22,7 +22,6 @@ from kaneflex.generated import body
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.compile.types import N, Z
-from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.multibody.model.layout import STICKING, Kind
 from kaneflex.multibody.model.spatial_initial_state import start_of
 
@@ -205,7 +204,7 @@ def test_accelerations_in_c_are_those_of_the_engine(name, compiler, tmp_path):
         assert accelerate(_address(state), ctypes.c_double(t), *map(_address, (q, u, rates, found))) == 0
         assert abs(expected.du).max() > 0.0
         assert (found - expected.du) / unit == pytest.approx(0.0, abs=1e-9 * abs(expected.du / unit).max())
-        wanted = rates_of(system.engine, expected.q[None], expected.u[None])[0]
+        wanted = system.engine.rates_of(expected.q[None], expected.u[None])[0]
         assert rates == pytest.approx(wanted, abs=1e-12 * abs(rates).max())
 
 

@@ -15,8 +15,8 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.fem.links import make_link
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.multibody.model.body_parameters import link_data
 from kaneflex.multibody.model.held_shapes import held_shapes
-from kaneflex.multibody.model.inertia_integrals import link_data
 from kaneflex.multibody.model.shape_bases import spatial_shapes
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
 from kaneflex.solve.coupled_linearisation import modes_at_rest

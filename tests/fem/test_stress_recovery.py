@@ -9,7 +9,7 @@ from runs import solved
 import kaneflex
 from kaneflex import SceneError, read_scene
 from kaneflex.fem.imported.recovery import section_forces
-from kaneflex.multibody.model.inertia_integrals import link_data
+from kaneflex.multibody.model.body_parameters import link_data
 from kaneflex.response.stresses import link_stresses
 from kaneflex.scene.modal_data import ModalData, read_modal_data
 from kaneflex.scene.recovery import Recovery

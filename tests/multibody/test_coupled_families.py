@@ -6,7 +6,7 @@ from runs import moments
 
 import kaneflex
 from kaneflex import SceneError, read_scene, with_settings
-from kaneflex.multibody.model.shape_families import clamped_free
+from kaneflex.multibody.model.shape_bases import clamped_free
 from kaneflex.solve.simulation import solve
 
 

@@ -15,8 +15,7 @@ from kaneflex.multibody.dynamics.arrays import ORDER, TABLES
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.layout import Handle
-from kaneflex.multibody.model.pivots import virtual_inertia
-from kaneflex.multibody.model.state import NONE, Choice, State
+from kaneflex.multibody.model.state import NONE, Choice, State, virtual_inertia
 from kaneflex.multibody.model.tree_layout import JOINT_NODE
 from kaneflex.multibody.model.views import Views
 from kaneflex.support.c_library import by_address

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.fem.imported.recovery import IN_PLANE, padded, section_forces
 from kaneflex.fem.links import Link
 from kaneflex.multibody.model.assembly import build_system
-from kaneflex.multibody.model.inertia_integrals import link_data
+from kaneflex.multibody.model.body_parameters import link_data
 from kaneflex.response.stresses import section_at
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body

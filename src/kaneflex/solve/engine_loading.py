@@ -34,7 +34,6 @@ from kaneflex.multibody.model.determinacy import (
 )  # fmt: skip
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
@@ -175,11 +174,10 @@ def check_reference(motion: ReferenceKinematics, options: Options) -> None:
 
 def _beyond(system: System, asked: int) -> list[str]:
     """Warning for each link whose elements have fewer modes than the scene requests."""
-    links = {name: each for name, each in system.layout.shapes.items() if isinstance(each, Shapes)}
     return [
         f"{name} has only {each.most} bending modes per plane, fewer than solve.modes = {asked}: "
         "more elements give more"
-        for name, each in links.items() if asked > each.most
+        for name, each in system.shapes.items() if asked > each.most
     ]  # fmt: skip
 
 

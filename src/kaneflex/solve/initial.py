@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from kaneflex.mechanism.planar import whole_turns
-from kaneflex.multibody.model.coordinate_rates import rates_of, speeds_of
 from kaneflex.multibody.model.state import NONE, Choice, State
 from kaneflex.scene.clearances import ClearanceContact
 from kaneflex.scene.start import Start
@@ -219,8 +218,8 @@ def laid_state(given: Start, system: System, start: State) -> State:
     dimensions, engine = state_dimensions(system), system.engine
     q = laid_over(given, dimensions, start.q, np.zeros(len(dimensions)))[0]
     _normalise(system, q, "solve.start", _TABLE)
-    v = laid_over(given, dimensions, q, rates_of(engine, q[None], start.u[None])[0])[1]
-    return replace(start, q=q, u=speeds_of(engine, q[None], v[None])[0])
+    v = laid_over(given, dimensions, q, engine.rates_of(q[None], start.u[None])[0])[1]
+    return replace(start, q=q, u=engine.speeds_of(q[None], v[None])[0])
 
 
 def closed_state(tables: Start, system: System, given: State, choice: Choice) -> State:
@@ -244,7 +243,7 @@ def closed_state(tables: Start, system: System, given: State, choice: Choice) ->
         name, unit = system.engine.layout.positions[k]
         made = f"joints and drives make it {found.q[k] + 0.0:.6g} {unit}"
         raise SceneError(f"solve.start.displacements.{name}", tables.displacements.get(name, 0.0), made, cure)
-    wanted, rates = (rates_of(engine, found.q[None], each.u[None])[0] for each in (given, found))
+    wanted, rates = (engine.rates_of(found.q[None], each.u[None])[0] for each in (given, found))
     largest = abs(rates / measure).max(initial=0.0)
     for k, (name, dimension) in enumerate(dimensions.items()):
         if name in tables.velocities and abs(rates[k] - wanted[k]) > OPEN * measure[k] * largest:
@@ -267,7 +266,7 @@ def state_after(
     names, joints = list(state_dimensions(system)), {f"{name}.angle": name for name in system.mechanism.joints}
     q, v = after.ordered(names, joints)
     _normalise(system, q, "after", after.source)
-    u = speeds_of(system.engine, q[None], v[None])[0]
+    u = system.engine.speeds_of(q[None], v[None])[0]
     given = State(after.t, q, u, 0.0 * u, system.engine.sizes.copy(), NONE)
     check_closed(system.engine.gaps(given), "after", after.source, CONTINUE)
     try:

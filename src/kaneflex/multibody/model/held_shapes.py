@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.multibody.model.shape_moments import ShapeMoments
+from kaneflex.multibody.model.shapes import ShapeMoments
 from kaneflex.multibody.model.tree_layout import Place
 from kaneflex.scene.modal_data import CROSS, ModalData
 

@@ -66,8 +66,9 @@ class Cuts(NamedTuple):
 class TreeBuilder:
     """Rows of the tables in construction.
 
-    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``w``: numbers of interactions; ``driven``: joints with
-    prescribed courses; ``switches``: number of switches of loads' laws; ``acts``, ``ranges``: see :func:`list_acts`.
+    ``d``: numbers of a twist, 3 in the plane, 6 in space; ``made``: shapes of deforming bodies, which links may not
+    have; ``w``: numbers of interactions; ``driven``: joints with prescribed courses; ``switches``: number of switches
+    of loads' laws; ``acts``, ``ranges``: see :func:`list_acts`.
     """
 
     acts: np.ndarray
@@ -75,7 +76,7 @@ class TreeBuilder:
 
     def __init__(self, numbers: Blocks | SpatialBlocks, driven: Sequence[str] = (), switches: int = 0) -> None:
         self.of_bodies, self.d, self.driven, self.switches = numbers, numbers.d, tuple(driven), switches
-        self.shapes: dict[str, Deformable] = {}
+        self.shapes, self.made = dict[str, Deformable](), dict[str, Deformable]()
         self.stations: dict[tuple[str, Place], int] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
@@ -114,16 +115,17 @@ class TreeBuilder:
         """
         self.numbers[node][SHIFT] = at
         if name in self.of_bodies.flexible:
-            node = self.deforming(name, node, held, freed)
+            shapes = self.made[name] = self.of_bodies.flexible[name](held, freed)
+            node = self.deforming(name, node, held, shapes) if shapes.count else node
         self.node_of[name] = node
         self.nodes[node][AXED] = 1
         self.own[name] = numbers = self.of_bodies.body(name, self.shapes.get(name))
         if numbers is not None:
             self.nodes[node][BODY] = self.block.put(numbers)
 
-    def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
+    def deforming(self, name: str, frame: int, held: Place | None, shapes: Deformable) -> int:
         """Add the node of a body's axes and modal coordinates, joined at the place of its axes that is held."""
-        shapes = self.shapes[name] = self.of_bodies.flexible[name](held, freed)
+        self.shapes[name] = shapes
         node = self.node(SHAPES, frame, *self.of_bodies.names(name, shapes))
         self.nodes[node][COUNT] = shapes.count
         if held is not None:

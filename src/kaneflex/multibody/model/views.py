@@ -135,6 +135,30 @@ class Views:
         found[:, of["quaternions"]] = q[:, self.balls[:, :1] + np.arange(4)].reshape(len(times), -1)
         return found
 
+    def rates_of(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Rates q' (n_times, coordinates) of coordinates q with speeds u.
+
+        A joint's coordinate and a shape's amplitude have their speed as rate, the quaternion p of a ball p omega / 2,
+        where omega is its angular velocity in its own axes.
+        """
+        found, (own, speeds) = np.zeros(q.shape), self.own.T
+        found[:, own] = u[:, speeds]
+        for k, s in self.balls.tolist():
+            w, p, omega = q[:, k, None], q[:, k + 1 : k + 4], u[:, s : s + 3]
+            found[:, k] = -0.5 * (p * omega).sum(axis=1)
+            found[:, k + 1 : k + 4] = 0.5 * (w * omega + np.cross(p, omega))
+        return found
+
+    def speeds_of(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Speeds u (n_times, speeds) of coordinates q with rates q'."""
+        found, (own, speeds) = np.zeros((len(q), self.size)), self.own.T
+        found[:, speeds] = rates[:, own]
+        for k, s in self.balls.tolist():
+            w, p = q[:, k, None], q[:, k + 1 : k + 4]
+            turned = w * rates[:, k + 1 : k + 4] - rates[:, k, None] * p
+            found[:, s : s + 3] = 2.0 * (turned - np.cross(p, rates[:, k + 1 : k + 4]))
+        return found
+
     def stand(self, row: np.ndarray) -> None:
         """Set the motion to that of a row."""
         first = 1

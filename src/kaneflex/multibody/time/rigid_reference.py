@@ -20,9 +20,8 @@ from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidM
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import rigid_system
-from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import NONE, State
-from kaneflex.multibody.model.system import BODY, System
+from kaneflex.multibody.model.system import BODY, ComputedModule, System
 from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
 from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped

@@ -17,7 +17,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial_frame import SpatialFrame
 from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.coordinate_rates import rates_of
 from kaneflex.support.array_kernels import on_arrays
 
 
@@ -102,7 +101,7 @@ class DeformingMotion(RigidMotion, ABC):
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates of the equations and their rates, (n, n_times) each."""
         found = self.instants
-        return found.q.T, rates_of(self.system.engine, found.q, found.u).T
+        return found.q.T, self.system.engine.rates_of(found.q, found.u).T
 
     @property
     def shapes(self) -> Mapping[str, Any]:

@@ -12,12 +12,11 @@ from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import System
+from kaneflex.multibody.model.system import ComputedModule, System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.curves import Curve, Standing
 from kaneflex.multibody.time.revolutions import Counts
