@@ -17,7 +17,6 @@ from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import codes
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
 from kaneflex.multibody.time.run import PATIENT, Run
@@ -132,9 +131,8 @@ def _reactions(model: Model) -> tuple[Iterable[str], Sequence[str], Collection[s
     if system is not None:
         return system.start, system.constraints, system.undetermined
     assert motion is not None
-    found = motion.module.system
-    forces = [f"{joint}.{part}" for joint in found.mechanism.joints for part in COMPONENTS]
-    return found.layout.node_of, [*forces, *(f"{name}.drive" for name in found.driven)], motion.module.open_reactions
+    system = motion.module.system
+    return system.layout.node_of, system.constraints, motion.module.open_reactions
 
 
 def _names(engine: Engine, bodies: Iterable[str]) -> dict[str, Sequence[str]]:

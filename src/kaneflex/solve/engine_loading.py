@@ -29,7 +29,6 @@ from kaneflex.multibody.model.determinacy import (
     check_bearings,
     check_freedoms,
     check_sensors,
-    open_reactions,
     undetermined,
 )  # fmt: skip
 from kaneflex.multibody.model.independent_speeds import choose
@@ -103,7 +102,7 @@ def _in_the_plane(
     check_lines(bound)
     model = build_model(scene, options, motion, bare=bare)
     if spare:
-        open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1))[0])
+        open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1)))
         check_sensors(coupled, scene.sensors, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     seconds = {"derive": derived, "compile": compiled}
@@ -249,7 +248,7 @@ def with_open_reactions(motion: Moving, sensors: Mapping[str, Sensor], options: 
     Raises SceneError if bodies are rigid or coupled, and a sensor reads one.
     """
     times = motion.begin + options.duration * (_ELSEWHERE[:1] if motion.is_start else _ELSEWHERE)
-    lost = open_reactions(motion.module.system, map(motion.curve, times.tolist()))
+    lost = undetermined(motion.module.system, map(motion.curve, times.tolist()))
     if options.dynamics in ("rigid", "coupled"):
         check_sensors(motion.module.system, sensors, lost, _before if options.dynamics == "rigid" else None)
     return replace(motion, module=replace(motion.module, open_reactions=lost))

@@ -7,7 +7,7 @@ the reactions of the tree's joints that balance it, are indeterminate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from kaneflex.multibody.engine import Engine
     from kaneflex.multibody.model.system import System
 
-COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
-"""Components of a joint's force and moment in space, global."""
 _RANK, _NOTHING = 1e-9, 1e-7
 """Share of the largest singular value below which a combination of rows acts on nothing, and of the largest reaction
 below which it has no share in one."""
@@ -31,20 +29,20 @@ _MASSLESS = 1e-13
 """Inertia of a freedom, as a share of its own without others or of all bodies', below which it counts as zero."""
 
 
-def undetermined(system: System, state: State) -> tuple[str, ...]:
-    """Names of a planar system's ``constraints`` with statically indeterminate reactions at a state.
-
-    A combination of the cuts' rows that acts on no free coordinate is balanced by the joints of the tree.
-    """
-    unit = [system.mechanism.size if unit == "N" else 1.0 for _, unit, _ in system.reactions]
-    changes = abs(_forces_without_work(system, state) * unit).max(axis=0, initial=0.0)
-    open_rows = changes > _NOTHING * changes.max(initial=0.0)
-    return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)
+def undetermined(system: System, states: Iterable[State]) -> frozenset[str]:
+    """Names of a system's ``constraints`` with statically indeterminate reactions in some of the states."""
+    found, size = set[str](), system.mechanism.size
+    for state in states:
+        found |= with_shares(system.reactions, without_work(system, state), size, system.in_space)
+    return frozenset(found)
 
 
-def _forces_without_work(system: System, state: State) -> np.ndarray:
+def without_work(system: System, state: State) -> np.ndarray:
     """Forces of the joints and drives, as the record has them, by each self-equilibrated combination of the cuts' rows
-    at a state, (combinations, forces)."""
+    at a state, (combinations, forces); ``work`` then has the state.
+
+    A combination of rows that acts on no free coordinate is balanced by the joints of the tree.
+    """
     engine, forces = system.engine, system.record.forces
     engine.set(state)
     engine.openings(state.t)
@@ -66,44 +64,26 @@ def self_equilibrated(rows: np.ndarray) -> np.ndarray:
     return sums[:, int((sizes > _RANK * sizes.max(initial=0.0)).sum()) :]
 
 
-def self_equilibrated_names(wrenches: Mapping[str, np.ndarray], drives: Mapping[str, np.ndarray]) -> set[str]:
-    """Names of the forces, moments and drive forces that self-equilibrated multipliers exert: JOINT.force_x, ....
+def with_shares(reactions: Iterable[Sequence[str]], forces: np.ndarray, size: float, in_space: bool) -> set[str]:
+    """Names of the reactions that have a share in self-equilibrated forces (combinations, n); ``reactions``: name and
+    unit of each.
 
-    A force or a moment counts with all its components, as those without a share depend on the position. ``wrenches``:
-    force and moment of every joint (6,).
+    In space a force or a moment counts with all its components, as those without a share depend on the position.
     """
-    least = _NOTHING * max(abs(values).max(initial=0.0) for values in (*wrenches.values(), *drives.values()))
-    found = {f"{name}.drive" for name, value in drives.items() if abs(value).max(initial=0.0) > least}
-    for name, wrench in wrenches.items():
-        for part, values in (("force", wrench[:3]), ("moment", wrench[3:])):
-            if abs(values).max() > least:
-                found |= {f"{name}.{part}_{axis}" for axis in "xyz"}
-    return found
-
-
-def open_reactions(system: System, states: Iterable[State]) -> frozenset[str]:
-    """Names of the forces and moments of joints and drives that are statically indeterminate in some of the states."""
-    found: set[str] = set()
-    for state in states:
-        for wrenches, drives in without_work(system, state):
-            found |= self_equilibrated_names(wrenches, drives)
-    return frozenset(found)
-
-
-def without_work(system: System, state: State) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
-    """Force and moment of every joint in space (6,), and force of every drive, by each self-equilibrated combination of
-    rows; ``work`` then has the state."""
-    joints = system.mechanism.joints
-    for forces in _forces_without_work(system, state):
-        wrenches, drives = np.split(forces, [6 * len(joints)])
-        yield dict(zip(joints, wrenches.reshape(-1, 6), strict=True)), dict(zip(system.driven, drives, strict=True))
+    names, units = zip(*(each[:2] for each in reactions), strict=True)
+    shares = abs(forces) * np.where(np.array(units) == "N", size, 1.0)
+    has = (shares > _NOTHING * shares.max(axis=1, initial=0.0, keepdims=True)).any(axis=0)
+    parts = [name[:-2] if in_space and name[-2] == "_" else name for name in names]
+    found = {part for part, one in zip(parts, has, strict=True) if one}
+    return {name for name, part in zip(names, parts, strict=True) if part in found}
 
 
 def check_bearings(system: System, state: State) -> None:
     """Check that friction depends on no statically indeterminate reaction. Raises SceneError."""
     mechanism = system.mechanism
-    for wrenches, _ in without_work(system, state) if mechanism.frictions else ():
-        unit = np.repeat([1.0, 1.0 / mechanism.size], 3)
+    for forces in without_work(system, state) if mechanism.frictions else ():
+        unit, joints = np.repeat([1.0, 1.0 / mechanism.size], 3), mechanism.joints
+        wrenches = dict(zip(joints, forces[: 6 * len(joints)].reshape(-1, 6), strict=True))
         least = _NOTHING * max(abs(unit * wrench).max() for wrench in wrenches.values())
         for name, friction in mechanism.frictions.items():
             if name not in mechanism.joints:

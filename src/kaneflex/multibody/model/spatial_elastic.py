@@ -28,7 +28,8 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.mechanism.wrenches import wrenches_on
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.determinacy import COMPONENTS, self_equilibrated, self_equilibrated_names, without_work
+from kaneflex.multibody.model.determinacy import self_equilibrated, with_shares, without_work
+from kaneflex.multibody.model.system import COMPONENTS
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMotion
 from kaneflex.scene.options import Options
 from kaneflex.support.contract import AXES, SPATIAL_LINK_SCALARS
@@ -216,20 +217,17 @@ def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
 def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
     """Names of statically indeterminate scalars, which self-equilibrated multipliers change."""
     system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
-    joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
+    joints = len(deforming.mechanism.joints)
+    columns = [motion.column[name] for name in system.constraints[: 6 * joints]]
+    unit = np.tile(np.repeat([1.0, 1.0 / deforming.mechanism.size], 3), joints)
     for t in times:
-        open_ones = [wrenches for wrenches, _ in without_work(system, motion.curve(float(t)))]
-        if not open_ones:
-            continue
-        here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for its opposite
-        for k, wrenches in enumerate(open_ones):
-            for name, columns in joints.items():
-                here.values[2 * k, columns], here.values[2 * k + 1, columns] = wrenches[name], -wrenches[name]
-        table = deforming.table(here)
-        reach = deforming.mechanism.size
-        for wrenches, apart in zip(open_ones, abs(table[::2] - table[1::2]), strict=True):
-            largest = max(max(abs(wrench[:3]).max(), abs(wrench[3:]).max() / reach) for wrench in wrenches.values())
-            found |= {name for name, value in zip(names, apart, strict=True) if value > _NONE * largest}
+        forces = without_work(system, motion.curve(float(t)))[:, : 6 * joints]
+        if len(forces):
+            here = motion.at(np.full(2 * len(forces), t))  # an instant for each, and for its opposite
+            here.values[::2, columns], here.values[1::2, columns] = forces, -forces
+            table, largest = deforming.table(here), abs(forces * unit).max(axis=1, keepdims=True)
+            changed = (abs(table[::2] - table[1::2]) > _NONE * largest).any(axis=0)
+            found |= {name for name, one in zip(names, changed, strict=True) if one}
     return frozenset(found)
 
 
@@ -245,21 +243,23 @@ def _check_pulls(lost: Collection[str], options: Options) -> None:
         )  # fmt: skip
 
 
-def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
+def undetermined(found: SpatialMap, motion: SpatialMotion) -> frozenset[str]:
     """Names of the forces and moments of joints and drives that are statically indeterminate at some instants of a
     motion.
 
-    As :func:`kaneflex.multibody.model.determinacy.open_reactions`, of a mechanism whose links deform.
+    As :func:`kaneflex.multibody.model.determinacy.undetermined`, of a mechanism whose links deform.
     """
-    joined, names = found.joined, set[str]()
+    joined, names, units = found.joined, set[str](), {name: unit for name, unit, _ in motion.system.reactions}
     J, where = joined.rows(motion), joined.where
     for instant in range(len(motion.times)):
-        here = J[0, instant] * joined.measure[joined.tied]
+        here, at = J[0, instant] * joined.measure[joined.tied], motion.taken(np.array([instant]))
         scale = np.maximum(abs(here).max(axis=1), 1e-300)
         for combination in self_equilibrated(here / scale[:, None]).T:
-            multipliers = combination / scale
-            exerted = {name: joined.exerted(motion.taken(np.array([instant])), name, multipliers[None, own])
-                       for name, own in where.items()}  # fmt: skip
-            drives = {name: drive for name, (_, drive) in exerted.items() if drive is not None}
-            names |= self_equilibrated_names({name: wrench for name, (wrench, _) in exerted.items()}, drives)
+            forces = dict[str, float]()
+            for name, own in where.items():
+                wrench, drive = joined.exerted(at, name, (combination / scale)[None, own])
+                parts = [*wrench.ravel().tolist(), *([] if drive is None else drive.ravel().tolist())]
+                forces |= zip((f"{name}.{part}" for part in (*COMPONENTS, "drive")), parts, strict=False)
+            reactions = [(name, units.get(name, "N")) for name in forces]
+            names |= with_shares(reactions, np.array([[*forces.values()]]), motion.mechanism.size, True)
     return frozenset(names)

@@ -21,6 +21,9 @@ from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, KIND, SIGN, SPEED, Layout, leading
 
+COMPONENTS = tuple(f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz")
+"""Components of a joint's force and moment in space, global."""
+_UNITS = *3 * ("N",), *3 * ("N m",)
 BODY = 3
 """Coordinates x, y, phi of every body in the plane, before its modal ones."""
 _STEP = 1e-30
@@ -44,7 +47,7 @@ class System:
         Modal coordinates of every elastic link.
     coupled : bool
         True if it deforms, or belongs to a deforming one and shares its compiled functions.
-    undetermined : tuple of str
+    undetermined : frozenset of str
         In the plane names among ``constraints`` of statically indeterminate reactions, which are NaN.
     """
 
@@ -53,7 +56,7 @@ class System:
     engine: Engine
     shapes: Mapping[str, Shapes]
     coupled: bool
-    undetermined: tuple[str, ...] = ()
+    undetermined: frozenset[str] = frozenset()
 
     @property
     def links(self) -> dict[str, Link]:
@@ -141,6 +144,23 @@ class System:
             place |= dict(zip(names, own.tolist(), strict=False))
         return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
 
+    @cached_property
+    def reactions(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning of joint forces, then of forces and torques of prescribed drives."""
+        joints = self.mechanism.joints
+        if not self.in_space:
+            found = [row for joint in joints.values() for row in reactions(joint)]
+            return (*found, *(drive_reaction(joints[name]) for name in self.mechanism.prescribed))
+        found = [(f"{name}.{part}", unit, f"{part[:-2]} on {joint.sides[1].body}, global")
+                 for name, joint in joints.items() for part, unit in zip(COMPONENTS, _UNITS, strict=True)]  # fmt: skip
+        drives = ((name, "N" if joints[name].kind == "prismatic" else "N m") for name in self.driven)
+        return (*found, *((f"{name}.drive", unit, "what the drive exerts") for name, unit in drives))
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the reactions."""
+        return tuple(name for name, *_ in self.reactions)
+
     # ---- in the plane: frames of the bodies -----------------------------------------------------------------------
 
     @cached_property
@@ -162,18 +182,6 @@ class System:
             found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
             found += [self.layout.positions[k] for k in self.engine.amplitudes(body)[0]]
         return tuple(found)
-
-    @cached_property
-    def reactions(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of joint forces, then of forces and torques of prescribed drives."""
-        joints = self.mechanism.joints
-        found = [row for joint in joints.values() for row in reactions(joint)]
-        return (*found, *(drive_reaction(joints[name]) for name in self.mechanism.prescribed))
-
-    @property
-    def constraints(self) -> tuple[str, ...]:
-        """Names of the reactions."""
-        return tuple(name for name, *_ in self.reactions)
 
     @cached_property
     def start(self) -> dict[str, int]:

@@ -12,7 +12,6 @@ from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.model.determinacy import COMPONENTS
 from kaneflex.multibody.model.independent_speeds import least_singular_values
 from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.state import State
@@ -31,8 +30,6 @@ _BODY = (
     *(("a_", axis, "m/s^2", "acceleration of the body's start, global") for axis in _XYZ),
     *(("epsilon_", axis, "rad/s^2", "angular acceleration, global") for axis in _XYZ),
 )
-_JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
-               for name in COMPONENTS)  # fmt: skip
 _STEPS = 500
 """Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
 _AT_ONCE = 1024
@@ -74,12 +71,7 @@ class SpatialModule(ComputedModule):
         found += [(name, load.unit, "magnitude of the load") for name, load in mechanism.loads.items()]
         for body in mechanism.bodies:
             found += [(f"{body}.{head}{tail}", unit, meaning) for head, tail, unit, meaning in _BODY]
-        for name, joint in mechanism.joints.items():
-            found += [(f"{name}.{part}", unit, meaning.format(body=joint.sides[1].body))
-                      for part, unit, meaning in _JOINT]  # fmt: skip
-        for name in self.system.driven:
-            unit = "N" if mechanism.joints[name].kind == "prismatic" else "N m"
-            found.append((f"{name}.drive", unit, "what the drive exerts"))
+        found += self.system.reactions
         for name, spring in mechanism.springs.items():
             found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
         for name, contact in mechanism.contacts.items():
