@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Tie
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.mechanism.wrenches import wrenches_on
+from kaneflex.mechanism.wrenches import Wrench, wrenches_on
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.determinacy import self_equilibrated, with_shares, without_work
 from kaneflex.multibody.model.system import COMPONENTS
@@ -62,76 +61,74 @@ class Deforming:
     parts: Mapping[str, Part]
     map: SpatialMap
 
-    @cached_property
-    def scalars(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning."""
-        found: list[tuple[str, str, str]] = []
-        for name in self.parts:
-            own = SPATIAL_LINK_SCALARS if name in self.links else SPATIAL_LINK_SCALARS[:-1]
-            found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
-            if name in self.links:
-                found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
-                          for node in jumps(self.mechanism, name, self.links[name].nodes)]  # fmt: skip
-                for node in pushed_nodes(self.links[name]):
-                    found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
-                for load in spread_on(self.mechanism, name):
-                    found += [(spread_scalar(name, load, axis), "N/m", f"of {load} along the link") for axis in AXES]
-            else:
-                found += [(f"{name}.link.{each}", "N m", "of all that acts at arms from the start") for each in ARMS]
-                found += [(f"{name}.link.push_{axis}", "N", "of loads") for axis in AXES]
-                found += [(f"{name}.link.turn_{axis}", "N m", "of the same, about the start") for axis in AXES]
-        for name in self.map.joined.springs:
-            found += [(f"{name}.pull", "N/m", "tension by length")] if self._directed(name) else [
-                (f"{name}.force_{axis}", "N", "on the second point, global") for axis in AXES
-            ]  # fmt: skip
-        return (*found, *self.map.scalars)
-
-    def _directed(self, spring: str) -> bool:
-        return self.mechanism.springs[spring].is_directed
+    def scalars(self, motion: RigidMotion) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning, by any instants of a motion."""
+        return (*((name, unit, meaning) for name, unit, meaning, _ in self._rows(motion)), *self.map.scalars)
 
     def table(self, motion: RigidMotion) -> np.ndarray:
         """The scalars at the instants of a motion, (n_times, n)."""
-        found: list[np.ndarray] = []
-        gravity = self.mechanism.gravity[:, None]
-        points = {name for name, load in self.mechanism.loads.items() if load.joint is None}
+        return np.hstack([np.array([row for *_, row in self._rows(motion)]).T, self.map.table(motion)])
+
+    def _rows(self, motion: RigidMotion) -> Iterator[tuple[str, str, str, np.ndarray]]:
+        """Scalars that do not belong to ``map``: name, unit, meaning, and values at the instants of a motion."""
+        mechanism, still = self.mechanism, np.zeros((3, len(motion.times)))
         for name in self.parts:
-            frame = motion.frame(name)
-            specific_force = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
-            found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), specific_force]
-            acting = list(wrenches_on(self.mechanism, motion, name))
-            if name in self.links:
-                link, spread = self.links[name], spread_on(self.mechanism, name)
-                acting = [each for each in acting if each.by not in spread]
-                at = [link.node_at(each.on[0]) for each in acting]
-                for node in (0, *map(int, jumps(self.mechanism, name, link.nodes))):
-                    pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
-                    found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
-                for node in pushed_nodes(link):
-                    pushes = [each.force for each, own in zip(acting, at, strict=True)
-                              if own == node and each.by in self.mechanism.loads]  # fmt: skip
-                    found.append(sum(pushes, np.zeros_like(specific_force)))
-                for by in spread:
-                    load = self.mechanism.loads[by]
-                    direction = np.outer(load.direction, motion[by])
-                    found.append(direction if load.in_body else frame.to_body(direction))
+            frame, head, acting = motion.frame(name), f"{name}.link", list(wrenches_on(mechanism, motion, name))
+            moving = frame.omega, frame.epsilon, frame.acceleration(np.zeros(3)) - mechanism.gravity[:, None]
+            rows = np.concatenate(list(map(frame.to_body, moving)))
+            for (each, unit, meaning), row in zip(SPATIAL_LINK_SCALARS, rows, strict=False):
+                yield f"{head}.{each}", unit, meaning, row
+            if name not in self.links:
+                yield from self._of_rigid(name, rows[6:], motion, acting)
                 continue
-            body = self.mechanism.bodies[name]
-            weight = -body.mass * frame.to_body(frame.acceleration(body.centre) - gravity)
-            arms = np.einsum("it,j->ijt", weight, body.centre)
-            arms += sum(np.einsum("it,jt->ijt", each.force, each.at) for each in acting)
-            for i, j in (("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in PAIRS):
-                found.append(0.5 * (arms[i, j] + arms[j, i])[None])
-            given = [each for each in acting if each.by in points]
-            none = np.zeros_like(specific_force)
-            found.append(sum((each.force for each in given), none))
-            found.append(sum((each.moment + np.cross(each.at, each.force, axis=0) for each in given), none))
+            link, spread = self.links[name], spread_on(mechanism, name)
+            acting = [each for each in acting if each.by not in spread]
+            at = [link.node_at(each.on[0]) for each in acting]
+            for node in (0, *map(int, jumps(mechanism, name, link.nodes))):
+                pulls = [each.force[0] for each, own in zip(acting, at, strict=True) if own == node]
+                of = (f"{head}.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
+                each, unit, meaning = SPATIAL_LINK_SCALARS[-1]
+                yield *(of if node else (f"{head}.{each}", unit, meaning)), -sum(pulls, still[0])
+            for node in pushed_nodes(link):
+                pushes = [each.force for each, own in zip(acting, at, strict=True)
+                          if own == node and each.by in mechanism.loads]  # fmt: skip
+                yield from _by_axes(f"{head}.push_{node}", "N", f"of loads on node {node}", sum(pushes, still))
+            for by in spread:
+                direction = np.outer(mechanism.loads[by].direction, motion[by])
+                direction = direction if mechanism.loads[by].in_body else frame.to_body(direction)
+                for axis, row in zip(AXES, direction, strict=True):
+                    yield spread_scalar(name, by, axis), "N/m", f"of {by} along the link", row
         for name in self.map.joined.springs:
-            first, second = (motion.frame(side.body).place(side.at) for side in self.mechanism.springs[name].sides)
-            if self._directed(name):
-                found.append((motion[f"{name}.tension"] / np.linalg.norm(second - first, axis=0))[None])
+            spring = mechanism.springs[name]
+            first, second = (motion.frame(side.body).place(side.at) for side in spring.sides)
+            if spring.is_directed:
+                length = np.linalg.norm(second - first, axis=0)
+                yield f"{name}.pull", "N/m", "tension by length", motion[f"{name}.tension"] / length
             else:
-                found.append(-self.mechanism.springs[name].stiffness * (second - first))
-        return np.hstack([np.concatenate(found).T, self.map.table(motion)])
+                force = -spring.stiffness * (second - first)
+                yield from _by_axes(f"{name}.force", "N", "on the second point, global", force)
+
+    def _of_rigid(
+        self, name: str, specific_force: np.ndarray, motion: RigidMotion, acting: Sequence[Wrench]
+    ) -> Iterator[tuple[str, str, str, np.ndarray]]:
+        """The same of loads on a rigid body."""
+        mechanism, body, frame = self.mechanism, self.mechanism.bodies[name], motion.frame(name)
+        weight = -body.mass * frame.to_body(frame.acceleration(body.centre) - mechanism.gravity[:, None])
+        arms = np.einsum("it,j->ijt", weight, body.centre)
+        arms += sum(np.einsum("it,jt->ijt", each.force, each.at) for each in acting)
+        for each, (i, j) in zip(ARMS, (map("xyz".index, pair) for pair in PAIRS), strict=True):
+            yield f"{name}.link.{each}", "N m", "of all that acts at arms from the start", (arms[i, j] + arms[j, i]) / 2
+        given = [each for each in acting if each.by in mechanism.loads and mechanism.loads[each.by].joint is None]
+        still = np.zeros_like(specific_force)
+        turns = (each.moment + np.cross(each.at, each.force, axis=0) for each in given)
+        yield from _by_axes(f"{name}.link.push", "N", "of loads", sum((each.force for each in given), still))
+        yield from _by_axes(f"{name}.link.turn", "N m", "of the same, about the start", sum(turns, still))
+
+
+def _by_axes(head: str, unit: str, meaning: str, rows: np.ndarray) -> Iterator[tuple[str, str, str, np.ndarray]]:
+    """Components of a vector as scalars."""
+    for axis, row in zip(AXES, rows, strict=True):
+        yield f"{head}_{axis}", unit, meaning, row
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,12 +193,13 @@ def with_elastic_parts(model: Model, frozen: Mapping[str, np.ndarray]) -> Model:
         springs.append(Placed(spring_part(name, of.stiffness, of.damping, of.is_directed, "xyz"), found.of(name)))
     frame = Frame(found.coordinates, {name: maps[name] for name in links},
                   {name: maps[name] for name in parts if name in moving and name not in links})  # fmt: skip
-    lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
+    scalars = deforming.scalars(motion.at(times[:1]))
+    lost = _open_scalars(deforming, [name for name, *_ in scalars], motion, times[:: _SAMPLES // 8])
     arms = frozenset(name for name in lost if name.rpartition(".")[2] in ARMS)
     _check_pulls(lost - arms, options)
     stiffened = sorted({name.partition(".")[0] for name in arms} & moving)
     warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
-    module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
+    module = replace(motion.module, more=scalars, open_reactions=motion.module.open_reactions | (lost - arms))
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     return replace(model, motion=moved, links=links, parts={name: parts[name] for name in links}, bases=bases,
                    interfaces=interfaces, frame=frame, placed=tuple(placed),
@@ -214,9 +212,11 @@ def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
             if load.spread is not None and load.spread[0].body == link]  # fmt: skip
 
 
-def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
-    """Names of statically indeterminate scalars, which self-equilibrated multipliers change."""
-    system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
+def _open_scalars(
+    deforming: Deforming, names: Sequence[str], motion: SpatialKinematics, times: np.ndarray
+) -> frozenset[str]:
+    """Names of statically indeterminate ones among the scalars, which self-equilibrated multipliers change."""
+    system, found = motion.module.system, set[str]()
     joints = len(deforming.mechanism.joints)
     columns = [motion.column[name] for name in system.constraints[: 6 * joints]]
     unit = np.tile(np.repeat([1.0, 1.0 / deforming.mechanism.size], 3), joints)
