@@ -196,8 +196,9 @@ class Engine(Views):
         q, u = self.coordinates, self.motion[1].copy()
         return bool(self.call("project", t, q, u) == codes.DONE)
 
-    def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray | None:
-        """Records of the states near rows of the integration, (n_times, kept); None if one is singular.
+    def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
+        """Records of the states near rows of the integration, (n_times, kept). Raises ArithmeticError at a singular
+        one.
 
         The ``held`` coordinates are not accelerated, as far as the joints allow: they have a mass much larger than all
         others.
@@ -215,7 +216,9 @@ class Engine(Views):
             if not found:
                 break
         self.work.virtual_inertia[:] = self.choice.virtual_inertia
-        return out if done == len(rows) else None
+        if done < len(rows):
+            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
+        return out
 
     def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,

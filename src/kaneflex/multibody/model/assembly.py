@@ -119,7 +119,8 @@ def _system(
     built = build_tables(blocks(mechanism, flexible), in_laws, mechanism.prescribed, switches, rubs)
     kind = _kind(mechanism, switches, coupled or (integrates and has_slopes(mechanism, in_laws)))
     engine = engine_of(built, module, p, kind=kind, integrates=integrates)
-    links = {name: built.made[name] for name in flexible if isinstance(built.made[name], Shapes)}
+    made = [(name, built.made[name]) for name in flexible]
+    links = {name: each for name, each in made if isinstance(each, Shapes)}
     return System(module, mechanism, engine, links, coupled)
 
 
@@ -152,7 +153,7 @@ def check_modes(mechanism: NumericMechanism, name: str, asked: int, limited: boo
 def engine_of(built: TreeBuilder, module: Any, p: np.ndarray, **more: Any) -> Engine:
     """Engine of a mechanism at rest, loops not closed; ``more``: further attributes."""
     parts, layout, acts, numbers = built.arrays(), built.layout, built.acts, built.w
-    bodies, nodes, length = parts.pop("bodies"), parts["nodes"], built.of_bodies.mechanism.size
+    bodies, nodes, length = parts.pop("bodies"), parts["nodes"], built.mechanism.size
     counts = Counts(built, bodies)
     plan, views, size = assign(counts, built.courses, numbers)
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else length for _, unit in layout.coordinates])
@@ -179,7 +180,7 @@ def engine_of(built: TreeBuilder, module: Any, p: np.ndarray, **more: Any) -> En
     engine = Engine(tables, layout, parts, views, kernels, p, room, pairs, light=built.is_light, **more)
     work, on_ground = engine.work, parts["on"] < 0
     work.offset[:] = parts["numbers"][:, SHIFT]
-    work.row_measure[:] = np.where(built.cuts.angles, 1.0, length or 1.0)
+    work.row_measure[:] = np.where(built.angles, 1.0, length or 1.0)
     work.sections[on_ground, :3] = parts["at"][on_ground]
     if not counts.in_space:
         work.R[:, 0] = 1.0
@@ -198,7 +199,7 @@ class Counts:
     """
 
     def __init__(self, built: TreeBuilder, bodies: np.ndarray) -> None:
-        mechanism, cuts = built.of_bodies.mechanism, built.cuts
+        mechanism = built.mechanism
         self.d, self.in_space, self.row_size = built.d, built.d != PLANE, 3 + 2 * built.d
         self.shapes: list[int] = bodies[:, at.SHAPES].tolist()
         self.bodies, self.joints, self.nodes = len(bodies), len(mechanism.joints), len(built.nodes)
@@ -209,7 +210,7 @@ class Counts:
         self.ranges = *built.ranges, len(built.acts)
         _, self.holds, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
         self.pulls, self.courses, self.switches = self.loads + self.springs, len(built.driven), built.switches
-        self.joint_rows = len(cuts.angles)
+        self.joint_rows = len(built.angles)
         self.cut_rows = self.joint_rows + self.holds
         self.rows = self.cut_rows + self.touching
         rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())

@@ -13,7 +13,6 @@ from kaneflex.mechanism.spatial import Side, SpatialMechanism, across
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.tree_builder import (
     ORIGIN,
-    AnyMechanism,
     Row,
     TreeBuilder,
     side_of,
@@ -24,16 +23,15 @@ _LOAD = (0, -1, -1, -1, -1, -1)
 """Row of a load, whose forces and moments have rows of their own."""
 
 
-def list_acts(
-    builder: TreeBuilder, mechanism: AnyMechanism, in_laws: Sequence[str], rubs: bool
-) -> tuple[np.ndarray, tuple[int, ...]]:
+def list_acts(builder: TreeBuilder, in_laws: Sequence[str], rubs: bool) -> tuple[np.ndarray, tuple[int, ...]]:
     """Interactions (n_acts, 6), see ``acts`` in :mod:`kaneflex.multibody.model.layout`, and their ranges: first places
     of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches, and the end.
 
     Forces and moments of loads follow. ``in_laws``: joints whose coordinates may occur in laws; ``rubs``: with
     friction.
     """
-    drives, loads, cuts = list[Row](), [_LOAD] * len(mechanism.loads), builder.cuts
+    mechanism, drives = builder.mechanism, list[Row]()
+    loads = [_LOAD] * len(mechanism.loads)
     joints: Mapping[str, Any] = mechanism.joints
     for name in in_laws:
         joint, known = joints[name], name in builder.tree
@@ -43,15 +41,15 @@ def list_acts(
             continue
         of = (0, 0, builder.speed(name)) if known else (*_sections(builder, joint), -1)
         drives.append((at.SLIDE if joint.slides else at.TURN, *of, -1, builder.w.put(joint.direction)))
-    springs = _spring_acts(builder, mechanism)
-    row = len(cuts.angles)
-    others = len(cuts.acts) + len(drives) + len(loads) + len(springs)
-    holds = _hold_acts(builder, mechanism, others) if rubs else []
-    touching = [*_contact_acts(builder, mechanism, row + len(holds))]
+    springs = _spring_acts(builder)
+    row = len(builder.angles)
+    others = len(builder.cuts) + len(drives) + len(loads) + len(springs)
+    holds = _hold_acts(builder, others) if rubs else []
+    touching = [*_contact_acts(builder, row + len(holds))]
     touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(builder.switches)]
-    parts: Sequence[Sequence[Row]] = (cuts.acts, holds, drives, loads, springs, touching)
+    parts: Sequence[Sequence[Row]] = (builder.cuts, holds, drives, loads, springs, touching)
     ranges = tuple(np.cumsum([0, *map(len, parts)]).tolist())
-    return whole([row for part in (*parts, _load_acts(builder, mechanism)) for row in part], 6), ranges
+    return whole([row for part in (*parts, _load_acts(builder)) for row in part], 6), ranges
 
 
 def _sections(builder: TreeBuilder, of: Any) -> list[int]:
@@ -59,22 +57,23 @@ def _sections(builder: TreeBuilder, of: Any) -> list[int]:
     return [builder.section(side_of(side)) for side in of.sides]
 
 
-def _hold_acts(builder: TreeBuilder, mechanism: AnyMechanism, others: int) -> list[Row]:
+def _hold_acts(builder: TreeBuilder, others: int) -> list[Row]:
     """Rows of frictions, of joints and then of contacts; ``others``: number of interactions that are neither frictions
     nor contacts.
 
     In space a contact's friction has two rows, along the slip and across it. The latter are the first ones, so that
     those with results of their own come last.
     """
-    beside, found, cuts, put = list[tuple[int, Any, int]](), list[tuple[int, Any, int]](), builder.cuts, builder.w.put
+    beside, found = list[tuple[int, Any, int]](), list[tuple[int, Any, int]]()
+    mechanism, put = builder.mechanism, builder.w.put
     pairs: Mapping[str, Any] = {**mechanism.joints, **mechanism.contacts}
     faces = [name for name in mechanism.frictions if name in mechanism.contacts]
     count, space = len(mechanism.frictions), isinstance(mechanism, SpatialMechanism)
     for name, held in mechanism.frictions.items():
         if name in faces:
             break
-        pair, own = pairs[name], cuts.rows[name]
-        of = next(k for k, cut in enumerate(cuts.acts) if cut[at.ROW_AT] == own.start)
+        pair, own = pairs[name], builder.rows_of[name]
+        of = next(k for k, cut in enumerate(builder.cuts) if cut[at.ROW_AT] == own.start)
         if isinstance(mechanism, SpatialMechanism):
             (one, other), (x, y) = pair.sides, across(pair.axes[0])
             axis = min(builder.axis(one, each) for each in (pair.axes[0], x, y))
@@ -94,13 +93,13 @@ def _hold_acts(builder: TreeBuilder, mechanism: AnyMechanism, others: int) -> li
         places = [put(friction.numbers_of(held, direction, of)) for direction in directions]
         found.append((at.ALONG, contact, places[0]))
         beside += [(at.ACROSS, contact, place) for place in places[1:]]
-    rows = enumerate([*beside, *found], start=len(cuts.angles))
+    rows = enumerate([*beside, *found], start=len(builder.angles))
     return [(kind, *_sections(builder, pair), -1, row, place) for row, (kind, pair, place) in rows]
 
 
-def _spring_acts(builder: TreeBuilder, mechanism: AnyMechanism) -> list[Row]:
+def _spring_acts(builder: TreeBuilder) -> list[Row]:
     """Rows of springs; those of bushings in space come last, six of each."""
-    found, bushings, put = list[Row](), list[Row](), builder.w.put
+    found, bushings, mechanism, put = list[Row](), list[Row](), builder.mechanism, builder.w.put
     joints: Mapping[str, Any] = mechanism.joints
     for spring in mechanism.springs.values():
         joint, axis, speed = None if spring.joint is None else joints[spring.joint], -1, -1
@@ -121,8 +120,9 @@ def _spring_acts(builder: TreeBuilder, mechanism: AnyMechanism) -> list[Row]:
     return [*found, *bushings]
 
 
-def _contact_acts(builder: TreeBuilder, mechanism: AnyMechanism, row: int) -> Iterator[Row]:
+def _contact_acts(builder: TreeBuilder, row: int) -> Iterator[Row]:
     """Rows of contacts, beginning with row ``row``."""
+    mechanism = builder.mechanism
     for k, contact in enumerate(mechanism.contacts.values(), start=row):
         numbers, law = contacts.numbers_of(contact), contacts.LAWS.index(contact.law)
         if isinstance(mechanism, SpatialMechanism):
@@ -137,13 +137,13 @@ def _contact_acts(builder: TreeBuilder, mechanism: AnyMechanism, row: int) -> It
         yield contacts.kind_of(contact), *_sections(builder, contact), law, k, builder.w.put(numbers)
 
 
-def _load_acts(builder: TreeBuilder, mechanism: AnyMechanism) -> Iterator[Row]:
+def _load_acts(builder: TreeBuilder) -> Iterator[Row]:
     """Rows of forces and moments of loads.
 
     A load distributed over a body has two, of the part that falls from its start to its end, and of the one that rises.
     """
-    joints: Mapping[str, Any] = mechanism.joints
-    for number, load in enumerate(mechanism.loads.values()):
+    joints: Mapping[str, Any] = builder.mechanism.joints
+    for number, load in enumerate(builder.mechanism.loads.values()):
         if load.joint is not None:
             joint = joints[load.joint]
             axis = builder.axis(joint.sides[0], joint.moves[0][1]) if builder.d == 6 else -1

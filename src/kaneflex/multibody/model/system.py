@@ -115,14 +115,8 @@ class System:
         return self._determined(self.engine.unfold(rows, near))
 
     def nearby(self, rows: np.ndarray, held: Sequence[int] = ()) -> np.ndarray:
-        """Records of states near rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.nearby`.
-
-        Raises ArithmeticError at a singular state.
-        """
-        found = self.engine.nearby(rows, held)
-        if found is None:
-            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
-        return self._determined(found)
+        """Records of states near rows of the engine, see :meth:`kaneflex.multibody.engine.Engine.nearby`."""
+        return self._determined(self.engine.nearby(rows, held))
 
     def _determined(self, records: np.ndarray) -> np.ndarray:
         """Records whose statically indeterminate reactions are NaN, in place."""

@@ -60,13 +60,13 @@ def build_tables(
         _check_hanging(mechanism)
     for body, name, child in tree:
         if name is None:
-            _float(builder, mechanism, body)
+            _float(builder, body)
         else:
-            _hang(builder, mechanism, name, child)
+            _hang(builder, name, child)
     for name in mechanism.joints:
         if name not in builder.tree:
-            _cut(builder, mechanism, name, rubs)
-    builder.acts, builder.ranges = list_acts(builder, mechanism, in_laws, rubs)
+            _cut(builder, name, rubs)
+    builder.acts, builder.ranges = list_acts(builder, in_laws, rubs)
     return builder
 
 
@@ -154,12 +154,12 @@ def _in_space(mechanism: AnyMechanism, name: str) -> tuple[SpatialJoint, np.ndar
     return found, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), angle
 
 
-def _hang(builder: TreeBuilder, mechanism: AnyMechanism, name: str, child: int) -> None:
+def _hang(builder: TreeBuilder, name: str, child: int) -> None:
     """Add the nodes of a joint of the tree, and its outer body.
 
     Traversed from the second body, a joint's freedoms come in reverse order and with opposite sign.
     """
-    joint, relative, angle = _in_space(mechanism, name)
+    joint, relative, angle = _in_space(builder.mechanism, name)
     inner, outer = joint.sides[1 - child], joint.sides[child]
     own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
     moves = [(TURN if move.startswith("angle") else BALL if move == "rotation" else SLIDE, move, own @ axis)
@@ -196,23 +196,24 @@ def _names(owner: str, kind: int, name: str) -> tuple[Names, Names]:
     return found, found
 
 
-def _float(builder: TreeBuilder, mechanism: AnyMechanism, name: str) -> None:
+def _float(builder: TreeBuilder, name: str) -> None:
     """Nodes of a free body: in the plane one, in space three that slide along global axes, and a ball."""
-    if not isinstance(mechanism, SpatialMechanism):
+    if not isinstance(builder.mechanism, SpatialMechanism):
         names = [(f"{name}.{part}", unit) for part, unit in (("x", "m"), ("y", "m"), ("phi", "rad"))]
         builder.body(name, builder.node(FREE, -1, names), ORIGIN, ORIGIN)
         return
     parent = -1
     for axis, row in zip("xyz", np.eye(3), strict=True):
         parent = builder.node(SLIDE, parent, *_names(name, SLIDE, axis), axis=row)
-    node = builder.node(BALL, parent, *_names(name, BALL, ""), mechanism.bodies[name].rotation)
+    node = builder.node(BALL, parent, *_names(name, BALL, ""), builder.mechanism.bodies[name].rotation)
     builder.body(name, node, ORIGIN, None)
 
 
-def _cut(builder: TreeBuilder, mechanism: AnyMechanism, name: str, rubs: bool) -> None:
+def _cut(builder: TreeBuilder, name: str, rubs: bool) -> None:
     """Add the elementary constraints of a joint that closes a loop, in the plane also of its course, if any."""
-    cuts, sides = builder.cuts, map(side_of, mechanism.joints[name].sides)
-    sections, rows = [*map(builder.section, sides)], list[tuple[int, int, int, Sequence[bool]]]()
+    mechanism, angles = builder.mechanism, builder.angles
+    sections = [builder.section(side_of(side)) for side in mechanism.joints[name].sides]
+    rows = list[tuple[int, int, int, Sequence[bool]]]()
     if isinstance(mechanism, SpatialMechanism):
         if name in mechanism.asked and not (rubs and name in mechanism.frictions):
             raise SceneError(
@@ -223,16 +224,17 @@ def _cut(builder: TreeBuilder, mechanism: AnyMechanism, name: str, rubs: bool) -
         rows += [(what, -1, axis, ANGLES[what]) for what, axis in _constraints(builder, mechanism, name)]
     else:
         joint, put = mechanism.joints[name], builder.w.put
-        what, angles = _CUTS[joint.kind]
-        rows.append((what, -1, put([*joint.direction, joint.angle if joint.kind != "revolute" else 0.0]), angles))
+        what, are_angles = _CUTS[joint.kind]
+        place = put([*joint.direction, joint.angle if joint.kind != "revolute" else 0.0])
+        rows.append((what, -1, place, are_angles))
         if name in builder.driven:
             kind, course = at.SLIDE if joint.slides else at.TURN, builder.driven.index(name)
             rows.append((kind, course, put([*joint.direction, 0.0]), (not joint.slides,)))
-    first = len(cuts.angles)
-    for kind, of, place, are_angles in rows:
-        cuts.acts.append((kind, *sections, of, len(cuts.angles), place))
-        cuts.angles.extend(are_angles)
-    cuts.rows[name] = slice(first, len(cuts.angles))
+    first = len(angles)
+    for kind, of, place, each in rows:
+        builder.cuts.append((kind, *sections, of, len(angles), place))
+        angles.extend(each)
+    builder.rows_of[name] = slice(first, len(angles))
 
 
 def _constraints(builder: TreeBuilder, mechanism: SpatialMechanism, name: str) -> Iterator[tuple[int, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 
@@ -55,20 +55,13 @@ class Numbers:
         return np.concatenate([*self.parts, np.zeros(0)])
 
 
-class Cuts(NamedTuple):
-    """Rows of ``acts`` of the joints that close loops, the rows of each of these, and which rows are angles."""
-
-    acts: list[Row]
-    rows: dict[str, slice]
-    angles: list[bool]
-
-
 class TreeBuilder:
     """Rows of the tables in construction.
 
     ``d``: numbers of a twist, 3 in the plane, 6 in space; ``made``: shapes of deforming bodies, which links may not
     have; ``w``: numbers of interactions; ``driven``: joints with prescribed courses; ``switches``: number of switches
-    of loads' laws; ``acts``, ``ranges``: see :func:`list_acts`.
+    of loads' laws; ``acts``, ``ranges``: see :func:`list_acts`; ``cuts``: those of the joints that close loops,
+    ``rows_of``: the rows of each of these, ``angles``: True for rows that are angles.
     """
 
     acts: np.ndarray
@@ -76,13 +69,14 @@ class TreeBuilder:
 
     def __init__(self, numbers: Blocks | SpatialBlocks, driven: Sequence[str] = (), switches: int = 0) -> None:
         self.of_bodies, self.d, self.driven, self.switches = numbers, numbers.d, tuple(driven), switches
+        self.mechanism = numbers.mechanism
         self.shapes, self.made = dict[str, Deformable](), dict[str, Deformable]()
         self.stations: dict[tuple[str, Place], int] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.block, self.w = Numbers(), Numbers()
         self.own: dict[str, np.ndarray | None] = {}
-        self.cuts = Cuts([], {}, [])
+        self.cuts, self.rows_of, self.angles = list[Row](), dict[str, slice](), list[bool]()
         self.carriers: list[tuple[int, np.ndarray]] = [(-1, np.zeros(3))]
         self.sections: dict[Side, int] = {Side(GROUND, ORIGIN): 0}
         self.axes: list[tuple[int, np.ndarray]] = []
@@ -207,16 +201,15 @@ class TreeBuilder:
         stations.
         """
         rows, points = list[tuple[int, ...]](), list[tuple[int, np.ndarray]]()
-        mechanism = self.of_bodies.mechanism
-        for name, joint in mechanism.joints.items():
+        for name, joint in self.mechanism.joints.items():
             nodes, sign = self.tree.get(name, ((-1,), 1))
-            of_cut = self.cuts.rows.get(name, slice(0, 0))
+            of_cut = self.rows_of.get(name, slice(0, 0))
             points.append(self.on(side_of(joint.sides[1])))
             rows.append((nodes[-1], sign, points[-1][0], of_cut.start, of_cut.stop))
         bodies, frames = self._bodies()
         found = {"bodies": bodies, "frames": frames, "joints": whole(rows, 5), "points": _apart(points)[1]}
         found |= {"nodes": whole(self.nodes, 10), "numbers": np.array(self.numbers), "block": self.block.whole}
-        found |= {"gravity": np.array([*mechanism.gravity, 0.0][:3])}
+        found |= {"gravity": np.array([*self.mechanism.gravity, 0.0][:3])}
         found |= dict(zip(("on", "at"), _apart(self.carriers), strict=True))
         found |= dict(zip(("axis_on", "axis_at"), _apart(self.axes), strict=True))
         shapes = [self.shapes[name] for name in self.node_of if name in self.shapes]
@@ -228,7 +221,7 @@ class TreeBuilder:
     def layout(self) -> Layout:
         """Names of the tables' entries."""
         nodes = {name: node for name, node in self.node_of.items() if name != GROUND}
-        return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, self.cuts.rows, tuple(self.speeds),
+        return Layout(nodes, self.stations, self.sections, self.shapes, self.tree, self.rows_of, tuple(self.speeds),
                       tuple(self.positions), self.driven)  # fmt: skip
 
     def _bodies(self) -> tuple[np.ndarray, np.ndarray]:
