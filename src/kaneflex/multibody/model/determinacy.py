@@ -64,14 +64,14 @@ def self_equilibrated(rows: np.ndarray) -> np.ndarray:
     return sums[:, int((sizes > _RANK * sizes.max(initial=0.0)).sum()) :]
 
 
-def with_shares(reactions: Iterable[Sequence[str]], forces: np.ndarray, size: float, in_space: bool) -> set[str]:
+def with_shares(reactions: Sequence[Sequence[str]], forces: np.ndarray, size: float, in_space: bool) -> set[str]:
     """Names of the reactions that have a share in self-equilibrated forces (combinations, n); ``reactions``: name and
     unit of each.
 
     In space a force or a moment counts with all its components, as those without a share depend on the position.
     """
-    names, units = zip(*(each[:2] for each in reactions), strict=True)
-    shares = abs(forces) * np.where(np.array(units) == "N", size, 1.0)
+    names, units = ([each[k] for each in reactions] for k in range(2))
+    shares = abs(forces) * [size if unit == "N" else 1.0 for unit in units]
     has = (shares > _NOTHING * shares.max(axis=1, initial=0.0, keepdims=True)).any(axis=0)
     parts = [name[:-2] if in_space and name[-2] == "_" else name for name in names]
     found = {part for part, one in zip(parts, has, strict=True) if one}
