@@ -13,7 +13,7 @@ from kaneflex.fem.spatial_bodies import second_moments
 from kaneflex.generated.body import BODY, POINT
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.model.shapes import Shapes, in_reading_order
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, spatial_modal_data, symmetrised
 
@@ -110,28 +110,21 @@ def point_block(shapes: Arrays, axial: int, transverse: int) -> np.ndarray:
 
 def _in_reading_order(table: Mapping[str, Any], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:
     """Numbers in the order in which the kernels read them, by BODY or POINT."""
-    ends = {"u": slice(axial), "v": slice(axial, axial + transverse)}
-    lengths = {"s": axial, "w": transverse, "a": axial + transverse}
+    count = axial + transverse
+    of_kind = {"u": np.arange(axial), "v": np.arange(axial, count)}
+    places = {"s": of_kind["u"], "w": of_kind["v"], "a": np.arange(count)}
 
-    def sums(kinds: str) -> np.ndarray:
-        """Numbers of all shapes of a kind or all pairs of two, their last axis those of one."""
-        found = [sum(sign * part(name, kinds) for name, sign in terms.items()) for terms in table.get(kinds, ())]
-        return np.stack(found, axis=-1) if found else np.zeros((*(lengths["a"],) * len(kinds), 0))
-
-    def part(name: str, kinds: str) -> np.ndarray:
+    def among_all(name: str) -> np.ndarray:
+        """Array of all shapes, zero for those of another kind."""
         axes = _AXES.get(name, "")
-        whole = np.broadcast_to(arrays[name], [lengths[axis] for axis in axes])
-        if "a" in axes:
-            return whole[tuple(ends[kind] for kind in kinds)]
-        return whole.T if (axes, kinds) == ("sw", "vu") else whole
+        found = np.zeros((count,) * len(axes))
+        found[np.ix_(*(places[axis] for axis in axes))] = arrays[name]
+        return found + found.T if axes == "sw" else found
 
-    shapes, found = [kind for kind in "uv" if ends[kind].stop > (ends[kind].start or 0)], [sums("")]
-    found.append(np.array([axial, axial + transverse], float))
-    for a in shapes:
-        single, pairs = sums(a), [sums(a + b) for b in shapes]
-        for j in range(len(single)):
-            found += [single[j], *(pair[j].ravel() for pair in pairs)]
-    return np.concatenate(found)
+    sums = {kinds: [sum(sign * among_all(name) for name, sign in terms.items()) for terms in of]
+            for kinds, of in table.items() if all(len(of_kind[kind]) for kind in kinds)}  # fmt: skip
+    counts = np.array([axial, count], float)
+    return np.concatenate([np.array(sums.get("", []), float), counts, *in_reading_order(of_kind, sums)])
 
 
 _AXES = {name: axes for name, (axes, *_) in (ARRAYS | POINT_ARRAYS).items()}

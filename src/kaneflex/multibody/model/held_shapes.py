@@ -62,11 +62,6 @@ class HeldShapes:
         return np.asarray(~N.any(axis=(0, 1)) & psi.any(axis=(0, 1)))
 
     @cached_property
-    def omega(self) -> np.ndarray:
-        assert self.moments is not None  # in space
-        return np.sqrt(self.data.arrays["stiffness"] / np.einsum("aajj->j", self.moments.N_N))
-
-    @cached_property
     def stiffness(self) -> np.ndarray:
         return np.diag(self.data.arrays["stiffness"])
 

@@ -6,7 +6,7 @@ plane and twist. A planar link is one of space whose shapes are u, v and theta_z
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement, permutations
@@ -143,12 +143,6 @@ class Shapes:
         return np.diag(np.diag(self.basis.T @ K @ self.basis))
 
     @cached_property
-    def omega(self) -> np.ndarray:
-        """Circular frequency of each shape, its axes held [rad/s]."""
-        M = self.link.part.matrices["M"].value({})
-        return np.sqrt(np.diag(self.stiffness) / np.diag(self.basis.T @ M @ self.basis))
-
-    @cached_property
     def damping(self) -> np.ndarray:
         """Damping of the modal coordinates [N s/m]."""
         found = shape_damping(self.link, self.basis)
@@ -276,12 +270,9 @@ class ShapeMoments:
         of_kind = {kind: np.arange(*ends[k : k + 2]) for k, kind in enumerate(KINDS)}
         Q, scale = self._shortening
         single, pair = self._sums | {"Q": Q, "K": np.diag(stiffness)}, self._growth | {"scale": scale, "C": damping}
-        found = [np.array(counts, float)]
-        for kind, shapes in of_kind.items():
-            for j in shapes:
-                found.append(np.array([single[name][j] for name in SINGLE[kind]]))
-                for other, others in of_kind.items():
-                    found += [np.array([pair[name][j, others] for name in PAIR.get(kind + other, ())]).T.ravel()]
+        sums = {kind: [single[name] for name in names] for kind, names in SINGLE.items()}
+        sums |= {kinds: [pair[name] for name in names] for kinds, names in PAIR.items()}
+        found = [np.array(counts, float), *in_reading_order(of_kind, sums)]
         found.append(2.0 * cubic[np.ix_(*(of_kind[kind] for kind in CUBIC))].ravel())
         orders = {3: 2.0, 2: 1.0, 1: 1 / 3}  # by how many of the three shapes differ
         products = [(*of, orders[len({*of})] * cubic[of]) for of in combinations_with_replacement(of_kind["g"], 3)
@@ -308,6 +299,20 @@ class ShapeMoments:
         X = -_cross(self.N_N)  # of N_k x N_j
         found = _named("P", self.G) | _named("H", _cross(self.r_G) + X) | _named("X", X)
         return found | _named("J", _inertia(self.N_N + self.r_G)) | {"M": np.einsum("aajk->jk", self.N_N)}
+
+
+def in_reading_order(of_kind: Mapping[str, np.ndarray], sums: Mapping[str, list[np.ndarray]]) -> list[np.ndarray]:
+    """Numbers of every shape in turn, then of all pairs with it, as kernels read them.
+
+    ``of_kind``: shapes of each kind; ``sums``: numbers (count,) by kinds, and (count, count) by pairs of kinds.
+    """
+    found = list[np.ndarray]()
+    for kind, shapes in of_kind.items():
+        pairs = [(others, sums.get(kind + other, [])) for other, others in of_kind.items()]
+        for j in shapes:
+            found.append(np.array([each[j] for each in sums[kind]]))
+            found += [np.array([each[j, others] for each in pair]).T.ravel() for others, pair in pairs]
+    return found
 
 
 def _cross(of: np.ndarray) -> np.ndarray:

@@ -70,10 +70,6 @@ class Deformable(Protocol):
         """True for each shape of twist, whose coordinate is an angle."""
 
     @property
-    def omega(self) -> np.ndarray:
-        """Circular frequency of each of them, its axes held [rad/s]."""
-
-    @property
     def stiffness(self) -> np.ndarray:
         """Stiffness of the modal coordinates [N/m], (count, count)."""
 
