@@ -7,6 +7,7 @@ import re
 import stat
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import closed_forms as by_hand
 import csv_tables
@@ -23,9 +24,12 @@ from kaneflex.generated import engine as generated_engine
 from kaneflex.multibody.model.module_loading import generate_text, import_file, operation_count, pruned_text
 from kaneflex.report.summary import Summary
 from kaneflex.scene.write_back import file_to_write, write_settings
+from kaneflex.study.differences import Difference
 from kaneflex.study.trade import choice as choice_cache
 from kaneflex.study.trade import reference
+from kaneflex.study.trade.candidates import COUPLED
 from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
+from kaneflex.study.trade.trials import Trial, Trials
 
 DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 """Sensors of the engine that show the rod's deformation alone."""
@@ -137,12 +141,18 @@ def test_a_repeated_command_stores_densely_what_the_richest_model_did_not(cache,
     assert second.open == {} and set(second.errors) == set(second.sensors) == {*first.errors, *first.open}
 
 
-def test_errors_of_several_points_are_the_largest_of_sensors_that_are_within_in_all(engine):
-    _, found = engine
-    one = {"errors": {"a": 0.1, "b": 0.2}, "doubt": {"a": 0.0, "b": 0.3}, "open": {}, "sensors": ["a", "b"]}
-    other = {"errors": {"a": 0.05}, "doubt": {"a": 0.01}, "open": {"b": 0.4}, "sensors": ["a"]}
-    largest = choice_cache._largest([found.model_copy(update=each) for each in (one, other)])
-    assert largest == {"errors": {"a": 0.1}, "doubt": {"a": 0.01}, "open": {"b": 0.4}, "sensors": ["a"]}
+def test_errors_of_several_points_are_the_largest_of_sensors_that_are_within_in_all():
+    def found(errors, doubts, unknown):
+        gaps = tuple(Difference(name, "", "m", 1.0, 1.0, error, error) for name, error in errors.items())
+        about = {"name": "coupled", "note": "", "model": COUPLED, "sensors": tuple(errors)}
+        reference = SimpleNamespace(doubts=doubts, open=unknown, **about)
+        runs = SimpleNamespace(run=lambda model: SimpleNamespace(timing=SimpleNamespace(total=1.0)))
+        return Trials(runs, 0.5, reference, known=2.0, tried={COUPLED: Trial(COUPLED, gaps, True)})
+
+    trials = [found({"a": 0.1, "b": 0.2}, {"a": 0.0, "b": 0.3}, {}), found({"a": 0.05}, {"a": 0.01}, {"b": 0.4})]
+    largest = choice_cache._choice(read_scene("engine"), trials, COUPLED, False)
+    assert (largest.errors, largest.doubt, largest.sensors) == ({"a": 0.1}, {"a": 0.01}, ["a"])
+    assert largest.open == {"b": 0.4}
 
 
 @pytest.mark.parametrize("damage", [lambda file: file.unlink(), lambda file: file.write_bytes(b"\x93NUMPY")])

@@ -182,7 +182,7 @@ def test_series_are_those_of_the_run_and_filled_up_to_the_longest(tmp_path):
     assert np.array_equal(found["piston_position_series"][1, :19], alone.series["piston_position"].values)
     assert np.array_equal(found["time"][1, :19], alone.times)
     assert np.isnan(found["piston_position_series"][1, 19:]).all() and found.sizes["instant"] == 37
-    assert not (tmp_path / "out" / "series").exists()
+    assert not (tmp_path / "out" / "journal.jsonl").exists()
 
 
 def test_a_gas_curve_is_found_beside_the_study_and_its_content_counts(tmp_path):

@@ -173,16 +173,6 @@ def test_a_digit_that_changed_in_a_journal_is_no_result(plan, tmp_path, complete
     assert "3 lines are damaged; 4 points remain" in caplog.text
 
 
-@pytest.mark.parametrize("damage", [*DAMAGE, os.unlink], ids=lambda each: each.__name__)
-def test_damaged_series_are_computed_again(damage, plan, tmp_path, complete):
-    place = tmp_path / "out"
-    begun(plan, place)
-    damage(place / "series" / "0" / "1.npz")
-    if damage in (folder, pipe, in_a_circle):
-        shutil.rmtree(place / "series")
-    assert sweep(plan, place, found).dataset.identical(complete[1])
-
-
 @pytest.mark.parametrize("damage", DAMAGE, ids=lambda each: each.__name__)
 def test_a_damaged_dataset_is_named_and_stays(damage, plan, tmp_path, complete):
     place = tmp_path / "out"

@@ -158,7 +158,7 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
         raise SceneError("like", path.stem, f"scenes refer to each other in a circle: {chain}", "Remove one reference")
-    return _whole(_toml(path), path.stem, path.parent, (*readers, path))
+    return _whole(tables_of(path), path.stem, path.parent, (*readers, path))
 
 
 def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
@@ -172,40 +172,40 @@ def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ..
     return reuse_bodies(raw)
 
 
-def _toml(path: Path) -> dict[str, Any]:
-    """Tables of a file. Raises SceneError: unreadable, not TOML, numbers or nesting too large."""
-    with told("scene", path.name):
+def tables_of(path: Path, kind: str = "scene") -> dict[str, Any]:
+    """Tables of a scene or study. Raises SceneError: unreadable, not TOML, numbers or nesting too large."""
+    with told(kind, path.name):
         try:
             text = read_text(path)
-        except FileNotFoundError:  # deleted in the meantime
-            raise Fault("no such file", "Give the path of a scene") from None
-    return _parsed(text, path.name)
+        except FileNotFoundError:
+            raise Fault("no such file", f"Give the path of a {kind}") from None
+    return _parsed(text, path.name, kind)
 
 
-def _parsed(text: str, name: str) -> dict[str, Any]:
+def _parsed(text: str, name: str, kind: str = "scene") -> dict[str, Any]:
     """Tables of a text in TOML. Raises SceneError: not TOML, numbers or nesting too large."""
     try:
         raw = tomllib.loads(text)
     except RecursionError:
-        raise SceneError("scene", name, "lists or tables are nested too deeply", "Flatten them") from None
+        raise SceneError(kind, name, "lists or tables are nested too deeply", "Flatten them") from None
     except tomllib.TOMLDecodeError as error:
         from kaneflex.support.mistakes import toml_advice
 
-        raise SceneError("scene", name, *toml_advice(str(error), text)) from None
+        raise SceneError(kind, name, *toml_advice(str(error), text)) from None
     except ValueError:  # Python makes no whole number of more than 4300 digits, and names no line
         line, digits = _longest_number(text)
         reason = f"line {line}: a whole number of {digits} digits"
-        raise SceneError("scene", name, reason, "Write it like 1.5e9") from None
-    _demand_shallow(raw, name)
+        raise SceneError(kind, name, reason, "Write it like 1.5e9") from None
+    _demand_shallow(raw, name, kind)
     return raw
 
 
-def _demand_shallow(raw: dict[str, Any], name: str) -> None:
+def _demand_shallow(raw: dict[str, Any], name: str, kind: str = "scene") -> None:
     level = [raw]
     for _ in range(_DEEPEST):
         level = [inner for table in level for inner in table.values() if isinstance(inner, dict)]
     if level:
-        raise SceneError("scene", name, f"tables are nested more than {_DEEPEST} deep", "Flatten them")
+        raise SceneError(kind, name, f"tables are nested more than {_DEEPEST} deep", "Flatten them")
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

@@ -189,7 +189,7 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
 
 def beside(model: Model, scene: Scene, options: Options, alike: bool, frozen: bool) -> Model:
     """Variant of :func:`kaneflex.solve.loading.neighbour` for these mechanisms; ``alike``: with its shapes' signs and
-    scales."""
+    scales. Else elements and numbers of modes alone differ, and the model is for its own equations only."""
     own, fixed = model.coupled_system, model if frozen else None
     scene = acting(scene if scene.is_spatial else as_it_starts(without_poses(scene)), options)
     mechanism, p = mechanism_of(scene), bind_parameters(scene, own.module)
@@ -200,7 +200,8 @@ def beside(model: Model, scene: Scene, options: Options, alike: bool, frozen: bo
     system = bound_system(mechanism, own.module, p, *modes, options.elements, like, frozen)
     if scene.is_spatial:
         return _coupled_model(scene, options, _bound(system, scene, options))
-    found = build_model(scene, options, rigid_reference(system, place(mechanism)), fixed, bare=model.bare)
+    start = place(mechanism) if alike else model.motion.module.start
+    found = build_model(scene, options, rigid_reference(system, start), fixed, bare=model.bare or not alike)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))
 
 

@@ -183,7 +183,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
     frozen : bool
         Whether to keep the modal bases and the modes of the damping.
     options : Options, optional
-        Other options of a coupled model, whose elements and numbers of modes may differ, too.
+        Other options of a coupled model, whose scene differs in elements and numbers of modes only.
     """
     alike = options is None
     options = options or neighbour_options(model, scene)

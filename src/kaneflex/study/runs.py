@@ -93,8 +93,8 @@ def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", m
     model = load(scene, progress)
     moments.append(time.perf_counter())
     if model.options.dynamics in ("quasistatic", "dynamic") and seconds_of_steps(model, model.options.steps) > most:
-        cure = "Give it more time by `kaneflex trade`"
-        raise SceneError("solve.preset", model.options.preset, "its run would take longer than choosing may", cure)
+        cure = "Give it more time by `kaneflex trade --budget`"
+        raise SceneError("solve.preset", model.options.preset, "its run would take longer than it may", cure)
     progress(f"solving, {name or model.options.preset}")
     solution = solve(model)
     moments.append(time.perf_counter())
@@ -151,10 +151,10 @@ class Runs:
                 older.release()
         return self.kept[variant]
 
-    def repeats(self, variants: Sequence[Variant], deadline: float) -> dict[Variant, list[Timing]]:
+    def repeats(self, variants: Sequence[Variant], deadline: float, least: int = 1) -> dict[Variant, list[Timing]]:
         """Run every variant again, all once per round, in alternating order, to even out slow phases of the machine.
 
-        One to ROUNDS rounds; none begins after the deadline, a time of ``time.perf_counter``.
+        ``least`` to ROUNDS rounds; after these no run begins after the deadline, a time of ``time.perf_counter``.
         """
         scenes = {variant: variant.of(self.scene) for variant in variants}
         found: dict[Variant, list[Timing]] = {variant: [] for variant in variants}
@@ -162,7 +162,7 @@ class Runs:
             for number in range(ROUNDS if variants else 0):
                 self.progress(f"timing, round {number + 1}")
                 for variant in variants[:: -1 if number % 2 else 1]:
-                    if number and time.perf_counter() > deadline:
+                    if number >= least and time.perf_counter() > deadline:
                         return found
                     gc.collect()
                     found[variant].append(run(scenes[variant]).timing)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import sys
 import zlib
+from base64 import b64decode, b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,14 +17,14 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.records import COMPLETED, STATISTICS, Record
+from kaneflex.study.records import STATISTICS, Record
 from kaneflex.study.study import Value, number_and_unit
 from kaneflex.support.errors import Fault, OutputError
 from kaneflex.support.files import check_file, read_text, write_text, writing
 from kaneflex.support.labelled import Labelled
 from kaneflex.support.terminal import log_warning
 
-STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
+STUDY_FILE, JOURNAL_FILE, LOCK_FILE = "study.json", "journal.jsonl", ".lock"
 BEGIN_ANEW = "Restore it from a copy, choose another folder, or start again with --force"
 """Fix for a damaged file; kaneflex does not change it."""
 RESULT_FILE = "sweep.nc"
@@ -34,7 +34,7 @@ RESULT_FILE = "sweep.nc"
 class Store:
     """Finished points of a sweep. Made by :func:`open_store`.
 
-    A point is finished when its line is in the journal; its series are written before.
+    A point is finished when its line is in the journal.
 
     Attributes
     ----------
@@ -60,31 +60,19 @@ class Store:
         if record.point in self.finished:
             return
         new = {name: words for name, words in record.labels.items() if name not in self.labels}
+        # times under the empty name, which no sensor can have
+        series = {} if record.times is None else {"": record.times, **record.series}
+        coded = {name: b64encode(np.ascontiguousarray(own, "<f8")).decode() for name, own in series.items()}
         line = {"point": record.point, "outcome": record.outcome, "reason": record.reason,
-                "statistics": dict(record.statistics), "labels": new}  # fmt: skip
-        with writing(self.folder):
-            if record.times is not None:
-                self._write_series(record)
-            with (self.folder / JOURNAL_FILE).open("ab") as journal:
-                begin = journal.tell()
-                journal.write(_checked(json.dumps(line)))
+                "statistics": dict(record.statistics), "labels": new, "series": coded}  # fmt: skip
+        with writing(self.folder), (self.folder / JOURNAL_FILE).open("ab") as journal:
+            begin = journal.tell()
+            journal.write(_checked(json.dumps(line)))
         self.finished[record.point] = begin
         self.labels.update(new)
 
-    def _write_series(self, record: Record) -> None:
-        path = self._series_file(record.point)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        with partial.open("wb") as file:
-            # times under the empty name, which no sensor can have
-            np.savez(file, **{"": record.times}, **record.series)
-        os.replace(partial, path)
-
-    def _series_file(self, point: int) -> Path:
-        return self.folder / SERIES_FOLDER / f"{point // 1000}" / f"{point}.npz"
-
     def records(self, points: Iterable[int]) -> Iterator[Record]:
-        """Finished points of these numbers, without their series."""
+        """Finished points of these numbers, without labels."""
         points = list(points)
         if not points:
             return
@@ -93,26 +81,13 @@ class Store:
                 journal.seek(self.finished[point])
                 entry = json.loads(journal.readline())
                 statistics = {name: tuple(values) for name, values in entry["statistics"].items()}
-                yield Record(point, entry["outcome"], entry["reason"], statistics)
-
-    def series(self, point: int) -> dict[str, np.ndarray]:
-        """Series of a completed point by sensor, times [s] under ""; empty if none were kept."""
-        if not self._series_file(point).exists():
-            return {}
-        with np.load(self._series_file(point), allow_pickle=False) as found:
-            return {name: found[name] for name in found}
-
-    def keeps_series(self, point: int) -> bool:
-        """True if the series of a completed point exist and can be read."""
-        try:
-            return bool(self.series(point))
-        except Exception:  # a damaged archive raises various errors from several libraries
-            return False
+                series = {name: np.frombuffer(b64decode(text), "<f8") for name, text in entry["series"].items()}
+                times = series.pop("", None)
+                yield Record(point, entry["outcome"], entry["reason"], statistics, times=times, series=series)
 
     def close(self) -> None:
-        """Delete the journal and series after the dataset is written."""
+        """Delete the journal after the dataset is written."""
         (self.folder / JOURNAL_FILE).unlink()
-        shutil.rmtree(self.folder / SERIES_FOLDER, ignore_errors=True)
 
 
 @contextmanager
@@ -161,7 +136,6 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
 
 def _empty(folder: Path) -> None:
     """Delete the files of an earlier sweep; the locked folder itself stays."""
-    shutil.rmtree(folder / SERIES_FOLDER, ignore_errors=True)
     for name in (JOURNAL_FILE, RESULT_FILE, STUDY_FILE):
         (folder / name).unlink(missing_ok=True)
 
@@ -195,10 +169,8 @@ def _entry(line: bytes) -> dict[str, Any] | None:
 
 
 def _begun(folder: Path, plan: Plan) -> Store:
-    """Store of the points in the journal; an incomplete last line is cut off.
-
-    Points whose line or series are damaged are computed again.
-    """
+    """Store of the points in the journal; an incomplete last line is cut off, points of damaged ones are computed
+    again."""
     store, journal, damaged = Store(folder), folder / JOURNAL_FILE, 0
     if not os.path.lexists(journal):
         return store
@@ -215,9 +187,9 @@ def _begun(folder: Path, plan: Plan) -> Store:
             entry = _entry(line)
             if entry is None:
                 damaged += 1
-            elif not (plan.series and entry["outcome"] == COMPLETED and not store.keeps_series(entry["point"])):
+            else:
                 store.finished[entry["point"]] = begin
-            store.labels.update({} if entry is None else {name: tuple(each) for name, each in entry["labels"].items()})
+                store.labels.update({name: tuple(each) for name, each in entry["labels"].items()})
             begin += len(line)
     lost = len(plan.points.keys() - store.finished)
     if damaged:
@@ -249,7 +221,7 @@ def labelled(plan: Plan, store: Store) -> Labelled:
         values = np.array([record.statistics.get(name, none) for record in records])
         variables[name] = (("point", "statistic"), values, about)
     if plan.series:
-        variables |= _series(store, points)
+        variables |= _series(store, records)
     coordinates = {"point": ("point", np.array(points)), "statistic": ("statistic", np.array(STATISTICS))}
     for path in plan.points[0]:
         values, about = column([point[path] for point in plan.points.values()])
@@ -263,17 +235,16 @@ def _labels(store: Store) -> dict[str, dict[str, str]]:
     return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
 
 
-def _series(store: Store, points: Sequence[int]) -> dict[str, tuple]:
-    found, variables = [store.series(point) for point in points], dict[str, tuple]()
-    instants = max(len(entry.get("", ())) for entry in found)
-    if not instants:
-        return variables  # netCDF can't hold a dimension without length
-    for name, about in {"": {"units": "s", "long_name": "time"}, **_labels(store)}.items():
-        block = np.full((len(found), instants), np.nan)
-        for row, entry in zip(block, found, strict=True):
-            values = entry.get(name, ())
-            row[: len(values)] = values
-        variables[f"{name}_series" if name else "time"] = ("point", "instant"), block, about
+def _series(store: Store, records: Sequence[Record]) -> dict[str, tuple]:
+    instants, variables = max(0 if each.times is None else len(each.times) for each in records), dict[str, tuple]()
+    found = {"time": ({"units": "s", "long_name": "time"}, [each.times for each in records])}
+    for name, about in _labels(store).items():
+        found[f"{name}_series"] = about, [each.series.get(name) for each in records]
+    for name, (about, rows) in found.items() if instants else ():  # netCDF can't hold a dimension without length
+        block = np.full((len(rows), instants), np.nan)
+        for row, values in zip(block, rows, strict=True):
+            row[: 0 if values is None else len(values)] = values
+        variables[name] = ("point", "instant"), block, about
     return variables
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,10 +17,9 @@ from pydantic import model_validator as validated_by
 
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import WholeNumber
-from kaneflex.scene.read import problem_in
+from kaneflex.scene.read import problem_in, tables_of
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault, SceneError, counted, nearest
-from kaneflex.support.files import read_text
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
 
@@ -206,18 +204,8 @@ def read_study(path: Path | str) -> Study:
     SceneError
         If the file is not a valid study; names every problem.
     """
-    path, text = Path(path), ""
-    try:
-        text = read_text(path)
-        raw: dict[str, Any] = tomllib.loads(text)
-    except Fault as fault:
-        raise SceneError("study", path.name, fault.reason, fault.cure) from None
-    except FileNotFoundError:
-        raise SceneError("study", path.name, "no such file", "Give the path of a study") from None
-    except (ValueError, RecursionError) as error:
-        from kaneflex.support.mistakes import toml_advice
-
-        raise SceneError("study", path.name, *toml_advice(str(error), text)) from None
+    path = Path(path)
+    raw = tables_of(path, "study")
     if "bodies" in raw and "parameters" not in raw:
         cure = f"Write another file with scene = {path.name!r} and a table of parameters"
         raise SceneError("study", path.name, "it is a scene, not a study", cure)

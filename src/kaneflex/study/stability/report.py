@@ -172,7 +172,7 @@ def _of_multipliers(found: Stability) -> str:
 
 
 def _of_frozen(found: Stability) -> str:
-    frozen, scene = found.frozen, found.model.scene
+    frozen = found.frozen
     low, high = frozen.frequencies[:, 0].min(), frozen.frequencies[:, 0].max()
     text = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is unknown"
     text += ", in axes that turn with the links" if turns(found.model) else ""
@@ -183,9 +183,14 @@ def _of_frozen(found: Stability) -> str:
     worst = int(frozen.growth.argmax())
     if frozen.growth[worst] <= 1e-6 * max(1.0, abs(frozen.growth).max()):
         return text
+    return f"{text}; frozen at {_at(found, worst)}, a disturbance grows at a rate of {frozen.growth[worst]:.4g} 1/s"
+
+
+def _at(found: Stability, instant: int) -> str:
+    """Coordinate of the first drive at a frozen instant."""
+    scene = found.model.scene
     drive = next(iter(scene.drives))
-    at = scene.written_coordinate(drive, float(frozen.coordinates[worst]))
-    return f"{text}; frozen at {drive} = {at}, a disturbance grows at a rate of {frozen.growth[worst]:.4g} 1/s"
+    return f"{drive} = {scene.written_coordinate(drive, float(found.frozen.coordinates[instant]))}"
 
 
 def _of_buckling(found: Stability) -> str:
@@ -194,29 +199,23 @@ def _of_buckling(found: Stability) -> str:
     margin = found.buckling.margin
     if math.isinf(margin):
         return "no link is in compression"
-    times, scene = found.buckling.times, found.model.scene
-    drive = next(iter(scene.drives))
-    coordinate = found.frozen.coordinates[int(found.buckling.factors.argmin())]
-    at = f"at {drive} = {scene.written_coordinate(drive, float(coordinate))} (worst of {len(times)} instants)"
-    if margin < 1.0:
-        return f"beyond the buckling load: the load factor is {margin:.4g} {at}"
-    return f"the load factor for buckling is {margin:.4g} {at}"
+    at = f"at {_at(found, int(found.buckling.factors.argmin()))} (worst of {len(found.buckling.times)} instants)"
+    words = "beyond the buckling load: the load factor is" if margin < 1.0 else "the load factor for buckling is"
+    return f"{words} {margin:.4g} {at}"
 
 
 def _of_steps(found: Stability) -> str:
-    ranges = []
-    free = [limit for limit in found.limits if limit.steps is not None and not limit.limited]
+    limited = {each.integrator: each for each in found.limits if each.limited}
+    ranges = [f"{name} {'at no step tried' if each.steps is None else _up_to(each)}" for name, each in limited.items()]
+    free = [each for each in found.limits if not each.limited]
     if free:
-        names = ", ".join(limit.integrator for limit in free)
-        ranges.append(f"{names} at every step tried, up to {free[0].step:.4g} s ({free[0].steps} in a period)")
-    for limit in found.limits:
-        if limit.steps is None:
-            ranges.append(f"{limit.integrator} at no step tried")
-        elif limit.limited:
-            ranges.append(f"{limit.integrator} up to {limit.step:.4g} s ({limit.steps} in a period)")
-    if found.multipliers.unstable:
-        return f"the motion itself is unstable; integrators that add no growth: {'; '.join(ranges)}"
-    return f"stable integrators: {'; '.join(ranges)}"
+        ranges.insert(0, f"{', '.join(each.integrator for each in free)} at every step tried, {_up_to(free[0])}")
+    unstable = "the motion itself is unstable; integrators that add no growth"
+    return f"{unstable if found.multipliers.unstable else 'stable integrators'}: {'; '.join(ranges)}"
+
+
+def _up_to(limit: StepLimit) -> str:
+    return f"up to {limit.step:.4g} s ({limit.steps} in a period)"
 
 
 def _of_recommended(found: Stability) -> str:

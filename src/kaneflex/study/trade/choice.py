@@ -78,14 +78,13 @@ def chosen(
         good = good or [model]
         times = [each.seconds(good) for each in trials]
         model = min(good, key=lambda model: sum(of[model] for of in times))
-    dropped = _drop_terms(own, model) if purpose == "code" else []
-    model = dropped[-1] if dropped else model
-    choices = [_choice(each, trial, model, sensors is not None) for each, trial in zip(scenes, trials, strict=True)]
-    update = _largest(choices) if others else {}
-    update["dropped"] = [each.settings[-1].removeprefix("solve.terms.").removesuffix("=false") for each in dropped]
-    compared = purpose != "run" or is_driven(own.runs.scene)  # then no model is cheaper
-    update |= {"compared": compared, "seconds": time.perf_counter() - started}
-    return choices[0].model_copy(update=update), own.runs.run(model).solution, own.reference.curves
+    model, dropped = _with_fewer_terms(own, model) if purpose == "code" else (model, [])
+    choice = _choice(scene, trials, model, sensors is not None).model_copy(update={
+        "dropped": dropped,
+        "compared": purpose != "run" or is_driven(own.runs.scene),  # then no model is cheaper
+        "seconds": time.perf_counter() - started,
+    })  # fmt: skip
+    return choice, own.runs.run(model).solution, own.reference.curves
 
 
 def check_varied(raw: Mapping[str, Any], option: str, paths: Iterable[str]) -> None:
@@ -96,38 +95,42 @@ def check_varied(raw: Mapping[str, Any], option: str, paths: Iterable[str]) -> N
             raise SceneError(option, path, "--tolerance chooses it", "Leave out one of the two")
 
 
-def _largest(choices: Sequence[Choice]) -> dict[str, Any]:
-    """Sensors that are within the tolerance in all choices of one model, and the largest shares of each sensor."""
-    found: dict[str, Any] = {}
-    for key in ("errors", "doubt", "open"):
-        tables = [getattr(choice, key) for choice in choices]
-        names = dict.fromkeys(name for table in tables for name in table)
-        found[key] = {name: max(table.get(name, 0.0) for table in tables) for name in names}
-    found["sensors"] = [name for name in choices[0].sensors if name not in found["open"]]
-    return found | {key: {name: found[key][name] for name in found["sensors"]} for key in ("errors", "doubt")}
+def _largest(tables: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Largest value of each name."""
+    found = dict[str, float]()
+    for table in tables:
+        found |= {name: max(value, found.get(name, 0.0)) for name, value in table.items()}
+    return found
 
 
-def _choice(scene: Scene, trials: Trials, model: Variant, named: bool) -> Choice:
-    """Choice of a tried model; raises SceneError if a named sensor is not within the tolerance."""
-    reference, beyond, tolerance = trials.reference, trials.beyond(model), trials.tolerance
-    for sensor, error in beyond.items() if named or len(beyond) == len(reference.sensors) else ():
-        reason = f"between its stored instants the finest model changes {sensor} by {100 * error:.2g} %"
-        raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
+def _choice(scene: Scene, trials: Sequence[Trials], model: Variant, named: bool) -> Choice:
+    """Choice of a tried model, with the largest errors of all trials; raises SceneError if a named sensor, or each, is
+    not within the tolerance."""
+    own, beyond = trials[0], [each.beyond(model) for each in trials]
+    reference, tolerance = own.reference, own.tolerance
+    for each, table in zip(trials, beyond, strict=True):
+        for sensor, error in table.items() if named or len(table) == len(each.reference.sensors) else ():
+            reason = f"between its stored instants the finest model changes {sensor} by {100 * error:.2g} %"
+            raise SceneError("--tolerance", f"{100 * tolerance:.3g}%", reason, "Increase solve.steps, or add damping")
+    unknown, doubts = (_largest(getattr(each.reference, key) for each in trials) for key in ("open", "doubts"))
+    errors = _largest({each.sensor: each.error for each in of.tried[model].differences} for of in trials)
+    missed = _largest([unknown, *beyond])
+    sensors = [sensor for sensor in reference.sensors if sensor not in missed]
     return Choice(
         tolerance=tolerance,
-        sensors=[sensor for sensor in reference.sensors if sensor not in beyond],
+        sensors=sensors,
         model=model.name,
         settings=[*neutral_settings(scene.raw), *model.settings],
         dropped=[],
-        errors={each.sensor: each.error for each in trials.tried[model].differences if each.sensor not in beyond},
-        open=dict(reference.open) | beyond,
+        errors={sensor: errors[sensor] for sensor in sensors},
+        open=missed,
         reference=reference.name,
         reference_settings=[*neutral_settings(scene.raw), *reference.model.settings],
         reference_note=reference.note,
-        doubt=dict(reference.doubts),
-        attempts=list(map(_attempt, trials.tried.values())),
-        run_s=trials.runs.run(model).timing.total,
-        richest_s=trials.known or trials.runs.run(trials.richest()).timing.total,
+        doubt={sensor: doubts[sensor] for sensor in reference.sensors if sensor not in unknown},
+        attempts=list(map(_attempt, own.tried.values())),
+        run_s=own.runs.run(model).timing.total,
+        richest_s=own.known or own.runs.run(own.richest()).timing.total,
         compared=True,
         seconds=0.0,
         remembered=False,
@@ -156,7 +159,7 @@ def cheaper(
     if not found or seconds[model] >= known.richest_s:
         return known.model_copy(update={"compared": True, "attempts": attempts}), None
     update = {"attempts": attempts, "seconds": time.perf_counter() - started}
-    return _choice(scene, trials, model, False).model_copy(update=update), runs.run(model).solution
+    return _choice(scene, [trials], model, False).model_copy(update=update), runs.run(model).solution
 
 
 def _attempt(trial: Trial) -> Attempt:
@@ -164,27 +167,23 @@ def _attempt(trial: Trial) -> Attempt:
     return Attempt(model=trial.name, error=error, worst_sensor=sensor, within=trial.within, reason=trial.reason)
 
 
-def _drop_terms(trials: Trials, model: Variant) -> list[Variant]:
-    """Models with one group of terms less each, the smallest effect first, while they are within the tolerance."""
+def _with_fewer_terms(trials: Trials, model: Variant) -> tuple[Variant, list[str]]:
+    """The model without the groups of terms that the tolerance does not require, and these groups, the smallest effect
+    first."""
     dynamics = {"quasistatic": "quasistatic", "stiffened": "dynamic"}.get(model.settings[0].rpartition("=")[2])
-    if dynamics is None:
-        return []
 
-    def without(base: Variant, term: str) -> Variant:
-        name = f"{base.name}, {term}" if " without " in base.name else f"{base.name} without {term}"
-        return Variant(name, (*base.settings, f"solve.terms.{term}=false"))
+    def without(*terms: str) -> Variant:
+        off = (f"solve.terms.{term}=false" for term in terms)
+        return Variant(f"{model.name} without {', '.join(terms)}", (*model.settings, *off)) if terms else model
 
     def error(term: str) -> float:
-        single = without(model, term)
-        trials.within(single)
-        return trials.tried[single].error
+        trials.within(without(term))
+        return trials.tried[without(term)].error
 
-    found: list[Variant] = []
-    for term in sorted(terms_of(trials.runs.scene, dynamics), key=error):
-        leaner = without(found[-1] if found else model, term)
-        if trials.within(leaner):
-            found.append(leaner)
-    return found
+    dropped = list[str]()
+    for term in sorted(terms_of(trials.runs.scene, dynamics), key=error) if dynamics else ():
+        dropped += [term] if trials.within(without(*dropped, term)) else []
+    return without(*dropped), dropped
 
 
 def remembered_choice(

@@ -35,8 +35,6 @@ _SHORT = 0.3
 """
 _CLEARLY = 1.5
 """Ratio of times of single runs above which the slower model is not run again."""
-_FIRST_RUNS = 0.6
-"""Share of the budget after which no further candidate is run: the rest is for repeats."""
 
 
 @dataclass(frozen=True)
@@ -233,7 +231,7 @@ def trade(
     tolerance : float
         Allowed error of each sensor, as a share of the largest absolute value of the reference.
     budget : float
-        Seconds for the candidates and their repeats, after the reference.
+        Seconds for all runs. The reference is found and repeated in any case, candidates as far as time is left.
     sensors : sequence of str, optional
         Compared sensors; all by default.
     progress : callable, optional
@@ -247,29 +245,32 @@ def trade(
         If the scene has no sensor, a sensor does not exist, the reference fails or does not
         converge, or no candidate can be run.
     """
-    scene = scene_from(scene)
+    scene, deadline = scene_from(scene), time.perf_counter() + budget
     trials = Trials.begun(scene, tolerance, sensors, progress or silent, KNOWN, budget)
-    begun, runs, reference, own = time.perf_counter(), trials.runs, trials.reference, None
+    runs, reference, own = trials.runs, trials.reference, None
     basis = runs.scene
     if candidates is None:
         candidates, own = candidates_of(basis, reference.stored), own_model(scene)
         own = next((each for each in candidates if {*each.settings} == {*own.settings}), own)
         candidates = tuple(dict.fromkeys((own, *filter(runs.kept.get, reference.levels), *candidates)))
     left_out = {sensor: f"its error estimate is {100 * doubt:.2g} %" for sensor, doubt in reference.open.items()}
+    trials.known = runs.run(reference.levels[0]).timing.total
     for candidate in candidates:
-        if time.perf_counter() > begun + _FIRST_RUNS * budget:
-            left_out[candidate.name] = "no time left within the budget"
-        elif not trials.within(candidate) and not trials.tried[candidate].differences:
-            left_out[candidate.name] = trials.tried[candidate].reason
+        again = sum(runs.run(model).timing.total for model, trial in trials.tried.items() if trial.differences)
+        left = math.inf if candidate in runs.kept else deadline - time.perf_counter() - again
+        trials.until = time.process_time() + left
+        trials.within(candidate)
+        trial = trials.tried.get(candidate, Trial(candidate, reason="no time left within the budget"))
+        left_out |= {} if trial.differences else {candidate.name: trial.reason}
     found = [trial for trial in trials.tried.values() if trial.differences]
     if not found:
         problem = Problem("--budget", budget, "no candidate was run", "Give more time")
         raise SceneError.gather([problem, *(failed(name, reason) for name, reason in left_out.items())])
-    once = runs.repeats([trial.candidate for trial in found], begun)
+    once = runs.repeats([trial.candidate for trial in found], -math.inf)
     seconds = [first.total for (first,) in once.values()]
     close = [each.candidate for each in found if each.candidate == own or not _outdone(each, found, seconds)]
-    repeats = runs.repeats(close, begun + budget) if time.perf_counter() < begun + budget else {}
-    costs = (cost(runs.run(model).timing, repeats.get(model, first)) for model, first in once.items())
+    repeats = runs.repeats(close, deadline, least=0)
+    costs = (cost(runs.run(model).timing, repeats.get(model) or first) for model, first in once.items())
     ranked = [Ranked(**vars(trial), cost=each) for trial, each in zip(found, costs, strict=True)]
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, tolerance, reference, tuple(ranked), left_out, own)
