@@ -285,7 +285,7 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
     """Problem for one of pydantic's errors in a file of such a `model`."""
     path = [str(part) for part in error["loc"]]
     fault = error.get("ctx", {}).get("error")
-    if path[0] == "ground" and len(path) == 2 and isinstance(error.get("input"), dict):
+    if path[:1] == ["ground"] and len(path) == 2 and isinstance(error.get("input"), dict):
         reason = "a fixed point is a vector, not a table"
         cure = "Write points directly under ground, like far = [0.1, 0]"
     elif isinstance(fault, Fault):
