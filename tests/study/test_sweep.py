@@ -365,10 +365,12 @@ def test_a_point_whose_drive_stands_still_is_refused_and_the_dataset_can_be_read
 
 def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swept, tmp_path):
     from kaneflex.plots.studies import sweep as figure
+    from kaneflex.plots.style import styled
 
     swept[1].to_netcdf(tmp_path / "sweep.nc", engine="scipy")
-    page = figure(read_labelled(tmp_path / "sweep.nc"))
-    axes = next(axes for axes in page.axes if axes.get_title().startswith("crank_torque:"))
+    with styled():
+        page = figure(read_labelled(tmp_path / "sweep.nc"))
+    axes = next(axes for axes in page.axes if axes.get_title("left").startswith("crank_torque:"))
     (curve, least), found = axes.lines[:2], swept[1].isel(point=swept[1]["rod.length"] == 137)
     assert [line.get_label() for line in axes.lines[::2]] == ["rod.length = 137 mm", "rod.length = 150 mm"]
     assert curve.get_xdata().tolist() == [2000, 4000, 6000]
