@@ -112,8 +112,6 @@ class Expressions:
             self.refuse(node)
 
     def _of_Subscript(self, node: ast.Subscript) -> Expression:
-        if isinstance(node.value, ast.Call) and ast.unparse(node.value.func) == "math.frexp":
-            return self._exponent(node, node.value)
         text, kind = self.expression(node.value)
         if isinstance(node.slice, ast.Slice):
             self.refuse(node)
@@ -142,13 +140,6 @@ class Expressions:
             self.refuse(node)
         pointer = self.printer.declared(types.CPointer(kind.dtype))
         return f"((const {pointer})&{text})[{bare(self._whole(node.slice))}]", kind.dtype
-
-    def _exponent(self, node: ast.Subscript, called: ast.Call) -> Expression:
-        """``frexp(x)[1]``."""
-        text, kind = self.expression(called.args[0])
-        if kind != types.float64 or getattr(node.slice, "value", 0) != 1:
-            self.refuse(node)
-        return f"exponent_of({bare(text)})", types.int64
 
     def _of_Tuple(self, node: ast.Tuple) -> Expression:
         texts, kinds = self.expressions(node.elts)
@@ -294,14 +285,6 @@ class Expressions:
         of = {types.float64: "fabs", types.int64: "llabs", types.complex128: "cabs"}.get(kind) or self.refuse(node)
         return f"{of}({bare(text)})", types.int64 if kind == types.int64 else types.float64
 
-    def _extreme(self, node: ast.Call) -> Expression:
-        """Least or largest of numbers that are not NaN."""
-        texts, kinds = self.expressions(node.args)
-        if len(texts) < 2 or set(kinds) != {types.float64}:
-            self.refuse(node)
-        nested = f"f{self.object_of(node.func).__name__}(" * (len(texts) - 1) + bare(texts[0])
-        return nested + "".join(f", {bare(text)})" for text in texts[1:]), types.float64
-
     def _converted(self, node: ast.Call) -> Expression:
         texts, kinds = self.expressions(node.args)
         name = self.object_of(node.func).__name__
@@ -309,7 +292,7 @@ class Expressions:
             self.refuse(node)
         if name == "complex":
             return f"CMPLX({', '.join([*texts, '0.0'][:2])})", types.complex128
-        kind = {"int": types.int64, "float": types.float64, "bool": types.boolean}[name]
+        kind = types.int64 if name == "int" else types.float64
         return f"({self.printer.declared(kind)}){grouped(texts[0])}", kind
 
     # ---- names ------------------------------------------------------------------------------------------------
@@ -347,7 +330,6 @@ _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,
     "vectors": Expressions._addressed, "twists": Expressions._addressed,
-    "width": Expressions._count, "len": Expressions._count, "abs": Expressions._absolute,
+    "width": Expressions._count, "abs": Expressions._absolute,
     "int": Expressions._converted, "float": Expressions._converted, "complex": Expressions._converted,
-    "bool": Expressions._converted, "min": Expressions._extreme, "max": Expressions._extreme,
 }  # fmt: skip

@@ -8,10 +8,9 @@ the type of a variable is the widest type assigned to it. The subset of Python:
   ``shifted(w, k)`` or ``after(w, k)``. Of other types those with ``parts`` (a record, by its address), ``width`` (whole
   numbers in rows, ``f[k]``, ``f[row, k]``) or ``d`` (vectors of d numbers: ``v[j]`` is a tuple).
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
-  ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, ``pass``, and ``return`` anywhere.
+  ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
-  not``, ``a if b else c``; ``math``'s functions, of ``frexp(x)`` the exponent ``[1]``; ``abs min max int float complex
-  bool``; ``len`` of a tuple; modules' numbers.
+  not``, ``a if b else c``; ``math``'s functions; ``abs int float complex``; modules' numbers.
 - Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors. Branches of
@@ -50,15 +49,7 @@ static inline KIND NAME(KIND x, KIND y)
     return left != 0 && (left < 0) != (y < 0) ? left + y : left;
 }
 """
-_EXPONENT = """/* Exponent of the smallest power of two above a number; 0 of zero. */
-static inline int64_t exponent_of(double x)
-{
-    int exponent;
-    frexp(x, &exponent);
-    return exponent;
-}
-"""
-_ARITHMETIC = {"quotient_of": _QUOTIENT, "exponent_of": _EXPONENT} | {
+_ARITHMETIC = {"quotient_of": _QUOTIENT} | {
     name: _REMAINDER.replace("KIND", kind).replace("NAME", name).replace("DIVIDED", divided)
     for name, kind, divided in (("remainder_of", "double", "fmod(x, y)"), ("whole_remainder_of", "int64_t", "x % y"))
 }
@@ -207,9 +198,6 @@ class _Written(Expressions):
         text, _ = self.expression(node.value)
         if text:
             self._line(f"{text};")
-
-    def _Pass(self, node: ast.Pass) -> None:
-        pass
 
     def _Assign(self, node: ast.Assign) -> None:
         if any(isinstance(target, ast.Tuple) for target in node.targets):

@@ -116,7 +116,7 @@ def safe(name: str, taken: Container[str] = ()) -> str:
 
 
 _RESERVED = {*RESERVED, "I", "bool", "complex", "true", "false", "int64_t", "remainder_of", "whole_remainder_of",
-             "quotient_of", "exponent_of"}  # fmt: skip
+             "quotient_of"}  # fmt: skip
 
 
 def bare(text: str) -> str:

@@ -50,7 +50,7 @@ def vectors(x, y):
     b = axpy(y, a, a) if x > 0.0 else a
     six = wide(b, x)
     total = dot(a, b) + dot(six, six) + x**2  # printed as a product
-    for k in range(len(b)):
+    for k in range(3):
         total += b[k] * k
     if y > 0.0:
         b = axpy(2.0, b, a)
@@ -135,7 +135,8 @@ REFUSED = {
     "a slice": ("return w[1:]", r"w\[1:\]"),
     "a string": ("y = 'text'\n    return y", "'text'"),
     "an unknown function": ("return sum((x, 1.0))", r"sum\(\(x, 1.0\)\)"),
-    "a largest number among others than floats": ("return max(x, n)", r"max\(x, n\)"),
+    "a largest number": ("return max(x, 1.0)", r"max\(x, 1.0\)"),
+    "no statement": ("if n > 0:\n        pass\n    return x", "pass"),
     "a named argument": ("return math.hypot(x, y=x)", "hypot"),
     "an order of complex numbers": ("return complex(x, x) < complex(x, 1.0)", "complex"),
     "a power of whole numbers": ("return n ** n", r"n \*\* n \(a power"),
