@@ -17,7 +17,8 @@ from test_c import HEADS, SHARED, built
 import kaneflex
 from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.derive.printers.c_printer import Printer
-from kaneflex.export.coupled_in_c import coupled_in_c
+from kaneflex.export import coupled_in_c as export
+from kaneflex.export.coupled_in_c import begun, coupled_in_c
 from kaneflex.generated import body
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.compile.mechanisms import HANDED
@@ -33,6 +34,9 @@ SCENES = [("four-bar-motor",), ("elastic-double-pendulum",), ("spin-up-torque",)
           ("four-bar-motor", 'loads.motor.law="0.3 * sign(main_speed - 10)"'), ("stick-slip",),
           ("bouncing-bar", "contacts.stop.contact.materials=none", "contacts.stop.contact.law=newton",
            "solve.duration=0.2 s", "solve.steps=800")]  # fmt: skip
+SHORT = COUPLED, "solve.start=zero", "solve.modes=2", "solve.duration=0.02 s", "solve.steps=80"
+# Loops of a ball and a universal joint.
+IN_SPACE = [("spatial-slider-crank-elastic", *SHORT), ("four-bar-misaligned", *SHORT)]
 
 
 @pytest.mark.exhaustive(share=2)
@@ -75,6 +79,25 @@ def test_rigid_sides_come_to_rest_in_c_as_in_python(compiler, tmp_path):
     assert abs(found[:, 1:4]).max() > 0.5
 
 
+@pytest.mark.parametrize("scene", [("four-bar-motor",), ("stick-slip",), IN_SPACE[0]], ids=lambda scene: scene[0])
+def test_the_text_does_not_depend_on_what_was_evaluated_before(scene, monkeypatch):
+    def evaluated(model):
+        """The start of a run, after evaluations of another instant."""
+        start = begun(model)
+        engine, there = start.engine, start.here.copy()
+        there[0] += 1e-3
+        there[engine.columns["q"]] += 0.01 * engine.measure
+        there[engine.columns["u"]] += 0.1 * engine.measure
+        engine.unfold(there[None])
+        engine.mass()
+        engine.stand(start.here)
+        return start
+
+    expected = coupled_in_c(model(*scene).scene)
+    monkeypatch.setattr(export, "begun", evaluated)
+    assert coupled_in_c(model(*scene).scene) == expected
+
+
 def test_a_massless_block_moves_in_c_as_in_python(compiler, tmp_path):
     """A row of the factors removes the virtual inertia of its rotation."""
     text = scotch_yoke(FREE_CRANK, {"duration": "0.1 s", "steps": 20}, title="yoke")
@@ -85,11 +108,6 @@ def test_a_massless_block_moves_in_c_as_in_python(compiler, tmp_path):
     for part in (expected.q, expected.multipliers):
         (own, found) = found[:, 1 : 1 + part.shape[1]], found[:, part.shape[1] :]
         assert own == pytest.approx(part, abs=1e-10 * abs(part).max())
-
-
-SHORT = COUPLED, "solve.start=zero", "solve.modes=2", "solve.duration=0.02 s", "solve.steps=80"
-# Loops of a ball and a universal joint.
-IN_SPACE = [("spatial-slider-crank-elastic", *SHORT), ("four-bar-misaligned", *SHORT)]
 
 
 @pytest.mark.exhaustive(share=2)
@@ -316,6 +334,12 @@ def test_what_c_does_not_know_is_refused_by_name():
     said = r"solve.bounded = 'speeds': steps in C control the error of displacements"
     with pytest.raises(SceneError, match=said):
         coupled_in_c(with_settings(read_scene("four-bar-motor"), ['solve.bounded=["speeds"]']))
+    for name in ("spinning-top", "slider-crank-150"):
+        scene, stages = read_scene(name), []
+        preset = scene.solve.preset
+        with pytest.raises(SceneError, match=rf"solve\.preset = .*{preset}.*: the engine .*Choose preset coupled"):
+            coupled_in_c(scene, stages.append)
+        assert stages == []
 
 
 def test_the_command_writes_a_folder(compiler, tmp_path):

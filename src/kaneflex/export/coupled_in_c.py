@@ -22,6 +22,7 @@ from kaneflex.multibody.time.coefficients import GAUSS, RADAU, Table
 from kaneflex.multibody.time.run import PATIENT, Run
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
 from kaneflex.solve.coupled import beginning, method_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
@@ -40,6 +41,13 @@ _OF_STATE = {
 _PLACE = {3: ("x", "y", "phi"), 6: (*"xyz", *(f"axes_{name}" for name in AXES))}
 _TWIST = {3: ("v_x", "v_y", "omega"), 6: tuple(f"{what}_{axis}" for what in ("v", "omega") for axis in "xyz")}
 """Coordinates and rates of a body's frame, by D."""
+_SCRATCH = (at.COURSE, at.INPUT), (at.SUMS, at.SCALE), (at.GRADIENT, at.CONTACT), (at.WAYS, at.CROSSING)
+"""Ranges of numbers that every evaluation fills before it reads them; the holds' numbers precede CONTACT."""
+_FILLED = (
+    "r", "twist", "rate", "exerted", "along", "springs", "energies", "powers", "sizes", "y", "P", "moved", "wrenches",
+    "slow", "rows", "bent", "S", "phi", "M", "F", "alpha", "x", "geometry",
+)  # fmt: skip
+"""Arrays of that kind."""
 _LEAST = 1e-6
 """Share of the largest inertia of a speed below which virtual inertia is that one's."""
 
@@ -53,8 +61,13 @@ def coupled_in_c(scene: Scene, progress: Callable[[str], None] = lambda stage: N
     Raises
     ------
     SceneError
-        For ``solve.bounded``, and a run without initial state.
+        For other presets than ``coupled``, for ``solve.bounded``, and a run without initial state.
     """
+    options = resolve_options(scene)
+    if options.dynamics != "coupled":
+        raise SceneError(
+            "solve.preset", options.preset, "the engine is printed in C for large motions", "Choose preset coupled"
+        )
     model = load(scene, progress)
     if model.options.bounded:
         raise SceneError(
@@ -174,8 +187,8 @@ def _data(
     start: Run, name: str, names: Mapping[str, Sequence[str]], undetermined: Collection[str]
 ) -> Iterator[str]:
     """Tables of the mechanism at the initial state; ``undetermined``: forces that are NaN."""
-    engine, virtual = start.engine, _virtual_inertia(start.engine)
-    numbers, record = engine.tables.w, start.system.record
+    engine, numbers, record = start.engine, _without_scratch(start), start.system.record
+    virtual = _virtual_inertia(engine)
     fixed = {f"table_{key}": each for key, each in engine.arrays.items() if key not in (*engine.views, *_OF_STATE)}
     there = np.flatnonzero((numbers != 0.0) | ~np.isfinite(numbers))
     columns = {f"columns_{key}": getattr(record, key) for key in ("q", "v", "a", "forces")}
@@ -189,6 +202,18 @@ def _data(
     yield from _method(RADAU, f"{name}_radau")
     if start.method.integrator == "gauss":
         yield from _method(GAUSS, f"{name}_gauss")
+
+
+def _without_scratch(start: Run) -> np.ndarray:
+    """Numbers of the tables at the start of a run, with zeros in place of what was evaluated before."""
+    engine, plan = start.engine, start.engine.tables.plan
+    engine.unfold(start.here[None])  # so that the bodies' axes are those of the start
+    numbers = engine.tables.w.copy()
+    for first, end in _SCRATCH:
+        numbers[plan[first] : plan[end] - at.CONTACT_SIZE * len(engine.holds) * (end == at.CONTACT)] = 0.0
+    for first, shape in (engine.views[name] for name in _FILLED):
+        numbers[first : first + np.prod(shape, dtype=int)] = 0.0
+    return numbers
 
 
 def _method(table: Table, name: str) -> Iterator[str]:
