@@ -16,6 +16,7 @@ from kaneflex.integrate.system import Outcome
 from kaneflex.solve.simulation import solve
 
 TURNED = pytest.mark.parametrize("case", range(200))
+SPACE = pytest.mark.parametrize("in_space", [False, True], ids=["plane", "space"])
 LEFT = pytest.mark.exhaustive(share=50)
 
 
@@ -27,14 +28,17 @@ class Units:
         self.angle = chosen.uniform(-math.pi, math.pi)
         c, s = math.cos(self.angle), math.sin(self.angle)
         self.turn = random_turn(f"case {case}") if in_space else np.array([[c, -s], [s, c]])
+        self.plane = "point_on_plane" if in_space else "point_on_line"
         self.length, self.mass, self.time = (10.0 ** chosen.uniform(-3, 3) for _ in range(3))
 
     def of(self, *vector, per=0):
         """A vector of length over a power of time, turned and in these units, as text."""
-        return (self.length / self.time**per * (self.turn @ np.array(vector, float))).tolist()
+        return (self.length / self.time**per * np.array(self.direction(*vector))).tolist()
 
     def direction(self, *vector):
-        return (self.turn @ np.array(vector, float)).tolist()
+        """A vector, turned; numbers left out are zero."""
+        given = [*vector, 0.0][: len(self.turn)] if len(vector) < len(self.turn) else vector
+        return (self.turn @ np.array(given, float)).tolist()
 
     def back(self, vectors, per=0):
         """Vectors (n, 2 or 3) in SI and in the original axes."""
@@ -62,18 +66,24 @@ def speeds(found, units, names, axes="xy"):
 
 @TURNED
 @LEFT
+@SPACE
 @pytest.mark.parametrize("mu", [1.0, 1.5])
-def test_painleves_rod_slides_or_jams_by_its_friction_alone(mu, case):
+def test_painleves_rod_slides_or_jams_by_its_friction_alone(mu, in_space, case):
     """A slender rod at 60 deg has no force on its sliding end above mu = 4/3 (Painleve 1895)."""
-    units = Units(case)
+    units = Units(case, in_space)
     c, s = 0.5, math.sqrt(0.75)
-    start = {"at": units.of(0, 0), "angle": math.pi / 3 + units.angle, "velocity": units.of(-2, 0, per=1)}
-    rod = {"length": units.length, "mass": units.mass, "inertia": units.mass * units.length**2 / 12,
-           "centre": [units.length / 2, 0.0], "free": start}  # fmt: skip
-    floor = {"point_on_line": ["rod", "ground"], "normal": units.direction(0, 1), "friction": {"mu": mu},
+    inertia = units.mass * units.length**2 / 12
+    start = {"at": units.of(0, 0), "velocity": units.of(-2, 0, per=1)}
+    rod = {"length": units.length, "mass": units.mass, "centre": [units.length / 2, 0.0], "inertia": inertia}
+    if in_space:
+        rod |= {"inertia": [1e-3 * inertia, inertia, inertia], "centre": [units.length / 2, 0.0, 0.0],
+                "rotation": {"x": units.direction(c, s), "y": units.direction(-s, c)}}  # fmt: skip
+    else:
+        start["angle"] = math.pi / 3 + units.angle
+    floor = {units.plane: ["rod", "ground"], "normal": units.direction(0, 1), "friction": {"mu": mu},
              "contact": {"law": "newton", "restitution": 0.5}}  # fmt: skip
     named = Outcome.PARADOX if mu > 4 / 3 else Outcome.COMPLETED
-    found = ran(units, {"rod": rod}, {"floor": floor}, (0, -9.81), 1e-3, named)
+    found = ran(units, {"rod": rod | {"free": start}}, {"floor": floor}, (0, -9.81), 1e-3, named)
     if mu < 4 / 3:
         force = found["push"].values[0] * units.time**2 / (units.mass * units.length)
         assert force == pytest.approx(9.81 / (1 + 3 * c * (c - mu * s)), rel=1e-9)
@@ -81,14 +91,16 @@ def test_painleves_rod_slides_or_jams_by_its_friction_alone(mu, case):
 
 @TURNED
 @LEFT
+@SPACE
 @pytest.mark.parametrize("e", [1.0, 0.4])
-def test_a_chain_of_equal_discs_that_touch_shares_an_impact(e, case):
+def test_a_chain_of_equal_discs_that_touch_shares_an_impact(e, in_space, case):
     """Moreau 1988: the first contact opens with e times its speed, the others, at rest before, stay closed."""
-    units = Units(case)
+    units = Units(case, in_space)
     bodies, contacts = {}, {}
+    inertia = units.mass * units.length**2 / 2
     for k in range(4):
         moves = {"velocity": units.of(1, 0, per=1)} if k == 0 else {}
-        bodies[f"b{k}"] = {"mass": units.mass, "inertia": units.mass * units.length**2 / 2,
+        bodies[f"b{k}"] = {"mass": units.mass, "inertia": 3 * [inertia] if in_space else inertia,
                            "free": {"at": units.of(2.0 * k - 0.1 * (k == 0), 0), **moves}}  # fmt: skip
     for k in range(3):
         contacts[f"c{k}"] = {"circle_on_circle": [f"b{k}", f"b{k + 1}"], "radii": 2 * [units.length],
@@ -97,8 +109,8 @@ def test_a_chain_of_equal_discs_that_touch_shares_an_impact(e, case):
     W = 2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
     impulses = np.linalg.solve(W, [1.0 + e, 0.0, 0.0])
     expected = np.array([1.0, 0.0, 0.0, 0.0]) + np.append(0.0, impulses) - np.append(impulses, 0.0)
-    after = speeds(found, units, bodies)
-    assert after == pytest.approx(np.column_stack([expected, np.zeros(4)]), abs=1e-9)
+    after = speeds(found, units, bodies, "xyz" if in_space else "xy")
+    assert after == pytest.approx(np.column_stack([expected, np.zeros((4, 1 + in_space))]), abs=1e-9)
 
 
 @TURNED

@@ -55,9 +55,6 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     for name, contact in scene.with_clearances().contacts.items():
         if contact.friction is not None and contact.friction.law == "lugre":
             yield Problem(f"{contact.stands(name)}.friction.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
-        elif contact.law == "newton":
-            right = "Give a contact stiffness with a law such as exact"
-            yield Problem(f"{contact.stands(name)}.contact.law", contact.law, _SO_FAR, right)
         base = scene.bodies.get(contact.sides[0].body)
         if contact.joint is None and contact.kind == "point-plane" and base is not None and base.deforms:
             right = "Weld a rigid body to it that has the plane"

@@ -42,7 +42,7 @@ def _where(kinds, otherwise):
     return of
 
 
-_WITH_IMPACTS = Kind.IMPACTS, Kind.HOLDS
+_WITH_IMPACTS = Kind.IMPACTS, Kind.HOLDS, Kind.IMPACT_SPACE
 _WITH_CONTACTS = Kind.CONTACTS, Kind.CONTACT_SPACE, Kind.HOLD_SPACE, *_WITH_IMPACTS
 of_contacts = partial(_where, _WITH_CONTACTS)
 """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this constant elsewhere.
@@ -51,8 +51,8 @@ Most mechanisms have no contacts and save a third of the compilation."""
 of_changes = partial(_where, (*_WITH_CONTACTS, Kind.SWITCHED_SPACE))
 """As ``of_contacts``, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
 of_impacts = partial(_where, _WITH_IMPACTS)
-"""As ``of_contacts``, for planar mechanisms with holds, or with contacts by Newton's law."""
-of_holds = partial(_where, (Kind.HOLDS, Kind.HOLD_SPACE))
+"""As ``of_contacts``, for mechanisms with contacts by Newton's law, and planar ones with holds."""
+of_holds = partial(_where, (Kind.HOLDS, Kind.HOLD_SPACE, Kind.IMPACT_SPACE))
 """As ``of_contacts``, for mechanisms with holds."""
 of_modes = partial(_where, (*_WITH_IMPACTS, Kind.HOLD_SPACE))
 """As ``of_contacts``, for mechanisms with holds, or with contacts by Newton's law."""

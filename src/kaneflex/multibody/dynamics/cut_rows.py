@@ -54,6 +54,8 @@ def _cut_rows_in_space(m):
             laws.perpendicular(sections, one, two, axes, axis, axis + 1, out, n)
         else:
             laws.on_plane(sections, one, two, axes, axis, out, n)
+    if m.plan[of.RIGID]:
+        rest_rows(m)
 
 
 cut_rows = by_size(cut_rows, _cut_rows_in_space)

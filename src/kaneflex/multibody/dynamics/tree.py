@@ -73,7 +73,7 @@ def use(m, i):
     only one."""
     if width(m) == 3:
         return
-    n, bodies, phi, sections = m.plan[COORDINATES], m.plan[BODIES], m.counts[ROWS], 3 * m.counts[SECTIONS]
+    n, bodies, phi, sections = m.plan[COORDINATES], m.plan[BODIES], m.counts[ROWS], 6 * m.counts[SECTIONS]
     first = m.counts[GEOMETRY] + i * (6 * (n + phi + bodies) + sections + _row_numbers(m))
     m.pivots[AXES], m.pivots[PHI] = first, first + 6 * n
     m.pivots[PLACES] = first + 6 * (n + phi)
@@ -147,13 +147,15 @@ def _move_inertia(m, b, back):
 
 @njit(**OPTIONS)
 def keep_rows(m):
-    """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes."""
+    """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes and
+    from their own."""
     apart()
     arms = vectors(shifted(m.w, place_of(m, MIDDLE)))
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
         if on >= 0:
-            arms[n] = minus(section_place(m, n), m.r[m.frames[m.nodes[on, OWNER], 2]])
+            arms[2 * n] = minus(section_place(m, n), m.r[m.frames[m.nodes[on, OWNER], 2]])
+            arms[2 * n + 1] = minus(section_place(m, n), m.r[on])
     copy(m.rows, shifted(m.w, place_of(m, of.MIDDLE_CUT)), _row_numbers(m))
 
 
@@ -234,11 +236,12 @@ def twist_of(m, t, n):
     on = m.on[n]
     if on < 0:
         return scaled(0.0, t.x[0])
-    b, phi = m.nodes[on, OWNER], m.nodes[on, ROW_OF]
-    twist = twist_at(t.x[b], vectors(shifted(m.w, place_of(m, MIDDLE)))[n])
+    b, phi, arms = m.nodes[on, OWNER], m.nodes[on, ROW_OF], vectors(shifted(m.w, place_of(m, MIDDLE)))
+    twist, bent = twist_at(t.x[b], arms[2 * n]), scaled(0.0, t.x[b])
     if phi >= 0:
         for j in range(m.bodies[b, SHAPES]):
-            twist = axpy(t.y[m.bodies[b, MODAL] + j], t.phi[phi + j], twist)
+            bent = axpy(t.y[m.bodies[b, MODAL] + j], t.phi[phi + j], bent)
+        twist = plus(twist, twist_at(bent, arms[2 * n + 1]))
     return twist
 
 
@@ -249,8 +252,9 @@ def add_force(m, t, n, force):
     on = m.on[n]
     if on < 0:
         return
-    b, phi = m.nodes[on, OWNER], m.nodes[on, ROW_OF]
+    b, phi, arms = m.nodes[on, OWNER], m.nodes[on, ROW_OF], vectors(shifted(m.w, place_of(m, MIDDLE)))
     if phi >= 0:
+        own = force_at(force, arms[2 * n + 1])
         for j in range(m.bodies[b, SHAPES]):
-            t.y[m.bodies[b, MODAL] + j] += dot(t.phi[phi + j], force)
-    t.x[b] = plus(t.x[b], force_at(force, vectors(shifted(m.w, place_of(m, MIDDLE)))[n]))
+            t.y[m.bodies[b, MODAL] + j] += dot(t.phi[phi + j], own)
+    t.x[b] = plus(t.x[b], force_at(force, arms[2 * n]))

@@ -127,13 +127,16 @@ def _system(
 def _kind(mechanism: AnyMechanism, switches: int, stiff: bool) -> Kind:
     """Kind of a mechanism, also of the one whose joints with friction do not close loops; ``stiff``: with derivatives
     of springs, loads or shapes in the matrix of a step."""
+    strikes = any(contact.law == "newton" for contact in mechanism.contacts.values())
     if isinstance(mechanism, SpatialMechanism):
+        if strikes:
+            return Kind.IMPACT_SPACE
         if mechanism.frictions or mechanism.contacts:
             return Kind.HOLD_SPACE if mechanism.frictions else Kind.CONTACT_SPACE
         return Kind.SWITCHED_SPACE if switches else Kind.SPACE if stiff else Kind.RIGID_SPACE
     if mechanism.frictions:
         return Kind.HOLDS
-    if any(contact.law == "newton" for contact in mechanism.contacts.values()):
+    if strikes:
         return Kind.IMPACTS
     return Kind.CONTACTS if mechanism.contacts or switches else Kind.PLAIN
 
@@ -285,7 +288,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
         "M": (s, s), "F": (n, d), "alpha": (3 * s * in_space,),
         "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
         "row_measure": (c.joint_rows,), **{f"mass_{k}": (size * in_space,) for k in range(3)},
-        "geometry": (4 * (6 * (s + c.twists + b) + 3 * c.sections + c.row_size * c.rows) * in_space,),
+        "geometry": (4 * (6 * (s + c.twists + b) + 6 * c.sections + c.row_size * c.rows) * in_space,),
     }  # fmt: skip
     views |= {name: (numbers.room(math.prod(shape)), shape) for name, shape in more.items()}
     for what, name in {at.RATE: "u", at.ACCEL: "du", at.NOW: "multipliers", at.SPRING: "springs",
@@ -312,7 +315,7 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.LOOP: reactions**2, at.SIDE: reactions,
         at.INERTIAS: d * d * c.bodies, at.COUPLINGS: d * c.coupling, at.MASSES: c.square, at.AXES: d * n,
         at.PHI: d * c.twists, at.PLACES: 3 * c.bodies, at.ARMS: 3 * c.bodies,
-        at.MIDDLE: 3 * sections, at.MIDDLE_CUT: c.row_size * c.rows, at.STAGE_A: 3 * n,
+        at.MIDDLE: 6 * sections, at.MIDDLE_CUT: c.row_size * c.rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * c.in_space,

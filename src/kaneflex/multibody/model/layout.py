@@ -176,6 +176,7 @@ class Kind(Enum):
     SWITCHED_SPACE = "Mechanism in space with discontinuous loads"
     CONTACT_SPACE = "Mechanism in space with contacts"
     HOLD_SPACE = "Mechanism in space with holds"
+    IMPACT_SPACE = "Mechanism in space with impacts"
 
     @property
     def d(self) -> int:

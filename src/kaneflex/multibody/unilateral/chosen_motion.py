@@ -14,17 +14,21 @@ from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, mend, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
-from kaneflex.multibody.model.codes import NOTHING
+from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ACROSS, BEFORE, COLUMNS, COORDINATES, COURSE, COURSE_AT, CUT_OF, DECIDES, FORCE, FREED, KEPT, LAST_A, LIMIT, LOADS,
-    PIVOTS, POWER, PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, ROUNDED, ROW_OF, SPRINGS, WHAT, WORKS, YIELDING,
+    BEFORE, COLUMNS, COORDINATES, COURSE, COURSE_AT, CUT_OF, DECIDES, FORCE, FREED, KEPT, LAST_A, LIMIT, LOADS, MAY,
+    MODE_BEFORE, OLD, PIVOTS, POWER, PRESCRIBED, REACTION, REACTIONS, RESISTING_MASS, ROUNDED, ROW_OF, SLIP, SPRINGS,
+    STICKING, UNSURE, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.factors import prescribe_now, reaction_of
 from kaneflex.multibody.unilateral.frictions import exert, no_force
-from kaneflex.multibody.unilateral.rows import act_of, at, contacts, frictions, magnitude, row_at, second, strikes
+from kaneflex.multibody.unilateral.rows import at, contacts, frictions, is_second, magnitude, row_at, second, strikes
 
 _SETTLED = 40
 """Iterations for reactions and their friction to converge."""
+UNEVEN = 1e3
+"""Tolerances of what is rounding: changes of forces beside those of stiff bodies, and slip in space after impulses that
+are redundant."""
 _REFINED = 3
 """Solutions for impulses: sticking rows have a small compliance, whose effect the later ones remove."""
 
@@ -51,7 +55,7 @@ def settle(m, t, A):
             k = at(m, n)
             allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + FORCE])) + nothing(m, n)
             moved = larger(moved, abs(_bears(m, n) - w[k + BEFORE]) / allowed)
-        if turn > 0 and not moved > 1.0:
+        if turn > 0 and not moved > (1.0 if 2 * turn < _SETTLED else UNEVEN):
             return 0
     return 2
 
@@ -67,6 +71,8 @@ def _strike(m, t, A):
     copy(shifted(w, plan[LAST_A]), m.u, n)
     if not follow(m, t) or not factorise_now(m, A):
         return False
+    for k in range(-frictions(m), 0):  # along the rows as they are turned now
+        w[at(m, k) + OLD] = 0.0 if w[at(m, k) + MODE_BEFORE] == STICKING else w[at(m, k) + SLIP]
     for r in range(plan[REACTIONS]):
         m.multipliers[r] = 0.0
     for k in range(plan[WORKS]):
@@ -108,13 +114,16 @@ def _add_impulses(m, A, answer):
 @njit(**OPTIONS)
 def nothing(m, n):
     """Force, or impulse, of a friction that counts as zero."""
-    k = at(m, n)
-    return m.w[k + ROUNDED] * m.w[k + RESISTING_MASS] + 1e-300 if strikes(m) else no_force(m, n)
+    w, k, decides = m.w, at(m, n), m.pivots[DECIDES]
+    if strikes(m):
+        return w[k + ROUNDED] * w[k + RESISTING_MASS] + 1e-300
+    noise = w[k + UNSURE] * w[k + RESISTING_MASS] if decides == FORCES and w[k + MAY] != 0.0 else 0.0
+    return no_force(m, n) + noise
 
 
 @njit(**OPTIONS)
 def _bears(m, n):
     """Force of a friction, of one with two rows their size: where the mechanism can't move one of them is rounding."""
-    if m.acts[act_of(m, n), WHAT] == ACROSS:
+    if is_second(m, n):
         return 0.0
     return magnitude(m, n, FORCE) if second(m, n) else m.w[at(m, n) + FORCE]

@@ -18,18 +18,20 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.compile.values import width
-from kaneflex.multibody.dynamics.loop_closure import mend, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_closure import factorise_now, rows_of_frictions
 from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ACROSS, BENDING, BORE, BOUNCE, CLOSED, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, LIMIT, MAY,
-    MODE, NODES, OPEN, RESISTING_MASS, ROUNDED, SLIP, SLIP_RATE, STICKING, TOUCH, UNSURE, WHAT,
+    BENDING, BORE, BOUNCE, CLOSED, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, LIMIT, MAY,
+    MODE, NODES, OPEN, RESISTING_MASS, ROUNDED, SLIP, SLIP_RATE, STICKING, TOUCH, UNSURE,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.chosen_motion import nothing, settle
+from kaneflex.multibody.unilateral.chosen_motion import UNEVEN, nothing, settle
+from kaneflex.multibody.unilateral.factors import pressing
 from kaneflex.multibody.unilateral.frictions import (
-    CLOSE, WRONG, exert, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
+    CLOSE, WRONG, dry, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    LAW_AT, LUGRE, VISCOUS_LAW, across, act_of, at, contacts, frictions, idle, law_at, magnitude, product, row_at,
+    LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, idle, is_second, law_at, magnitude, product,
+    row_at,
     second, strikes, way,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along, correct_drift, respond
@@ -38,13 +40,15 @@ _SHORT, _ALIKE = 1e-6, 1e-9
 """Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
 STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
-_TURNED = 1e3
+TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
 _IMMOBILE = 1e-13
 """Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
 _EASED = 0.9
 """Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
-_DIRECTIONS = 50
+_ALIGNED = 1e-10
+"""Angle [rad] between the slip after an impact in space and the impulse against it."""
+_DIRECTIONS = 20
 """Changes of a mode, or of its direction of slip, for each friction without speed in space."""
 _MOST_CHOICES = 7776
 """Largest number of combinations tried: 2 of a contact and 3 of a friction, so those of five contacts with friction."""
@@ -91,7 +95,7 @@ def begin(m, t, A):
 def _is_free(m, n):
     """True if the mode of a row is to be found."""
     if n >= 0 or strikes(m):
-        return m.pivots[DECIDES] != NOTHING and m.w[at(m, n) + MAY] != 0.0
+        return m.pivots[DECIDES] != NOTHING and m.w[at(m, n) + MAY] != 0.0 and not is_second(m, n)
     return m.w[at(m, n) + DUE] < 0.0
 
 
@@ -116,7 +120,7 @@ def search(m, t, A):
             if settled == 0 or m.pivots[DECIDES] == FORCES:  # of moving sides they are only an estimate
                 return 0
             break
-        if not _change(m, n, t, A):
+        if not _change(m, n, A):
             return 1
     for choice in range(choices if choices <= _MOST_CHOICES else 0):
         left = choice
@@ -144,13 +148,13 @@ def _choose(m, n, left):
 
 
 @njit(**OPTIONS)
-def _change(m, n, t, A):
+def _change(m, n, A):
     """Change the mode of a row, or its direction in a tangent plane; False: singular."""
     mode, force = m.w[at(m, n) + MODE], m.w[at(m, n) + FORCE]
     if n >= 0:
         m.w[at(m, n) + MODE] = CLOSED if mode == OPEN else OPEN
     elif second(m, n):
-        return _stick_or_slip(m, n, t, A)
+        return _stick_or_slip(m, n, A)
     elif mode == STICKING:
         slip(m, n, -force, 0.0)
     else:
@@ -159,38 +163,41 @@ def _change(m, n, t, A):
 
 
 @njit(**OPTIONS)
-def _stick_or_slip(m, n, t, A):
-    """Let a friction in a tangent plane stick, or slip in the direction in which it then accelerates; False: singular.
+def _stick_or_slip(m, n, A):
+    """Let a friction in a tangent plane stick, or slip in the direction in which it then moves; False: singular.
 
-    With the response W of its rows and the force f, a vector of the size of the limit, the acceleration a + W f is
-    -s f, s >= 0: the size of f = -(W + s)^-1 a falls with s. If f without s is within the limit, it sticks.
+    Without its force f the rows move by v; with f, and their response W, by v + W f = -s f, s >= 0. The size of
+    f = -(W + s)^-1 v falls with s: f slips if it would exceed its limit without s. Its normal force depends on f, too.
     """
     apart()
-    k, other, size = at(m, n), second(m, n), m.plan[COORDINATES]
-    w, limit, s = m.w, m.w[k + LIMIT], 0.0
-    if w[k + MODE] == STICKING:
-        slip(m, n, -w[k + FORCE], -across(m, n, FORCE))
-    if not mend(m, t, A, 1):
+    k, other, size, rate = at(m, n), second(m, n), m.plan[COORDINATES], SLIP_RATE - strikes(m)
+    w = m.w
+    a, b, f, g = w[k + rate], w[at(m, other) + rate], w[k + FORCE], w[at(m, other) + FORCE]
+    mu, stuck, bore, bore_too = dry(m, n, 1.0, 0.0) - dry(m, n, 0.0, 0.0), w[k + MODE] == STICKING, f, g
+    set_mode(m, n, OPEN)
+    if not factorise_now(m, A):
         return False
-    exert(m)
-    one, f, g = shifted(A, respond(m, n, A)), w[k + FORCE], w[at(m, other) + FORCE]
-    w_11, w_12 = product(w, along(m, n), one, size), product(w, along(m, other), one, size)
-    w_22 = product(w, along(m, other), shifted(A, respond(m, other, A)), size)
-    a, b = w[k + SLIP_RATE] - w_11 * f - w_12 * g, w[at(m, other) + SLIP_RATE] - w_12 * f - w_22 * g
+    one = shifted(A, respond(m, n, A))
+    w_11, w_12, pressed = product(w, along(m, n), one, size), product(w, along(m, other), one, size), pressing(m, n, A)
+    w_22, too = product(w, along(m, other), shifted(A, respond(m, other, A)), size), pressing(m, n, A)
+    a, b, bears = a - w_11 * f - w_12 * g, b - w_12 * f - w_22 * g, w[k + LIMIT] - mu * (pressed * f + too * g)
     s = least = _IMMOBILE * (w_11 + w_22) + 1e-300
     for _ in range(_CONES):
         determinant = (w_11 + s) * (w_22 + s) - w_12 * w_12
         f, g = (w_12 * b - (w_22 + s) * a) / determinant, (w_12 * a - (w_11 + s) * b) / determinant
-        force = math.hypot(f, g)
-        if not force > (1.0 + CLOSE) * limit + no_force(m, n):
+        force, limit = math.hypot(f, g), larger(bears + mu * (pressed * f + too * g), 0.0)
+        off = force - limit
+        if (s == least and off <= CLOSE * limit + no_force(m, n)) or abs(off) <= 1e-3 * CLOSE * limit:
             break
         # Newton's method for the inverse of its size
         slope = ((w_22 + s) * f * f - 2.0 * w_12 * f * g + (w_11 + s) * g * g) / determinant
-        s += (force / larger(limit, _SHORT * force) - 1.0) * force * force / slope
-    if s == least:
-        stick(m, n)
-    else:
+        s = larger(s + (force / larger(limit, _SHORT * force) - 1.0) * force * force / slope, least)
+    if s > least:
         slip(m, n, -f, -g)
+    elif stuck:  # beyond its limit, by a distribution among redundant ones
+        slip(m, n, -bore, -bore_too)
+    else:
+        stick(m, n)
     return True
 
 
@@ -201,12 +208,12 @@ def _first_mode(m, n, t):
     shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), no_speed(m, n, t)
     if w[k + DUE] < 0.0:
         return 1
-    if m.acts[act_of(m, n), WHAT] == ACROSS or opens(m, n):
+    if is_second(m, n) or opens(m, n):
         return 0
     if law >= VISCOUS_LAW:
         set_mode(m, n, BENDING if law == LUGRE else FLOWING)
         return 0
-    if before != STICKING and v > (none if not shifts else _TURNED * none if second(m, n) else math.inf):
+    if before != STICKING and v > (none if not shifts else TURNED * none if second(m, n) else math.inf):
         w[k + DUE] = 0.0
         slip(m, n, w[k + SLIP], across(m, n, SLIP))
         return 0
@@ -293,7 +300,7 @@ def _least_consistent(m, t, first):
     worst, found = 1.0, _NONE
     for n in range(-frictions(m), contacts(m)):
         if _is_free(m, n) and not (n < 0 and idle(m, n)):
-            off = _contact_off(m, n) if n >= 0 else _friction_off(m, n, t)
+            off = _contact_off(m, n) if n >= 0 else _friction_off(m, n, t, first)
             if off > worst:
                 if first:
                     return n
@@ -316,7 +323,7 @@ def _contact_off(m, n):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def _friction_off(m, n, t):
+def _friction_off(m, n, t, late):
     """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in those that
     are rounding."""
     w, k, rate = m.w, at(m, n), SLIP_RATE - strikes(m)
@@ -324,6 +331,10 @@ def _friction_off(m, n, t):
     none = w[k + ROUNDED] + no_speed(m, n, t) if strikes(m) else unsure * no_rate(m, n)
     none += w[k + UNSURE] if m.pivots[DECIDES] == FORCES else 0.0
     if w[k + MODE] != STICKING:
+        if strikes(m) and second(m, n):
+            aside = larger(abs(across(m, n, rate)) - _ALIGNED * abs(w[k + rate]), -w[k + rate])
+            negligible = magnitude(m, n, rate) <= UNEVEN * none or w[k + LIMIT] <= nothing(m, n)
+            return 0.0 if negligible else aside / (UNEVEN * none if late else none)
         return (abs(across(m, n, rate)) - way(m, n) * w[k + rate]) / none
     off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (CLOSE * w[k + LIMIT] + nothing(m, n))
     return larger(off, _ASTRAY * magnitude(m, n, rate) / none if m.pivots[DECIDES] != NOTHING else 0.0)

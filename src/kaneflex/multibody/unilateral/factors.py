@@ -266,6 +266,16 @@ def presses(m, n, r):
     return plan[plan[CUT_OF] + row] == of or m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + END_AT])
 
 
+@njit(**OPTIONS)
+def pressing(m, n, A):
+    """Normal force of a contact's friction in the reactions of a solution with the factors of this instant; 0 of a
+    compliant contact."""
+    for r in range(m.plan[KEPT], m.plan[KEPT] + m.pivots[YIELDING]):
+        if presses(m, n, r):
+            return A[m.plan[REACTION] + r]
+    return 0.0 * A[0]
+
+
 @of_holds(0.0)
 @njit(**OPTIONS)
 def force_by_reaction(m, n, r):

@@ -26,7 +26,7 @@ from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, fixed, force, reference_axis, turning
 from kaneflex.multibody.unilateral.rows import (
     ARM, END_AT, EPS, MU_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, idle, law_at,
-    magnitude, on_contact, row_at, second, strikes,
+    magnitude, on_contact, row_at, second, strikes, way,
 )  # fmt: skip
 
 
@@ -225,10 +225,10 @@ def exert(m):
             m.multipliers[row] = 0.0
         elif mode == FLOWING:
             m.multipliers[row] = -w[j + VISCOUS_AT] * v
-        elif mode == SLIPPING and second(m, n):
+        elif mode == SLIPPING and second(m, n) and not strikes(m):
             _rub(m, n, N)
         elif mode == SLIPPING:
-            m.multipliers[row] = -w[k + MEMORY] * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
+            m.multipliers[row] = -way(m, n) * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
         w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
         if mode == BENDING:
             w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]

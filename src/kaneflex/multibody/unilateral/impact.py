@@ -36,11 +36,12 @@ from kaneflex.multibody.model.layout import (
 from kaneflex.multibody.time.state_record import give, works_at
 from kaneflex.multibody.unilateral import decision
 from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
-from kaneflex.multibody.unilateral.decision import LET_GO, STILL
+from kaneflex.multibody.unilateral.decision import LET_GO, STILL, TURNED
 from kaneflex.multibody.unilateral.frictions import NOISE, motion_size, no_rate, no_speed, opens, slip, stick
 from kaneflex.multibody.unilateral.relative_rows import extent, meet, near
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, MU_AT, VISCOUS_LAW, at, contacts, frictions, law_at, magnitude, no_force, on_contact, rigid, row_at,
+    EPS, LAW_AT, MU_AT, VISCOUS_LAW, across, at, contacts, frictions, is_second, law_at, magnitude, no_force,
+    on_contact, rigid, row_at, second,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import effective_mass
 
@@ -97,7 +98,7 @@ def _gather(m, t):
         k = meet(m, n)
         rested = w[k + MODE] == CLOSED
         rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 0) else w[k + GAP_RATE]
-        if parting and rested and w[k + FORCE] <= no_force(m, n):
+        if parting and rested and w[k + FORCE] <= no_force(m, n) and w[k + FORCE] != 0.0:  # else redundant
             w[k + DUE] = LETS_GO
         if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
             w[k + MET], w[k + OLD], w[k + RESTED_BEFORE], w[k + STICKS] = 1.0, rate, rested, 0.0
@@ -174,8 +175,10 @@ def _guess(m, share):
     for n in range(-frictions(m), 0):
         if w[at(m, n) + MAY] == 0.0:
             w[at(m, n) + MODE] = OPEN
-        elif w[at(m, n) + OLD] != 0.0:
-            slip(m, n, w[at(m, n) + OLD], 0.0)
+        elif is_second(m, n):
+            continue
+        elif magnitude(m, n, OLD) != 0.0:
+            slip(m, n, w[at(m, n) + OLD], across(m, n, OLD))
         else:
             stick(m, n)
 
@@ -195,7 +198,8 @@ def _jump(m, t, A):
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
         if w[k + MAY] != 0.0:  # rounding is no impulse: frictions would begin anew
-            struck = abs(w[k + FORCE]) > w[k + ROUNDED] * w[k + RESISTING_MASS]
+            size = magnitude(m, n, FORCE) if n < 0 else abs(w[k + FORCE])
+            struck = size > w[k + ROUNDED] * w[k + RESISTING_MASS]
             w[k + NEW], w[k + STRUCK] = w[k + GAP_RATE], w[k + FORCE] if struck else 0.0
     copy(shifted(w, m.plan[LAST_R]), m.multipliers, m.plan[REACTIONS])
     return undecided
@@ -216,15 +220,18 @@ def _modes_after_impact(m, t):
         k = at(m, n)
         if w[k + MAY] == 0.0:
             w[k + MODE], w[k + MEMORY] = w[k + MODE_BEFORE], w[k + MEMORY_BEFORE]
+        if w[k + MAY] == 0.0 or is_second(m, n):
             continue
         if jumped:
             w[k + DUE] = 0.0
-        if w[k + DUE] == 0.0 and abs(w[k + NEW]) > no_speed(m, n, t) + 10.0 * w[k + ROUNDED]:
-            slip(m, n, w[k + NEW], 0.0)
+        none = no_speed(m, n, t) + 10.0 * w[k + ROUNDED]
+        if magnitude(m, n, NEW) > (none if w[k + DUE] == 0.0 else TURNED * none if second(m, n) else math.inf):
+            w[k + DUE] = 0.0
+            slip(m, n, w[k + NEW], across(m, n, NEW))
             continue
         w[k + DUE] = smaller(w[k + DUE], STILL)
         stick(m, n)
-        if w[k + MODE_BEFORE] == STICKING:
+        if w[k + MODE_BEFORE] == STICKING and not second(m, n):
             w[k + MEMORY] = w[k + MEMORY_BEFORE]
 
 
@@ -330,8 +337,11 @@ def _settle_frictions(m, state):
     w, work = m.w, works_at(m) + m.plan[WORKS] - contacts(m)
     for n in range(-frictions(m), 0):
         k = at(m, n)
+        if is_second(m, n):
+            continue
         if w[k + MAY] != 0.0:
             state[work + n] -= 0.5 * w[k + STRUCK] * (w[k + OLD] + w[k + NEW])
+            state[work + n] -= 0.5 * across(m, n, STRUCK) * (across(m, n, OLD) + across(m, n, NEW))
         if opens(m, n):
             w[k + DUE] = 0.0
         elif w[k + DUE] < 0.0 and w[k + MODE] == SLIPPING and magnitude(m, n, SLIP_RATE) <= no_rate(m, n):

@@ -25,8 +25,8 @@ from kaneflex.multibody.compile.types import OPTIONS
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.model.codes import IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DECIDES, DRIVES, HOLDS, LAW, LOADS, MEMORY,
-    MODE, NUMBERS_AT, OPEN, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
+    ACROSS, ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DECIDES, DRIVES, HOLDS, LAW, LOADS,
+    MEMORY, MODE, NUMBERS_AT, OPEN, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
 )  # fmt: skip
 
 SLOWEST = 1e-11
@@ -102,6 +102,12 @@ def on_contact(m, n):
 def second(m, n):
     """Row across the slip of a contact's friction in space; 0 of other frictions, which have one row."""
     return int(m.w[law_at(m, n) + 1]) if width(m) == 6 and m.acts[act_of(m, n), WHAT] == ALONG else 0
+
+
+@njit(**OPTIONS)
+def is_second(m, n):
+    """True for the row across the slip of a contact's friction in space."""
+    return m.acts[act_of(m, n), WHAT] == ACROSS
 
 
 @njit(**OPTIONS)
