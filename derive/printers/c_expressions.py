@@ -285,6 +285,14 @@ class Expressions:
         of = {types.float64: "fabs", types.int64: "llabs", types.complex128: "cabs"}.get(kind) or self.refuse(node)
         return f"{of}({bare(text)})", types.int64 if kind == types.int64 else types.float64
 
+    def _extreme(self, node: ast.Call) -> Expression:
+        """Least or largest of numbers that are not NaN, as laws of scenes have them."""
+        texts, kinds = self.expressions(node.args)
+        if len(texts) < 2 or set(kinds) != {types.float64}:
+            self.refuse(node)
+        nested = f"f{self.object_of(node.func).__name__}(" * (len(texts) - 1) + bare(texts[0])
+        return nested + "".join(f", {bare(text)})" for text in texts[1:]), types.float64
+
     def _converted(self, node: ast.Call) -> Expression:
         texts, kinds = self.expressions(node.args)
         name = self.object_of(node.func).__name__
@@ -332,4 +340,5 @@ _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
     "vectors": Expressions._addressed, "twists": Expressions._addressed,
     "width": Expressions._count, "abs": Expressions._absolute,
     "int": Expressions._converted, "float": Expressions._converted, "complex": Expressions._converted,
+    "min": Expressions._extreme, "max": Expressions._extreme,
 }  # fmt: skip

@@ -10,7 +10,7 @@ the type of a variable is the widest type assigned to it. The subset of Python:
 - Statements: assignment to names and places, to several at once, and in a chain; ``+= -= *= /=``; ``if``; ``while``;
   ``for`` over a ``range``, whose bounds count once; ``break``, ``continue``, and ``return`` anywhere.
 - Expressions: arithmetic, ``//`` and ``%`` with Python's signs, ``**`` of floats, comparisons of real numbers, ``and or
-  not``, ``a if b else c``; ``math``'s functions; ``abs int float complex``; modules' numbers.
+  not``, ``a if b else c``; ``math``'s functions; ``abs min max int float complex``; modules' numbers.
 - Calls of compiled functions by position. Of several functions of one name (an object with ``choose``) that of the
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors. Branches of

@@ -135,7 +135,7 @@ REFUSED = {
     "a slice": ("return w[1:]", r"w\[1:\]"),
     "a string": ("y = 'text'\n    return y", "'text'"),
     "an unknown function": ("return sum((x, 1.0))", r"sum\(\(x, 1.0\)\)"),
-    "a largest number": ("return max(x, 1.0)", r"max\(x, 1.0\)"),
+    "a largest number among others than floats": ("return max(x, n)", r"max\(x, n\)"),
     "no statement": ("if n > 0:\n        pass\n    return x", "pass"),
     "a named argument": ("return math.hypot(x, y=x)", "hypot"),
     "an order of complex numbers": ("return complex(x, x) < complex(x, 1.0)", "complex"),

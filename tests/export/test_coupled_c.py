@@ -302,7 +302,7 @@ def example(w, n, x):
     a, b = several(w, 1)
     a, total = total, a if n > 3 and x < 0.0 <= total else -total
     w[0] = w[4] = abs(x) + b**2 + (-7.5) % 2.0 + n / 4 + (b - 5) % 3 + (b - 9) // 4
-    return total + a * (x % -3.0) - k
+    return total + a * (x % -3.0) - k + min(x, 0.5) * max(total, x - 1.0, 3.0)
 
 
 def test_what_python_means_in_c(compiler, tmp_path):
