@@ -144,7 +144,8 @@ def _beside_brute_force(
     runs = Runs(basis)
     names, named = sensors or [*scene.sensors], sensors is not None
     references = {tolerance: find_reference(runs, names, tolerance, KNOWN, named) for tolerance in choices}
-    finest = max(references.values(), key=lambda own: own.levels.index(own.model))
+    levels = {tolerance: own.levels.index(own.model) for tolerance, own in references.items()}
+    finest = references[max(references, key=lambda tolerance: (levels[tolerance], -tolerance))]
     doubts = {**finest.doubts, **finest.open}
     trials = {  # of the sensors that are known at each tolerance
         tolerance: Trials(runs, tolerance, replace(finest, doubts={name: doubts[name] for name in own.doubts}))
