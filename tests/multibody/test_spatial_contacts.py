@@ -214,7 +214,7 @@ def test_the_restitution_asked_for_in_space(e):
     (("contacts.floor.friction={law='lugre', mu=0.1, bristle_stiffness='1e6 N/m'}",),
      r"contacts\.floor\.friction\.law = 'lugre': only planar scenes have this law so far"),
     (("contacts.floor.point_on_plane=none", "contacts.floor.point_on_line=['ball', 'ground.foot']"),
-     r"contacts\.floor\.point_on_line = .*: only planar .* Use point_on_plane"),
+     r"contacts\.floor\.point_on_line = \['ball', 'ground\.foot'\]: only planar .* Use point_on_plane"),
     (("ground.foot=[0.2, 0.1, 0.4]",), r"contacts\.floor: at the start its sides penetrate each other by 488.2 mm"),
     (("contacts.floor.normal=none",), r"the side of the plane is not given"),
     (("contacts.floor.width=10 mm",), r"width"),
@@ -230,7 +230,8 @@ def test_a_plane_is_for_space_alone():
     stop = dict(flat.raw["contacts"]["stop"])
     stop["point_on_plane"] = stop.pop("point_on_line")
     given = dict(flat.raw) | {"contacts": {"stop": stop}}
-    with pytest.raises(SceneError, match=r"contacts\.stop\.point_on_plane = .*Use point_on_line"):
+    said = r"contacts\.stop\.point_on_plane = \['bar\.end', 'ground\.stop'\]: .*Use point_on_line"
+    with pytest.raises(SceneError, match=said):
         load(scene_of(given))
 
 

@@ -10,14 +10,14 @@ from lifting import lifted
 from parity import random_turn
 from runs import solved
 from scipy.integrate import solve_ivp
-from test_impacts_turned import LEFT, TURNED, Units, ran
+from test_impacts_turned import TURNED, Units, ran
 from test_spatial_clearances import BLOCK, ROTOR
 from test_spatial_contacts import BALL_CRANK
 
 from kaneflex import scene_of
 
 G = 9.81
-UNDECIDED = {2, 18, 29, 59, 67, 118, 156, 158, 159}
+UNDECIDED = {2, 18, 59, 67, 118, 156, 158, 159}
 """Cases of a stool with four feet that end with outcome PARADOX although other normal impulses would be consistent."""
 LAW = '{law = "newton", restitution = 0.6}'
 RUBS = f"{LAW}, friction = {{mu = 0.1}}"
@@ -79,12 +79,13 @@ def impulses(feet, inertia, v, w, mu, e):
 
 
 @TURNED
-@LEFT
+@pytest.mark.exhaustive(share=5)
 @pytest.mark.parametrize("count", [3, 4])
-def test_a_stool_that_lands_on_its_feet_slips_and_sticks_as_its_impulses_allow(count, case):
+def test_a_stool_that_lands_on_its_feet_slips_and_sticks_as_its_impulses_allow(count, case, request):
     """Each foot slips in its own direction, or sticks. Impulses of four feet are not unique."""
     if count == 4 and case in UNDECIDED:
-        pytest.xfail("the normal impulses of four feet change with the mode of one, and none is consistent")
+        why = "the normal impulses of four feet change with the mode of one, and none is consistent"
+        request.applymarker(pytest.mark.xfail(reason=why, strict=False))  # rounding of others may decide otherwise
     units, chosen = Units(case, in_space=True), np.random.default_rng(case)
     mu, e = chosen.choice([0.1, 0.4, 1.0]), chosen.choice([0.3, 0.8])
     angles = 0.3 + 2.0 * np.pi * np.arange(count) / count
