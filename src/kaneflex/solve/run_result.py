@@ -239,8 +239,9 @@ class RunResult:
     def statistics(self, name: str) -> Statistics:
         """Minimum, maximum, mean and root mean square of a series of :attr:`series` over the stored times.
 
-        The maximum of a contact's force or torque includes the peaks of impacts between stored times, assigned to the
-        nearest stored time. Raises ValueError if the run stopped before its first instant.
+        The maximum of a contact's force or torque includes the peaks of impacts between stored times. Its time is that
+        of the largest stored value of the impact, or the one nearest to its beginning if none was stored. Raises
+        ValueError if the run stopped before its first instant.
         """
         if not len(self.times):
             raise ValueError(f"{name} has no values: {self.message}")
@@ -253,7 +254,10 @@ class RunResult:
         hardest = max(own, key=lambda impact: impact.peak, default=None)
         if hardest is None or hardest.peak <= found.max:
             return found
-        return found._replace(max=hardest.peak, at_max=int(np.abs(self.times - hardest.begin).argmin()))
+        times, values = self.times, self.series[name].values
+        during = (times >= hardest.begin) & ~(times > hardest.end) & (values > 0.0)
+        near = np.where(during, values, 0.0) if during.any() else -abs(times - hardest.begin)
+        return found._replace(max=hardest.peak, at_max=int(near.argmax()))
 
     @cached_property
     def _statistics(self) -> dict[str, Statistics]:
