@@ -82,3 +82,16 @@ def imbalance(scene: Scene, rigid: RigidMotion) -> float:
             largest.append(np.abs(push).max())
         residual += [np.abs(force).max(), np.abs(moment).max() / length]
     return max(residual) / max(largest)
+
+
+def widest_gap(scene: Scene, rigid: RigidMotion) -> float:
+    """Largest distance of the two points of any joint [m]; of a guide's, the part across it."""
+    widest = 0.0
+    for joint in scene.joints.values():
+        first, second = joint.addresses
+        apart = place(scene, rigid, second) - place(scene, rigid, first)
+        if joint.kind == "prismatic":
+            along = turned(rigid, first.body, joint.direction)
+            apart = along[0] * apart[1] - along[1] * apart[0]
+        widest = max(widest, float(np.abs(apart).max()))
+    return widest

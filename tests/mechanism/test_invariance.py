@@ -155,9 +155,9 @@ def test_a_coupled_run_with_exchanged_ends(name, folder):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("name", "preset"), [("double-pendulum", "rigid"), ("four-bar", "linear"), ("engine", "linear")]
-)
+@pytest.mark.parametrize(("name", "preset"), [
+    ("double-pendulum", "rigid"), ("six-bar", "rigid"), ("four-bar", "linear"), ("engine", "linear"),
+])  # fmt: skip
 def test_reordered(name, preset, folder):
     """Equations are derived in the order of the tables."""
     check(probed(name, preset), original(name, preset), Reordered(folder, seed=3))
