@@ -448,3 +448,10 @@ def test_what_can_not_begin_from_a_given_state_says_so(tmp_path):
     refused(cli("trade", "rotating-cantilever", setting, "-o", tmp_path / "no"), "solve.start", "Start from zero")
     command = ("run", "rotating-cantilever", setting, "--sensitivities", "blade.length", "-o", tmp_path / "no")
     refused(cli(*command), "solve.start", "Start from zero")
+
+
+def test_a_rod_that_spins_between_two_balls_does_not_return_after_a_cycle():
+    joints = 'cross = "none"\nknee.spherical = ["rod.end", "slider.start"]'
+    spun = machine(like="spatial-slider-crank-elastic", joints=joints, drives=dict(knee="free = true"))
+    with pytest.raises(SceneError, match=r"^solve\.start = 'periodic': knee moves freely, and does not return after a"):
+        solved(scene_of(spun))

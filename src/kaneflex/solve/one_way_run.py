@@ -80,6 +80,8 @@ def not_repeated(model: Model) -> str | None:
     for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
         k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
         if changes[k] > _REPEATS * sizes[k] + rounding:
+            if model.scene.free_joints and name not in model.scene.loads:
+                return f"{model.scene.free_joints[0]} moves freely, and does not return after a cycle"
             return UNREPEATED.format(name, *ends[:, k])
     return None
 
