@@ -15,6 +15,7 @@ from kaneflex.plots.spectra import spectrum
 from kaneflex.plots.style import styled
 from kaneflex.plots.view import view
 from kaneflex.scene.contact_check import CONTACT_RESULTS, FRICTION_RESULTS
+from kaneflex.solve.touching import friction_summaries
 
 LOOSE = machine(
     like="slider-crank-clearance",
@@ -240,6 +241,34 @@ def test_a_rig_with_friction_in_its_bore_knocks_where_one_without_does_and_knows
     pressed = rubs.dataset.friction_force.values.sum(axis=1)
     late = rubs.times > 0.08  # it lies on, goes down, and friction bears a part of its weight
     assert rubbed[late] - plain[late] == pytest.approx(-pressed[late], rel=0.02) and pressed[late].max() < -0.02
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_shaft_wears_its_bearing_where_it_lies(tmp_path, deep):
+    """A journal that turns leftwards climbs to the left until gravity balances friction, at the angle atan(mu)."""
+    spin = "angular_velocity = [0, 0, 200]" if deep else "angular_speed = 200"
+    inertia = "[2e-6, 2e-6, 2e-6]" if deep else "2e-6"
+    rubs, law = '{mu = 0.3, wear = "1e-6 mm^3/(N m)"}', "{stiffness = 1e7, exponent = 1, restitution = 0.1}"
+    shape = f'radial = "50 um", radius = "10 mm", friction = {rubs}, contact = {law}'
+    shape += ', length = "40 mm", axial = "1 mm"' * deep
+    (tmp_path / "journal.toml").write_text(machine(
+        gravity=[0, -9.81, 0][: 2 + deep],
+        bodies=dict(shaft=f"mass = 0.1, inertia = {inertia}, free = {{at = {[0, -5e-5, 0][:2 + deep]}, {spin}}}"),
+        joints=dict(main=f"revolute ground shaft{', axis = [0, 0, 1]' * deep}, clearance = {{{shape}}}"),
+        solve=dict(preset="coupled", duration="20 ms", steps=400),
+    ))  # fmt: skip
+    solution = run(str(tmp_path / "journal.toml"))
+    total = sum(each.worn for each in friction_summaries(solution).values())
+    turned = 200 * 0.01 * 0.02 - 0.5 * 0.3 * 9.81 * 0.1 * 1e-4 / 2e-6 * 0.02**2  # while its friction slows it down
+    assert total == pytest.approx(1e-15 * 0.981 * turned, rel=0.1)
+    with styled():
+        rose = clearances.figures(solution)["wear_main"].axes[0]
+    heights = np.array([bar.get_height() for bar in rose.patches])
+    middles = np.array([bar.get_x() + 0.5 * bar.get_width() for bar in rose.patches])
+    lies = np.angle(np.sum(heights * np.exp(1j * middles)))
+    side = 1 if deep else -1  # pictures in space look along the axis
+    assert lies == pytest.approx(-np.pi / 2 + side * np.arctan(0.3), abs=0.05)
+    assert heights.sum() == pytest.approx(1e18 * total, rel=1e-9)
 
 
 def test_what_slips_with_hardly_any_acceleration_keeps_its_speed_and_jams_nothing(tmp_path):

@@ -11,6 +11,7 @@ from kaneflex.integrate.system import Outcome
 from kaneflex.report.summary import summarise
 from kaneflex.scene.contact_check import FRICTION_RESULTS
 from kaneflex.solve.simulation import solve
+from kaneflex.solve.touching import friction_summaries
 
 G, SLOPE = 9.81, math.radians(30)
 BLOCK = block(
@@ -308,6 +309,19 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
     assert long.trajectory.frictions.lost[-1, 0] == pytest.approx(13.5, rel=1e-7)
 
 
+def test_a_block_wears_its_guide_by_its_normal_force_and_path():
+    """Archard's law, V = k N s; a pin's torque N and angle s give the same."""
+    block = BLOCK.replace("mu = 0.3", "mu = 0.3, wear = '2e-6 mm^3/(N m)'")
+    slid = solved(block)
+    path = slid.series["x"].values[-1] - slid.series["x"].values[0]
+    assert friction_summaries(slid)["slide"].worn == pytest.approx(2e-15 * 2 * G * math.cos(SLOPE) * path, rel=1e-9)
+    hinge = HINGE.replace('preload = "0.005 N m"', "wear = 1e-15").replace("mu = 0.2", "mu = 0.02")
+    turned = solved(hinge)
+    path = 0.01 * abs(np.diff(turned.series["angle"].values)).sum()
+    assert friction_summaries(turned)["hinge"].worn == pytest.approx(1e-15 * G * path, rel=1e-9)
+    assert friction_summaries(solved(BLOCK))["slide"].worn is None
+
+
 def test_the_one_way_presets_name_what_has_friction():
     with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid does not support friction.*coupled"):
         solved(BLOCK, "solve.preset=rigid")
@@ -323,6 +337,9 @@ def test_the_one_way_presets_name_what_has_friction():
     (BLOCK, "mu = 0.3", "law = 'stribeck', mu = 0.3", "needs a stribeck_speed"),
     (BLOCK, "mu = 0.3", "law = 'viscous', mu = 0.3", "law viscous does not use it"),
     (BLOCK, "mu = 0.3", "", "there is no friction"),
+    (BLOCK, "mu = 0.3", "mu = 0.3, wear = 0", "wear = 0: a wear coefficient must be above zero"),
+    (BLOCK, "mu = 0.3", "mu = 0.3, wear = 1e-15, preload = 1", "wear.*must be mu N alone. Give mu, and leave preload"),
+    (BLOCK, "mu = 0.3", "mu = 0.3, wear = '1 N'", "wear.*wear coefficient"),
     (HINGE, ', radius = "10 mm"', "", "friction torque of a pin needs its radius"),
     (HINGE, "0.005 N m", "5 N", "preload.*torque"),
     (HINGE, "friction_torque", "friction_force", "Write friction_torque"),

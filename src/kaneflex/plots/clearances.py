@@ -19,9 +19,11 @@ from kaneflex.mechanism.spatial import across
 from kaneflex.plots.outlines import aligned, view_of
 from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
-from kaneflex.solve.touching import eccentricity, record_of
+from kaneflex.solve.touching import eccentricity, record_of, worn
 
 if TYPE_CHECKING:
+    from kaneflex.response.motion import Motion
+    from kaneflex.scene import Scene
     from kaneflex.scene.clearances import LooseJoint
     from kaneflex.solve.solution import Solution
 
@@ -31,6 +33,8 @@ _FACES = ("right", "left", "above", "below")
 """Names of a block's faces in space, each with four contacts."""
 _ENDS = ("rear end", "front end", "rear face", "front face")
 """Names of a pin's ends and of the faces beside it in space, in the order of their contacts."""
+_SECTORS = 72
+"""Parts of a bearing's circumference in pictures of wear."""
 _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 """Corners of a block: the two of a face often go together."""
 
@@ -39,8 +43,13 @@ def figures(solution: Solution) -> dict[str, Figure]:
     """``clearance_JOINT`` for every joint with a clearance, of a run by equations that know it."""
     if record_of(solution) is None:
         return {}
-    shown = view(solution)
-    return {f"clearance_{name}": _figure(shown, name, loose) for name, loose in solution.model.scene.loose.items()}
+    shown, found = view(solution), {}
+    for name, loose in solution.model.scene.loose.items():
+        found[f"clearance_{name}"] = _figure(shown, name, loose)
+        rubs = loose.clearance.friction
+        if _is_pin(solution.model.scene, loose) and rubs is not None and rubs.wear is not None:
+            found[f"wear_{name}"] = _wear(shown, name, loose)
+    return found
 
 
 def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
@@ -54,11 +63,11 @@ def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
     over, path = [figure.add_subplot(grid[0, 1])], figure.add_subplot(grid[:, 0])
     over.append(figure.add_subplot(grid[1, 1], sharex=over[0]))
     ends = dict(zip(_ENDS, loose.contacts, strict=False))
-    body = ("ball" if not loose.axis and shown.solution.model.scene.is_spatial else "pin") if bearing else "block"
+    body = ("pin" if _is_pin(shown.solution.model.scene, loose) else "ball") if bearing else "block"
     parts = {body if tilts else f"{body}'s middle": (name, loose.contacts)}
     if loose.axis:
         parts = {end: (key, (key,)) for end, key in [*ends.items()][:2]}
-    turned, right, up, where = _picture(shown, loose)
+    turned, right, up, where = _picture(shown.motion, loose)
     called: dict[str, tuple[str, ...]] = {"force": loose.contacts}
     drawn = [(part, contacts, turned(shown.motion.clearance(key))) for part, (key, contacts) in parts.items()]
     if tilts:
@@ -92,14 +101,48 @@ def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
     return figure
 
 
+def _wear(shown: View, name: str, loose: LooseJoint) -> Figure:
+    """Volume that a pin wears off its bearing, over the circumference and over time."""
+    motion, first = shown.solution.motion, loose.sides[0].body
+    around, sectors = np.zeros(_SECTORS), np.linspace(0.0, 2.0 * np.pi, _SECTORS + 1)
+    ends = dict(zip(_ENDS[:2] if loose.axis else ("pin",), loose.contacts, strict=False))
+    volumes = {end: worn(shown.solution, key) for end, key in ends.items()}
+    for end, key in ends.items():
+        if loose.axis:
+            x, y = _picture(motion, loose)[0](motion.clearance(key))
+        else:
+            x, y = motion.seen_from(first, motion.clearance(name)[:2])
+        grown = np.diff(volumes[end], prepend=0.0)
+        around += np.histogram(np.arctan2(y, x) % sectors[-1], sectors, weights=grown)[0]
+    factor, unit = readable("m^3", around)
+    figure = new_figure(12.6, 5.4, f"Wear of the bearing of {name}: {factor * around.sum():.4g} {unit}{shown.note}")
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.0, 1.15))
+    rose, over = figure.add_subplot(grid[0, 0], projection="polar"), figure.add_subplot(grid[0, 1])
+    rose.bar(sectors[:-1], factor * around, width=sectors[1], align="edge", color=PALETTE[1])
+    seen = "seen along its axis" if loose.axis else f"in the axes of {first}"
+    rose.set_title(f"Volume worn off every {360 // _SECTORS} deg [{unit}], {seen}", pad=28)
+    for (end, volume), colour in zip(volumes.items(), PALETTE[::2], strict=False):
+        over.plot(shown.x, factor * volume[shown.instants], color=colour, label=end)
+    over.set(title="Worn volume", ylabel=f"volume [{unit}]", xmargin=0)
+    if len(ends) > 1:
+        legend_beside(over)
+    shown.label_x(over)
+    return figure
+
+
 def _tilts(loose: LooseJoint) -> bool:
     """True for a block on a guide in the plane."""
     return loose.direction is not None and len(loose.direction) == 2
 
 
-def _picture(shown: View, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
+def _is_pin(scene: Scene, loose: LooseJoint) -> bool:
+    """True for a pin in the plane or in space."""
+    return loose.direction is None and bool(loose.axis or not scene.is_spatial)
+
+
+def _picture(motion: Motion, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
     """Projection of global vectors, (2 or 3, n_times), on a picture, and names of its axes and of their directions."""
-    view, axis = view_of(shown.solution.model.scene), loose.axis or loose.direction
+    view, axis = view_of(motion.model.scene), loose.axis or loose.direction
     if _tilts(loose):  # its place and tilt, see Motion.clearance
         return lambda way: way[[2, 1]], "", "", ""
     if axis is None:
@@ -107,7 +150,7 @@ def _picture(shown: View, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.
         return lambda way: view @ way[: view.shape[1]], *names
     up = np.array(loose.clearance.normal or across(np.array(axis))[0])
     turned, first = np.array([np.cross(axis, up), up]), loose.sides[0].body
-    return lambda way: turned @ shown.motion.seen_from(first, way), "to the right", "upwards", "seen along its axis"
+    return lambda way: turned @ motion.seen_from(first, way), "to the right", "upwards", "seen along its axis"
 
 
 def _path(

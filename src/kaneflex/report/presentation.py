@@ -332,6 +332,6 @@ def restitution_line(contact: Contact) -> str:
 
 def friction_line(friction: Friction) -> str:
     """A friction's law with its numbers."""
-    keys = ("mu", "mu_static", "preload", "viscous", "bristle_stiffness", "bristle_damping")
+    keys = ("mu", "mu_static", "preload", "viscous", "bristle_stiffness", "bristle_damping", "wear")
     found = {key: getattr(friction, key) for key in keys}
     return f"{friction.law}, " + ", ".join(f"{key} {value:.4g}" for key, value in found.items() if value)

@@ -127,13 +127,14 @@ def contact_table(summary: Summary) -> str:
 
 
 def friction_table(summary: Summary) -> str:
-    """Table of the friction."""
-    rows = []
+    """Table of the friction, with worn volumes if any are known."""
+    rows, worn = [], any(friction.worn is not None for friction in summary.frictions.values())
     for name, friction in summary.frictions.items():
         turns = friction.largest_torque is not None
         largest = f"{friction.largest_torque:.5g} N m" if turns else f"{friction.largest_force:.5g} N"
-        rows.append((name, largest, f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}"))
-    return table(("friction", "largest", "lost J", "stuck %"), rows)
+        volume = "" if friction.worn is None else f"{1e9 * friction.worn:.4g}"
+        rows.append((name, largest, f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}", *[volume] * worn))
+    return table(("friction", "largest", "lost J", "stuck %", *["worn mm^3"] * worn), rows)
 
 
 def stress_table(summary: Summary) -> str:

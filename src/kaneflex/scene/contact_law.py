@@ -21,6 +21,7 @@ from kaneflex.scene.quantities import (
     PositiveLength,
     PositiveModulus,
     PositiveRatio,
+    PositiveWear,
     two,
     written,
 )
@@ -185,7 +186,7 @@ _NEEDS = {"coulomb": (), "stribeck": ("stribeck_speed",), "viscous": (), "lugre"
 _DRY = ("mu", "mu_static", "preload", "viscous", "radius", "length")
 _STRIBECK = (*_DRY, "stribeck_speed", "stribeck_exponent")
 _KNOWS = {
-    "coulomb": _DRY, "stribeck": _STRIBECK, "viscous": ("viscous",),
+    "coulomb": (*_DRY, "wear"), "stribeck": _STRIBECK, "viscous": ("viscous",),
     "lugre": (*_STRIBECK, "bristle_stiffness", "bristle_damping"),
 }  # fmt: skip
 
@@ -197,7 +198,8 @@ class Friction(SceneTable):
     its block the sum of the forces at both ends. Sticking holds up to `mu_static` N + `preload`. `law` is `coulomb`;
     `stribeck`, whose coefficient falls from `mu_static` to `mu` as exp(-(v/v_s)^delta) with the `stribeck_speed` and
     `stribeck_exponent`; `viscous`; or `lugre`, with bristles of a `bristle_stiffness` and `bristle_damping` that
-    deflect until they slip by Stribeck's law, or Coulomb's.
+    deflect until they slip by Stribeck's law, or Coulomb's. `wear` is the volume that is worn off per normal force and
+    sliding distance (Archard 1953, J. Appl. Phys. 24, 981).
     """
 
     law: Literal["coulomb", "stribeck", "viscous", "lugre"] = "coulomb"
@@ -211,6 +213,7 @@ class Friction(SceneTable):
     stribeck_exponent: PositiveRatio = 2.0
     bristle_stiffness: JointStiffness | None = None
     bristle_damping: JointDamping = 0.0
+    wear: PositiveWear | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Friction:
@@ -230,6 +233,9 @@ class Friction(SceneTable):
             raise Fault("there is no friction", "Give mu, preload or viscous, or leave friction out")
         if self.law == "lugre":
             self._check_bristles()
+        if self.wear is not None and (not self.mu or self.preload or self.viscous):
+            reason = "the worn volume is computed from the work of friction, which must be mu N alone"
+            raise Fault(reason, "Give mu, and leave preload and viscous out", below="wear")
         return self
 
     def _check_bristles(self) -> None:

@@ -262,6 +262,7 @@ NonNegativeDamping = _quantity(units.DAMPING, lowest=0.0)
 PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
+PositiveWear = _positive(units.WEAR)
 PositiveRatio = _positive(units.RATIO)
 Abscissa = Annotated[float, written("of the table's abscissa")]
 Point = _vector(units.LENGTH)

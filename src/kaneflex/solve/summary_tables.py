@@ -45,6 +45,7 @@ class FrictionSummary(PlainTable):
     largest_torque: float | None = Field(description="in a pin: largest stored friction torque, N m")
     stuck: float = Field(description="share of the stored instants at which the part sticks")
     jams_at_s: float | None = Field(description="time at which a contact first jams (Painlevé's paradox), s")
+    worn: float | None = Field(description="volume worn off, m³")
 
 
 class ContactSummary(PlainTable):

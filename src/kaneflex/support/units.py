@@ -57,6 +57,7 @@ DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
 TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
 RATIO = Dimension("a ratio", "", "0.02")
 PRESSURE = Dimension("a pressure", "Pa", "60 bar")
+WEAR = Dimension("a wear coefficient", "m^2/N", "1e-6 mm^3/(N m)")
 FORCE_PER_LENGTH = Dimension("a force per length", "N/m", "100 N/m")
 SENSED = (
     LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
