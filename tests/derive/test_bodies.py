@@ -62,6 +62,7 @@ body, spatial, spatial_shapes = map(interpreted, (body, spatial, spatial_shapes)
 PROOFS = {"plane": (PLANE, kinds.PLANE), "space": (SPACE, kinds.SPACE)}
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("dimension", PROOFS)
 def test_every_kernel_is_compared(dimension):
     text, of = PROOFS[dimension]
@@ -69,7 +70,7 @@ def test_every_kernel_is_compared(dimension):
     assert names - {"centre"} == set(re.findall(r"def (\w+)", text))
 
 
-@pytest.mark.exhaustive(share=4)
+@pytest.mark.exhaustive(share=8)
 @pytest.mark.parametrize(("dimension", "right", "wrong"), [
     ("plane", "2.0 * H_z_uv * omega_z", "H_z_uv * omega_z"),
     ("plane", "xi += v_j * x_vv", "xi -= v_j * x_vv"),

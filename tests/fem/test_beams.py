@@ -4,11 +4,10 @@ Those of beams that rotate are in the gallery and, with flapping, in test_spatia
 """
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import cantilever, pendulum
+from machines import cantilever
 from places import DATA
 from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
@@ -16,12 +15,10 @@ from scipy.linalg import eigh
 from kaneflex import Model, with_settings
 from kaneflex.fem.links import craig_bampton
 from kaneflex.multibody.model.building import build_model, reference_modes
-from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve
 
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())
-ROTATING = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
 UNIFORM = FACTORS["uniform_beam"]
 
 # Name -> (table, what the first and the last node are held in, rigid motions left).
@@ -100,15 +97,6 @@ def test_bending_factors(ends):
         errors[elements] = found[rigid : rigid + 3] / exact - 1
     assert errors[16] == pytest.approx(expected_error(exact, 16), rel=0.04)
     assert measured_order(errors) == pytest.approx([4, 4, 4], abs=0.2)
-
-
-def test_published_factors():
-    """The table itself against published values (Chebbi 2017)."""
-    published = UNIFORM["published_check_Chebbi2017"]
-    for name in ("clamped_free", "pinned_pinned", "free_free"):
-        ends = name.replace("_", "-")
-        exact = factors(UNIFORM[ENDS[ends][0]]["modes"], 2)
-        assert exact == pytest.approx(published[name], abs=1e-3)
 
 
 @pytest.mark.parametrize("ratio", FACTORS["axial_rod_end_mass"]["table"])
@@ -239,23 +227,9 @@ clamp_force = {joint_force = "clamp", component = "y"}
 clamp_moment = {joint_force = "clamp", component = "angle"}""",
     solve={"preset": "quasistatic", "duration": "0.1 s"},
 )
-SPINNING = pendulum(
-    f"{BAR}, elements = 24}}", 'speed = "100 rad/s", cycle = "360 deg"', "beam", "hub",
-    sensors="""
-tip = {displacement = "beam.end", component = "x"}
-hub_force = {joint_force = "hub", component = "x"}""",
-    solve={"preset": "quasistatic"},
-)
-
-
 @pytest.fixture(scope="module")
 def clamped(tmp_path_factory) -> Model:
     return derived_on_the_fly(CLAMPED, tmp_path_factory.mktemp("clamped"))
-
-
-@pytest.fixture(scope="module")
-def spinning(tmp_path_factory) -> Model:
-    return derived_on_the_fly(SPINNING, tmp_path_factory.mktemp("spinning"))
 
 
 def test_modes_of_a_clamped_beam_scene(clamped):
@@ -296,33 +270,3 @@ def test_statics_of_a_reduced_beam_scene(clamped):
 def test_a_clamped_beam_needs_neither_motion_nor_its_terms(clamped):
     """Nothing moves, so nothing of spin, gyroscopic, Euler and inertia loads is derived, nor a tension."""
     assert [name for name, *_ in clamped.module.TERMS] == ["mass", "stiffness"]
-
-
-@pytest.mark.parametrize("eta", ["2", "8"])
-def test_rotating_cantilever_scene(spinning, eta):
-    """The whole way: the tension from the rigid stage's reaction at the hub, K_s + K_g + K_d assembled."""
-    body = spinning.scene.bodies["beam"]
-    unit = np.sqrt(body.E_I / body.rho_A) / body.length**2
-    faster = at_speed(spinning, float(eta) * unit)
-    K = faster.K_s(0.0) + faster.K_g(0.0) + faster.K_d(0.0)
-    case = next(case for case in ROTATING if case["eta"] == eta)
-    found = frequencies(K, faster.M(0.0))[:2] / unit
-    assert found == pytest.approx([float(case[f"lag_mode{k}"]) for k in (1, 2)], rel=1e-5)
-
-
-def at_speed(found: Model, speed: float) -> Model:
-    """The same scene at another speed: the same structure, so the same module."""
-    scene = with_settings(found.scene, [f"hub.speed={float(speed)!r}"])
-    motion = replace(found.motion, parameters=bind_parameters(scene, found.module))
-    return replace(found, scene=scene, motion=motion)
-
-
-def test_statics_of_a_rotating_beam_scene(spinning):
-    """Stretch rho A omega^2 l^3/(3 E A) and the pull rho A omega^2 l^2/2 on the hub."""
-    body = spinning.scene.bodies["beam"]
-    pull = body.rho_A * 100.0**2 / 2
-    series = solve(spinning).series
-    assert series["tip"].values == pytest.approx(2 * pull / (3 * body.E_A), rel=1e-3)
-    angle = np.linspace(0, 2 * np.pi, len(series["hub_force"].values))
-    for name in ("hub_force", "hub_force_rigid"):
-        assert series[name].values == pytest.approx(-pull * np.cos(angle), abs=1e-3 * pull)

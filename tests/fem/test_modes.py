@@ -9,7 +9,6 @@ from scipy.sparse import csr_array
 
 from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.fem.modes import lowest_modes, rayleigh_coefficients
-from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.loading import integrated
 from kaneflex.solve.modes import mode_angle_spread
@@ -111,25 +110,6 @@ def test_frequencies_of_the_released_and_of_the_welded_pin_interlace():
     free, welded = frequencies(M, K), frequencies(basis.T @ M @ basis, basis.T @ K @ basis)
     assert (free[:-1] <= welded * (1 + 1e-12)).all() and (welded <= free[1:] * (1 + 1e-12)).all()
     assert welded[0] > 1.05 * free[0]
-
-
-def test_guided_rod_and_free_rod():
-    """3038 Hz pinned-pinned and 4548 Hz axial with the piston, in line with the guide; 6887 Hz free-free."""
-    engine = model("engine", "rod.elements=8")
-    assert frequencies(engine.M(0.0), engine.K_s(0.0))[:2] == pytest.approx([3038, 4548], rel=2e-4)
-    rod = engine.links["rod"].part.matrices
-    squares = eigh(rod["K_s"].value({}), rod["M"].value({}), eigvals_only=True)
-    assert np.abs(squares[:3]).max() < 1e-6 * squares[3]  # three rigid motions
-    assert np.sqrt(squares[3]) / (2 * np.pi) == pytest.approx(6887, rel=2e-4)
-
-
-def test_euler_load_of_the_rod():
-    """774 kN, from the pinned rod's K_s and the K_g of a unit tension."""
-    rod = model("engine", "rod.elements=8").links["rod"]
-    inner = [k for k in range(rod.part.size) if k % 3 and k not in (1, rod.part.size - 2)]
-    K_s = rod.part.matrices["K_s"].value({})[np.ix_(inner, inner)]
-    K_g = as_array(rod.part.matrices["K_g"].terms[("rod.link.P_0",)])[np.ix_(inner, inner)]
-    assert 1 / eigh(K_g, K_s, eigvals_only=True)[-1] == pytest.approx(774e3, rel=1e-3)
 
 
 def test_welded_frame_over_the_crank_angle():

@@ -213,15 +213,16 @@ def test_helical_spring():
     points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)])
     size = 6 * len(angle)
     K = np.zeros((size, size))
+    nodes = np.array([0.0, np.linalg.norm(points[1] - points[0])])
+    piece = built("beam", nodes, lambda x: section, module("euler_bernoulli"))
+    stiffness = as_array(piece.part.matrices["K_s"].value({}))
     for k, (a, b) in enumerate(pairwise(points)):
         along = (b - a) / np.linalg.norm(b - a)
         across = np.cross([0.0, 0.0, 1.0], along)
         across /= np.linalg.norm(across)
         axes = np.array([along, across, np.cross(along, across)])
-        nodes = np.array([0.0, np.linalg.norm(b - a)])
-        of = built(f"beam_{k}", nodes, lambda x: section, module("euler_bernoulli"))
         own, turn = slice(6 * k, 6 * k + 12), np.kron(np.eye(4), axes)
-        K[own, own] += turn.T @ as_array(of.part.matrices["K_s"].value({})) @ turn
+        K[own, own] += turn.T @ stiffness @ turn
     # a unit force along the spring's axis, carried to the wire's end by a rigid arm; the other end is clamped
     arm = np.array([0.0, 0.0, points[-1, 2]]) - points[-1]
     load = np.concatenate([[0.0, 0.0, 1.0], np.cross(arm, [0.0, 0.0, 1.0])])
