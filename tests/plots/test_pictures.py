@@ -16,12 +16,13 @@ from kaneflex.mechanism.joints import axes_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.model.building import reference_modes
-from kaneflex.plots import loads, motion, paths, spectra
+from kaneflex.plots import loads, motion, paths, sensors, spectra
 from kaneflex.plots.outlines import VIEW
 from kaneflex.plots.sensors import grouped
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 
+STICKS = "drag: sticks"
 SWINGING = """
 schema = 1
 like = "four-bar"
@@ -234,6 +235,16 @@ def test_sensors_of_other_magnitudes_have_axes_of_their_own():
     }  # fmt: skip
     constant = grouped(scene, forces, reach | {"piston_side_force": 0.0})
     assert constant == grouped(scene, forces) == {"Joint force": forces}
+
+
+def test_a_curve_of_friction_is_wide_where_it_sticks():
+    """On the belt of stick-slip: as long as the part moves with it, at 0.1 m/s."""
+    solution = run("stick-slip")
+    (line,) = [each for axes in drawn(sensors, "stick-slip").axes for each in axes.lines if each.get_label() == STICKS]
+    there = np.isfinite(line.get_ydata())
+    speed = solution.series["speed"].values
+    assert len(there) == len(speed) and abs(speed[there] - 0.1).max() < 1e-9
+    assert there.sum() > 0.3 * len(speed) and abs(speed[~there] - 0.1).max() > 0.2
 
 
 def test_a_pivot_stands_on_its_hatched_base():

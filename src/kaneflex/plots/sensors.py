@@ -1,7 +1,7 @@
 """All sensors of a scene on one page, by kind; the rigid mechanism's values dashed beside the elastic ones.
 
 Where accelerations are read over a horizon that is not one cycle, as on a test bench, reversals of axial and guide
-forces are marked, and the zones shaded in which contacts knock.
+forces are marked, and the zones shaded in which contacts knock. Curves of friction are wide where it sticks.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from kaneflex.plots.style import PALETTE, TOUCHED, legend_beside, pages, readable, shade
 from kaneflex.plots.view import View, view
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import FRICTION_KINDS
+from kaneflex.solve.touching import sticks
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -190,6 +192,11 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
         if name in peaks:
             at, force = peaks[name]
             axes.plot(at, factor * force, "v", color=colour, markersize=4, label=f"{name}: peaks of impacts")
+        if sensor.kind in FRICTION_KINDS:
+            stuck = sticks(shown.solution, str(scene.sensors[name].target))[shown.instants]
+            if stuck.any():
+                still = np.where(stuck, factor * values[name], np.nan)
+                axes.plot(shown.x, still, color=colour, linewidth=3.5, alpha=0.4, label=f"{name}: sticks")
         if f"{name}_rigid" in series:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)

@@ -92,6 +92,13 @@ def worn(solution: RunResult, name: str) -> np.ndarray:
     return friction.wear / friction.mu * record.lost[:, record.names.index(name)]
 
 
+def sticks(solution: RunResult, name: str) -> np.ndarray:
+    """Instants at which a friction sticks, (n_times,) of bool."""
+    record = _rubbing(solution)
+    assert record is not None
+    return _stuck(record)[:, record.names.index(name)]
+
+
 def undetermined_frictions(solution: RunResult) -> list[str]:
     """Warnings of joints held still by both their drive and friction, whose shares are indeterminate."""
     record, scene, found = _rubbing(solution), solution.model.scene, []
