@@ -99,16 +99,18 @@ def test_the_fastest_rounds_are_compared_where_a_machine_is_busy():
     assert race.ratio_of_best("b", "a") == 1.5 and race.ratio_of_best("a", "a") is None
 
 
-def test_an_interruption_does_not_cut_the_repetitions_short():
+def test_an_interruption_does_not_cut_the_repetitions_short(monkeypatch):
     """The first go of 16 calls takes long since something else ran: the next one shows that it was not the calls."""
-    calls = []
+    calls, now = [], 0.0
 
     def many(n):
+        nonlocal now
         calls.append(n)
-        time.sleep(5e-3 if calls.count(16) == 1 else n * 1e-5)
+        now += 5e-3 if calls.count(16) == 1 else n * 1e-5
 
-    repeated(many, at_least=2e-3)()
-    assert calls[-1] >= 128
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    assert repeated(many, at_least=2e-3)() == pytest.approx(1e-5)
+    assert calls[-1] == 256
 
 
 def test_quick_judges_the_fastest_rounds(monkeypatch, compiler):
