@@ -1,6 +1,6 @@
 """What ``run --tolerance`` chooses compared with brute force: ``make bench-choice`` writes ``docs/choice-table.md``.
 
-Run it on an idle machine; each scene has a process and a time limit of its own, and one that fails leaves its reason.
+All times are processor time. Each scene has a process and a time limit of its own; one that fails leaves its reason.
 The page is written after each case, so that an interrupted run keeps what it has measured. ``make bench-choice
 CASES='engine "engine, 2000 rpm"'`` measures some cases anew and leaves the other rows as they are.
 """
@@ -26,7 +26,7 @@ import csv_tables
 from kaneflex import Scene, SceneError, read_scene, shipped_scenes, with_settings
 from kaneflex.solve.summary_tables import Choice
 from kaneflex.solve.variants import Variant
-from kaneflex.study.runs import Runs, Timing
+from kaneflex.study.runs import Runs, Timing, clock
 from kaneflex.study.trade.candidates import candidates_of, check_request, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
 from kaneflex.study.trade.reference import KNOWN, find_reference
@@ -154,15 +154,15 @@ def _beside_brute_force(
     candidates = [each for own in references.values() for each in candidates_of(basis, own.stored)]
     laid = len(neutral_settings(scene.raw))
     chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
-    until = time.perf_counter() + SECONDS / 2
+    until = clock() + SECONDS / 2
     for candidate in dict.fromkeys((*chosen.values(), *candidates)):
-        if time.perf_counter() > until and candidate not in chosen.values():
+        if clock() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
             continue
         for each in trials.values():
             each.within(candidate)
     there = [each.candidate for each in trials[min(choices)].tried.values() if each.differences]
-    total = _medians(runs.repeats(there, time.perf_counter() + SECONDS / 2))
+    total = _medians(runs.repeats(there, clock() + SECONDS / 2))
     good = {of: [each for each in total if trials[of].tried[each].within] for of in chosen}
     # on a slow machine all have been repeated once: those between which a ratio decides are repeated together
     close = (each for found in good.values() for each in sorted(found, key=total.__getitem__)[:CLOSE])

@@ -126,7 +126,7 @@ def test_a_moment_that_is_rounding_beside_the_force_needs_nothing():
     assert [(effect.needed, effect.differences) for effect in found.effects] == [(False, ())] * 2
     assert terms_table(found).count("shows only rounding") == 2 and "does not run" not in terms_table(found)
     assert "shows only rounding" in {text.get_text() for text in figure(found).axes[0].texts}
-    with pytest.raises(SceneError, match="they are zero or rounding errors only"):
+    with pytest.raises(SceneError, match="zero, or rounding errors only, in the whole run"):
         trade(scene, 0.01, 1e-3)
 
 

@@ -85,10 +85,10 @@ class Choice(PlainTable):
     reference_note: str = Field(description="limits of the reference")
     doubt: dict[str, float] = Field(description="uncertainty of the reference for each sensor, as a share of its peak")
     attempts: list[Attempt] = Field(description="tried models, in the order of the trials")
-    run_s: float = Field(description="wall time of the chosen model's first run, s")
-    richest_s: float = Field(description="wall time of the first run of the richest model, s")
+    run_s: float = Field(description="processor time of the chosen model's first run, s")
+    richest_s: float = Field(description="processor time of the first run of the richest model, s")
     compared: bool = Field(description="whether cheaper models than the richest were tried")
-    seconds: float = Field(description="wall time of the choice, s")
+    seconds: float = Field(description="processor time of the choice, s")
     remembered: bool = Field(description="whether the choice was read from the cache")
 
 

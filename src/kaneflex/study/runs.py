@@ -30,10 +30,13 @@ ROUNDS = 5
 _SOLUTIONS = 8
 """Number of runs whose solutions are in memory, the latest ones."""
 
+clock = time.process_time
+"""Clock of models' times and of the limits on them [s]: of the processor, since other programs hardly change it."""
+
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall times of one run [s].
+    """Times of one run by :data:`clock` [s].
 
     Attributes
     ----------
@@ -89,23 +92,23 @@ def run(scene: Scene, progress: Progress = lambda stage: None, name: str = "", m
     SceneError
         If the scene can't be solved, or takes more than ``most`` nominal seconds; StoppedEarly if the run stops early.
     """
-    moments = [time.perf_counter()]
+    moments = [clock()]
     model = load(scene, progress)
-    moments.append(time.perf_counter())
+    moments.append(clock())
     if model.options.dynamics in ("quasistatic", "dynamic") and seconds_of_steps(model, model.options.steps) > most:
         cure = "Give it more time by `kaneflex trade --budget`"
         raise SceneError("solve.preset", model.options.preset, "its run would take longer than it may", cure)
     progress(f"solving, {name or model.options.preset}")
     solution = solve(model)
-    moments.append(time.perf_counter())
+    moments.append(clock())
     if solution.outcome is not Outcome.COMPLETED:
         cure = "Leave this preset out, or shorten solve.duration"
         raise StoppedEarly("solve.preset", model.options.preset, solution.message.rstrip("."), cure)
     values = {name: solution.series[name].values for name in solution.model.scene.sensors}
-    loading, solving, reading = np.diff([*moments, time.perf_counter()]).tolist()
+    loading, solving, reading = np.diff([*moments, clock()]).tolist()
     once, model = model.seconds["derive"] + model.seconds["compile"], solution.model
     curves = Curves(solution.times, values, {}, model.warnings, solution.seconds, tuple(between_steps(model)))
-    timing = Timing(once, loading - once, solving, reading, model.options.steps, operations(model))
+    timing = Timing(once, max(0.0, loading - once), solving, reading, model.options.steps, operations(model))
     found = Run(scene, curves, timing)
     vars(found)["solution"] = solution
     return found
@@ -154,7 +157,7 @@ class Runs:
     def repeats(self, variants: Sequence[Variant], deadline: float, least: int = 1) -> dict[Variant, list[Timing]]:
         """Run every variant again, all once per round, in alternating order, to even out slow phases of the machine.
 
-        ``least`` to ROUNDS rounds; after these no run begins after the deadline, a time of ``time.perf_counter``.
+        ``least`` to ROUNDS rounds; after these no run begins after the deadline, a time of :data:`clock`.
         """
         scenes = {variant: variant.of(self.scene) for variant in variants}
         found: dict[Variant, list[Timing]] = {variant: [] for variant in variants}
@@ -162,7 +165,7 @@ class Runs:
             for number in range(ROUNDS if variants else 0):
                 self.progress(f"timing, round {number + 1}")
                 for variant in variants[:: -1 if number % 2 else 1]:
-                    if number >= least and time.perf_counter() > deadline:
+                    if number >= least and clock() > deadline:
                         return found
                     gc.collect()
                     found[variant].append(run(scenes[variant]).timing)
@@ -196,7 +199,7 @@ class Cost:
     steps, repeats : int
     operations : int or None
     first : float
-        Wall time of the first run, with derivation and compilation if needed.
+        Time of the first run, with derivation and compilation if needed.
     """
 
     set_up: float

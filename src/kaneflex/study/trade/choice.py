@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -19,10 +18,10 @@ from kaneflex.solve.solution import Solution
 from kaneflex.solve.summary_tables import Attempt, Choice
 from kaneflex.solve.variants import Variant
 from kaneflex.study.plan import digest, file_places
-from kaneflex.study.runs import Runs
+from kaneflex.study.runs import Runs, clock
 from kaneflex.study.trade.candidates import check_request, is_driven, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.reference import KNOWN, kept_curves, read_curves, recalled
-from kaneflex.study.trade.trials import Trial, Trials
+from kaneflex.study.trade.trials import NEAR, Trial, Trials
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep
 
@@ -65,7 +64,7 @@ def chosen(
 
     The model is within the tolerance in all ``others``, too, the scene with other numbers; errors are the largest.
     """
-    started, scenes, share = time.perf_counter(), (scene, *others), math.inf if purpose == "run" else KNOWN
+    started, scenes, share = clock(), (scene, *others), math.inf if purpose == "run" else KNOWN
     trials = [Trials.begun(each, tolerance, sensors, progress, share) for each in scenes]
     own, model = trials[0], trials[0].richest()
     if purpose != "run":
@@ -82,7 +81,7 @@ def chosen(
     choice = _choice(scene, trials, model, sensors is not None).model_copy(update={
         "dropped": dropped,
         "compared": purpose != "run" or is_driven(own.runs.scene),  # then no model is cheaper
-        "seconds": time.perf_counter() - started,
+        "seconds": clock() - started,
     })  # fmt: skip
     return choice, own.runs.run(model).solution, own.reference.curves
 
@@ -146,11 +145,12 @@ def cheaper(
     Trying takes at most about half the time of a command that runs the richest model. ``curves`` are those of its
     reference.
     """
-    started, begun, runs = time.perf_counter(), time.process_time(), Runs(neutral(scene), progress)
-    until = begun + min(_LONGEST, _SHARE * (begun + known.richest_s))
+    started, runs = clock(), Runs(neutral(scene), progress)
+    until = started + min(_LONGEST, _SHARE * (started + known.richest_s))
     trials = Trials(runs, known.tolerance, recalled(runs.scene, known, curves), until, known.richest_s)
     plain, coarse = trials.reference.levels[0], any(name in known.doubt for name in known.open)
-    trials.tried[plain] = Trial(plain, within=known.model == plain.name and not coarse, coarse=coarse)
+    is_within, missed = known.model == plain.name and not coarse, known.attempts[0].error or 0.0
+    trials.tried[plain] = Trial(plain, within=is_within, near=missed <= NEAR * known.tolerance, coarse=coarse)
     found = [model for model in trials.cheapest_models() if model is not plain]
     seconds = trials.seconds(found)
     model = min(found, key=seconds.__getitem__, default=plain)
@@ -158,7 +158,7 @@ def cheaper(
     attempts = [*known.attempts, *map(_attempt, trials.tried.values())]
     if not found or seconds[model] >= known.richest_s:
         return known.model_copy(update={"compared": True, "attempts": attempts}), None
-    update = {"attempts": attempts, "seconds": time.perf_counter() - started}
+    update = {"attempts": attempts, "seconds": clock() - started}
     return _choice(scene, [trials], model, False).model_copy(update=update), runs.run(model).solution
 
 

@@ -99,8 +99,8 @@ class Reference:
 
 def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: float, named: bool) -> Reference:
     """Preset ``coupled``, or ``stiffened`` if that can't be run, refined once if that can bring the error estimate of
-    a sensor within a share of the tolerance, and up to three times if else the tolerance would be refused; motions with
-    impacts hardly converge. Preset ``rigid`` of rigid bodies that drives move.
+    a sensor within a share of the tolerance, and up to three times if else the tolerance would be refused: the only
+    reason with impacts, which hardly converge. Preset ``rigid`` of rigid bodies that drives move.
 
     Parameters
     ----------
@@ -129,10 +129,11 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     doubts = {} if runs.run(plain).curves.undersampled else doubts_of(runs, sensors, plain)
     deciding, before = max if named else min, math.inf
     for finer in levels[1:]:
-        hopeful = model is plain and any(enough < doubt <= _GAIN * enough for doubt in doubts.values())
+        hopeful = any(enough < doubt <= _GAIN * enough for doubt in doubts.values())
+        hopeful = hopeful and model is plain and not runs.scene.contacts
         found = deciding(doubts.values(), default=math.inf)
         refused = tolerance < found <= min(_MOST_GAIN * tolerance, _CONVERGES * before)
-        if doubts and (runs.scene.contacts or not (hopeful or refused)):
+        if doubts and not (hopeful or refused):
             break
         try:
             doubts, model, before = doubts_of(runs, sensors, finer), finer, found
@@ -218,7 +219,8 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
     run = runs.run(model)
     found = differences(runs.scene, sensors, model.name, run.curves, run.curves)
     if not found:
-        raise SceneError("sensors", ", ".join(sensors), "they are zero or rounding errors only", "Choose other sensors")
+        reason = "zero, or rounding errors only, in the whole run, so there is no error to compare"
+        raise SceneError("sensors", ", ".join(sensors), reason, "Name others, or add a load or a start that moves them")
     if is_driven(runs.scene):
         return {each.sensor: ROUNDING for each in found}
     runs.progress(f"estimating the errors of {model.name}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Compared, Difference, differences
-from kaneflex.study.runs import Runs
+from kaneflex.study.runs import Runs, clock
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, check_request, elements_of, neutral, terms_of
 from kaneflex.study.trade.parts import parts
 from kaneflex.study.trade.reference import doubts_of
@@ -168,9 +167,9 @@ def terms(
     doubts: Mapping[str, float] = {}
     with suppress(SceneError):  # the uncertainty is then unknown
         doubts = doubts_of(runs, sensors, whole) if basis.contacts else {}
-    deadline = time.perf_counter() + budget
+    deadline = clock() + budget
     for group in chosen:
-        if effects and time.perf_counter() > deadline:
+        if effects and clock() > deadline:
             left_out[group.name] = "no time left within the budget"
             continue
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,7 +13,7 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Compared, Difference
-from kaneflex.study.runs import Cost, Runs, cost
+from kaneflex.study.runs import Cost, Runs, clock, cost
 from kaneflex.study.trade.candidates import (
     COUPLED,
     STIFFENED,
@@ -30,11 +29,14 @@ from kaneflex.support.arguments import takes
 from kaneflex.support.errors import Problem, SceneError, failed
 from kaneflex.support.terminal import silent
 
-_SHORT = 0.3
-"""Seconds of a run up to which it is repeated for its time, and of these repeats: the first run may load compiled code.
-"""
+_SHORT, _ROUNDS = 0.5, 0.3
+"""Seconds of a run without set-up up to which it is repeated for its time, and of these repeats: the first run may load
+compiled code."""
 _CLEARLY = 1.5
 """Ratio of times of single runs above which the slower model is not run again."""
+NEAR = 2.0
+"""Multiple of the tolerance that the plain model of preset coupled may miss it by: cheaper ones can be within, since
+their error may cancel that of the plain one."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class Trial(Compared):
     within : bool
         Whether every error, including the reference's uncertainty, is within the tolerance. Models whose steps do not
         resolve their loads are not: their error is a matter of luck.
+    near : bool
+        Whether every error is at most NEAR times as large.
     coarse : bool
         Whether only its steps are too few: it is within at its own instants, or does not resolve its loads.
     reason : str
@@ -58,6 +62,7 @@ class Trial(Compared):
     candidate: Variant
     differences: tuple[Difference, ...] = ()
     within: bool = False
+    near: bool = False
     coarse: bool = False
     reason: str = ""
 
@@ -77,7 +82,7 @@ class Ranked(Trial):
 class Trials:
     """Comparisons of models with a reference, each made once.
 
-    ``until``: moment of ``time.process_time`` after which no model is tried; ``known``: time of the richest model's run
+    ``until``: moment of ``clock`` after which no model is tried; ``known``: time of the richest model's run
     [s], if known before; ``tried``: results in the order of trials.
     """
 
@@ -103,7 +108,7 @@ class Trials:
 
     def within(self, candidate: Variant) -> bool:
         """True if a candidate is within the tolerance; False also if it can't be run, or not in time."""
-        left = self.until - time.process_time()
+        left = self.until - clock()
         if candidate not in self.tried and left > 0:
             denser = max(1.0, self.reference.stored / resolve_options(self.runs.scene).steps)
             if candidate.settings[0] == COUPLED.settings[0] and denser * self.known > left:
@@ -120,13 +125,14 @@ class Trials:
         close, resolved = reference.within(found, self.tolerance), not curves.undersampled
         at_its_own = reference.within(reference.errors("", curves, between=False), self.tolerance)
         reason = "; ".join(curves.undersampled)
-        return Trial(candidate, found, close and resolved, not resolved or (at_its_own and not close), reason)
+        near, coarse = reference.within(found, NEAR * self.tolerance), not resolved or (at_its_own and not close)
+        return Trial(candidate, found, close and resolved, near, coarse, reason)
 
     def seconds(self, models: Sequence[Variant]) -> dict[Variant, float]:
         """Times of models' runs [s] in this process: of short ones the least of some runs in turn."""
         found = {model: [self.runs.run(model).timing] for model in models}
-        short = [model for model in models if found[model][0].total <= _SHORT]
-        for model, again in self.runs.repeats(short, time.perf_counter() + _SHORT).items():
+        short = [model for model in models if found[model][0].solve + found[model][0].read <= _SHORT]
+        for model, again in self.runs.repeats(short, clock() + _ROUNDS).items():
             found[model] += again
         return {model: min(each.total for each in timings) for model, timings in found.items()}
 
@@ -155,9 +161,11 @@ class Trials:
             one = self.tried.get(STIFFENED)
             beyond = one is not None and bool(one.differences) and not (one.within or one.coarse)
             if family is coupled or not beyond:
-                models = (*family.cheaper, family.plain) if self.within(family.plain) else ()
-                coarse = family.plain in self.tried and self.tried[family.plain].coarse
-                found += [next(filter(self.within, family.finer if coarse else models), None)]
+                self.within(family.plain)
+                plain = self.tried.get(family.plain, Trial(family.plain))
+                hopeful = plain.within or (plain.near and family is coupled)
+                models = family.finer if plain.coarse else (*family.cheaper, family.plain) if hopeful else ()
+                found += [next(filter(self.within, models), None)]
         return [model for model in found if model is not None]
 
 
@@ -245,7 +253,7 @@ def trade(
         If the scene has no sensor, a sensor does not exist, the reference fails or does not
         converge, or no candidate can be run.
     """
-    scene, deadline = scene_from(scene), time.perf_counter() + budget
+    scene, deadline = scene_from(scene), clock() + budget
     trials = Trials.begun(scene, tolerance, sensors, progress or silent, KNOWN, budget)
     runs, reference, own = trials.runs, trials.reference, None
     basis = runs.scene
@@ -257,8 +265,8 @@ def trade(
     trials.known = runs.run(reference.levels[0]).timing.total
     for candidate in candidates:
         again = sum(runs.run(model).timing.total for model, trial in trials.tried.items() if trial.differences)
-        left = math.inf if candidate in runs.kept else deadline - time.perf_counter() - again
-        trials.until = time.process_time() + left
+        left = math.inf if candidate in runs.kept else deadline - clock() - again
+        trials.until = clock() + left
         trials.within(candidate)
         trial = trials.tried.get(candidate, Trial(candidate, reason="no time left within the budget"))
         left_out |= {} if trial.differences else {candidate.name: trial.reason}
