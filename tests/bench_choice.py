@@ -84,8 +84,9 @@ HEAD = """# Choices compared with brute force
 
 The table lists the model that [`kaneflex run --tolerance`](trade.md#by-a-tolerance) chooses, its largest error relative
 to the finest converged reference, the fastest model that `kaneflex trade` finds within the tolerance (by brute force,
-budget 20 s), and the ratio of their run times. The time to choose includes the time to derive the equations. `CASES` in
-`tests/bench_choice.py` lists the sensors that were considered. In rows *SCENE with ENTRY = ...* numbers are random.
+budget 20 s), and the ratio of their run times, in processor time. The time to choose includes the time to derive the
+equations. `CASES` in `tests/bench_choice.py` lists the sensors that were considered. In rows *SCENE with ENTRY = ...*
+numbers are random.
 
 {outcome}
 

@@ -26,8 +26,8 @@ _LOOSE = (1e-6, 1e-4)
 """Tolerances of a step under preset coupled."""
 _CHOICES = ("preset", "integrator", "modes", "reduction", "terms")
 """Entries of the scene's ``solve`` that select a model; candidates replace them."""
-_OF_A_STEP = 10.0
-"""Work of the sensors at an instant, in multiples of that of a coordinate."""
+_OF_A_STEP, _OF_MODES = 10.0, 2
+"""Work of the sensors at an instant, in multiples of that of a coordinate; work to find modes, as a number of them."""
 
 RIGID, STIFFENED, COUPLED = (Variant(name, (f"solve.preset={name}",)) for name in ("rigid", "stiffened", "coupled"))
 
@@ -123,7 +123,7 @@ def _one_way(scene: Scene, preset: str) -> Family:
     kinds: dict[str, tuple[tuple[str, ...], float]] = {preset: ((), sum(own.values()))}
     kinds |= {f"{preset}, {_count(n, 'element')}": (elements_set(mesh), n * len(own)) for n, mesh in meshes.items()}
     if preset != "quasistatic":
-        kinds |= {f"{preset}, {n} modes": ((f"solve.modes={n}",), n / 3) for n in _MODES}
+        kinds |= {f"{preset}, {n} modes": ((f"solve.modes={n}",), (n + _OF_MODES) / 3) for n in _MODES}
     work: dict[Variant, float] = {}
     for name, (settings, elements) in kinds.items():
         counts = [max(1, steps // part) for part in _COARSER] + [steps * more for more in _FINER if not settings]
