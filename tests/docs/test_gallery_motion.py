@@ -55,7 +55,9 @@ def test_drives_do_the_work_that_energy_and_loads_take(name, closure):
     assert np.abs(spent + power_of_loads(scene, rigid) - rate).max() < closure * np.abs(spent).max()
 
 
-@pytest.mark.parametrize("name", ["v-engine", "quick-return", "four-bar"])
+@pytest.mark.parametrize("name", [
+    "v-engine", "quick-return", "four-bar", "engine", "engine-3", "engine-rig", "engine-elastic-crank",
+])  # fmt: skip
 def test_every_body_balances(name):
     found = model(name)
     assert imbalance(found.scene, found.motion.at(np.linspace(0, found.scene.period, 721))) < 1e-10

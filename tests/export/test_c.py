@@ -14,10 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sm
-import tomlkit
 from command_line import cli, refused
 from interpreted import interpreted
-from lifting import lifted
 from numba.types import float64, int64
 from runs import model
 
@@ -154,20 +152,6 @@ def test_springs_between_points_are_read(like, compiler, tmp_path):
     made = c_model(with_settings(scene_of(raw), ["solve.integrator=radau"]))
     assert {*made.readings.sensors} == {*raw["sensors"]}
     assert off_the_run(made, ran(made, tmp_path, compiler)) < 1e-9
-
-
-def test_a_planar_scene_lifted_into_space_reads_the_same(compiler, tmp_path):
-    """Up to what steps err by, in coordinates that turn otherwise; damping by mass would differ besides."""
-    few = [f"{link}.elements=1" for link in ("crank", "coupler", "follower")]
-    flat = with_settings(read_scene("four-bar"), ["damping.rayleigh.ratio=0", "solve.steps=720", *few])
-    text = tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]})
-    made, planar = c_model(scene_of(text)), c_model(flat)
-    space, plane = (ran(each, tmp_path / each.name, compiler) for each in (made, planar))
-    assert off_the_run(made, space) < 1e-9
-    shared = {*made.readings.sensors} & {*planar.readings.sensors}
-    assert shared
-    for name in shared:
-        np.testing.assert_allclose(space[name], plane[name], atol=5e-5 * abs(plane[name]).max(), err_msg=name)
 
 
 def test_scalars_in_space_are_those_of_the_motion_at_any_time(compiler, tmp_path):

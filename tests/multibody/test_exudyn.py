@@ -220,6 +220,7 @@ def test_shipped_scenes(peer, name, steps, motion, force):
         assert share < (motion if scene.sensors[sensor].kind in ("position", "velocity") else force), sensor
 
 
+@pytest.mark.exhaustive(group="space", share=3)
 def test_drives_loads_and_springs(peer):
     """A driven post carries a paddle on a hinge with full inertias: loads that turn with bodies and know its motion,
     springs of both kinds, all motions, accelerations, forces and moments."""
@@ -231,7 +232,7 @@ def test_drives_loads_and_springs(peer):
     assert all(share < 3e-3 for share in found.values())
 
 
-@pytest.mark.exhaustive(group="guides", share=2)
+@pytest.mark.exhaustive(group="space", share=3)
 def test_slides(peer):
     peer("exudyn")
     scene = scene_of(SLIDING)
@@ -241,6 +242,7 @@ def test_slides(peer):
     assert all(found[name] < 1e-5 for name in ("push", "pin", "rail_moment", "pull"))
 
 
+@pytest.mark.exhaustive(group="space", share=3)
 def test_moments_of_all_kinds_of_joints(peer):
     """A universal joint, here askew, holds one turn, a guide all of them; the shaft's crank turns freely about its x
     axis alone."""
@@ -268,7 +270,7 @@ CARRIED = machine(
 )
 
 
-@pytest.mark.exhaustive(group="guides", share=2)
+@pytest.mark.exhaustive(group="space", share=3)
 def test_a_drive_along_a_guide_that_moves(peer, exhaustive):
     """What the drive exerts acts on the carrier where the bead is; the error falls with the step."""
     peer("exudyn")

@@ -21,7 +21,7 @@ def rejected_in_space(sensor, preset):
     return sensor.kind in ("joint_force", "drive_torque") or (preset == "rigid" and sensor.kind in SECTION_KINDS)
 
 
-@pytest.mark.exhaustive(share=12)
+@pytest.mark.exhaustive(share=20)
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("name", [name for name in planar_scenes() if name not in LEFT_OUT])
 def test_a_lifted_scene_gives_the_planar_numbers(name, preset):

@@ -7,14 +7,13 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import renaming
-from machines import machine
 from runs import run, solved, tables
 
-from kaneflex import load, read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex import load, read_scene, shipped_scenes, with_settings
 from kaneflex.derive.generate import generate
 from kaneflex.derive.ir.names import numbered
 from kaneflex.fem.assembly import ElasticEquations
-from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module, find_module
+from kaneflex.multibody.model.module_loading import find_laws_module, find_module
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.solve.simulation import solve
 
@@ -90,60 +89,6 @@ def test_a_renamed_module_is_the_same_but_for_names(seed):
 
 def functions(tree: ast.Module) -> list[ast.FunctionDef]:
     return [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-
-
-# ---- names that met in symbols --------------------------------------------------------------------------------------
-
-PRESS = machine(
-    gravity=[0, -9.81],
-    bodies=dict(BODY_1='length = 0.04, mass = 0.9, centre = [0.011, 0.002], inertia = 4e-4, '
-                       'points = {"POINT_1" = [0.025, 0.007]}',
-                BODY_2='length = "137 mm", mass = 0.15, '
-                       'points = {"POINT_2" = ["60 mm", "-9 mm"], "POINT_3" = ["80 mm", "5 mm"]}', ram="mass = 0.2"),
-    joints=dict(JOINT_1="revolute ground BODY_1", JOINT_2="revolute BODY_1.end BODY_2", wrist="revolute BODY_2.end ram",
-                bore="prismatic ground ram, direction = [1, 0]"),
-    masses=dict(MASS_1='at = "BODY_2.POINT_2", mass = 0.3, inertia = 2e-4',
-                MASS_2='at = "BODY_1.POINT_1", mass = 0.05'),
-    drives=dict(JOINT_1='speed = "3000 rpm", cycle = "360 deg"'),
-    loads=dict(LOAD_1='force_on = "BODY_2.POINT_3", direction = [0.6, 0.8], value = 40',
-               LOAD_2='torque_at = "JOINT_2", law = "3 * sin(JOINT_1) + 0.01 * JOINT_1_speed"',
-               LOAD_3='force_on = "BODY_1.POINT_1", direction = [0.8, -0.6], value = 70'),
-    solve='preset = "rigid"',
-)
-PLAIN = {
-    "BODY_1": "crank", "BODY_2": "rod", "POINT_1": "web", "POINT_2": "lump", "POINT_3": "eye", "JOINT_1": "main",
-    "JOINT_2": "pin", "MASS_1": "weight", "MASS_2": "ballast", "LOAD_1": "push", "LOAD_2": "twist", "LOAD_3": "pull",
-}  # fmt: skip
-
-
-def computed(tmp_path, monkeypatch, **names):
-    """What `motion` stores, without compiling it."""
-    text = PRESS
-    for word, name in (PLAIN | names).items():
-        text = text.replace(word, name)
-    scene = scene_of(text)
-    monkeypatch.setattr("kaneflex.support.module_cache.cache_folder", lambda: tmp_path)
-    module = find_module(scene, quiet)[0]
-    stored = np.zeros(len(module.SCALARS))
-    module.motion.py_func(0.0123, bind_parameters(scene, module), stored)
-    assert np.isfinite(stored).all() and abs(stored).max() > 1.0
-    return stored
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("names", [
-    {"POINT_1": "centre"}, {"MASS_1": "rod", "MASS_2": "crank"},
-    {"BODY_1": "arm", "POINT_1": "left_tip", "BODY_2": "arm_left", "POINT_2": "tip"},
-    {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
-    {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
-    {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
-    {"LOAD_1": "rows", "LOAD_2": "table", "LOAD_3": "njit", "POINT_1": "out"},
-    {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
-], ids=lambda names: ", ".join(names.values()))  # fmt: skip
-def test_names_that_met_in_symbols_give_the_same_numbers(names, tmp_path, monkeypatch):
-    (tmp_path / "plain").mkdir()
-    plain = computed(tmp_path / "plain", monkeypatch)
-    assert np.array_equal(computed(tmp_path, monkeypatch, **names), plain)
 
 
 CASES = [("engine",), ("engine", "solve.preset=linear"), ("engine", "solve.modes=2"), ("engine-elastic-crank",)]

@@ -205,17 +205,6 @@ def test_where_the_plain_coupled_model_is_nearly_within_cheaper_ones_are_tried(n
 
 
 @pytest.mark.exhaustive(group="choice", share=3)
-def test_the_spin_up_needs_the_geometric_stiffness():
-    """Without K_g it goes unstable."""
-    scene = read_scene("spin-up")
-    found = choose(scene, purpose="code")
-    assert found.model.startswith("stiffened, 2 modes, 1500 steps") and set(found.dropped) == {"euler", "gyroscopic"}
-    unstable = next(attempt for attempt in found.attempts if attempt.model.endswith("without geometric"))
-    assert unstable.error is None and "unstable" in unstable.reason
-    assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
-
-
-@pytest.mark.exhaustive(group="choice", share=3)
 def test_where_coupled_cannot_be_run_the_reference_is_stiffened_and_says_so():
     """Shaken at its resonance the cross is 98 % off quasi-statically; coupled can't place bars on pins by poses."""
     scene = with_settings(read_scene("pin-ended-cross"), ["solve.duration=0.5 s", "solve.steps=1000"])

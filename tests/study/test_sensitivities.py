@@ -55,6 +55,7 @@ def test_engine(name):
     check("engine", (), name)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["rod.E", "rod.mass", "main.speed"])
 def test_quasistatic_engine(name):
     # an acceleration of the quasi-static answer is a difference of differences: rounding weighs more
@@ -67,6 +68,7 @@ def test_rotating_cantilever(name):
     check("rotating-cantilever", (), name)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("name", ["coupler.length", "masses.at_first.mass"])
 def test_four_bar(name):
     check("four-bar", ("solve.steps=120",), name)
@@ -82,6 +84,7 @@ def test_each_integrator_and_start(integrator, start):
     check("rotating-cantilever", settings, "shaft.speed", tolerance=1e-5)
 
 
+@pytest.mark.exhaustive(share=2)
 @pytest.mark.parametrize("reduction", ["craig-bampton", "modal"])
 def test_modal_basis_frozen_or_recomputed(reduction):
     """Few modes bend to the parameter: what the two derivatives differ by is far beyond their errors."""
