@@ -13,7 +13,6 @@ from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
 from kaneflex import Model, with_settings
-from kaneflex.fem.links import craig_bampton
 from kaneflex.multibody.model.building import build_model, reference_modes
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.simulation import solve
@@ -180,36 +179,6 @@ def test_buckling_of_the_cantilever():
         errors[elements] = np.array([lowest * rod.link.length**2 / rod.body.E_I / (np.pi**2 / 4) - 1])
     assert 0 < errors[4][0] < 4e-5
     assert measured_order(errors) == pytest.approx([4], abs=0.1)
-
-
-@pytest.mark.parametrize("modes", [1, 2, 4, 8])
-def test_craig_bampton_converges_from_above(modes):
-    """Interface displacements and fixed-interface modes of the rod: lowest bending and axial frequency."""
-    elements = 8
-    part = Rod(elements, "", "").link.part
-    held = [0, 1, 3 * elements, 3 * elements + 1]
-    reduced, basis = craig_bampton(part, held, modes)
-    assert reduced.coordinates[:4] == tuple(part.coordinates[row] for row in held)
-
-    def free_free(chosen):
-        return frequencies(chosen.matrices["K_s"].value({}), chosen.matrices["M"].value({}))[3:]
-
-    full, found = free_free(part), free_free(reduced)
-    assert (found >= full[: len(found)] * (1 - 1e-9)).all()
-    assert found[0] / full[0] - 1 < {1: 0.15, 2: 0.15, 4: 2e-3, 8: 2e-4}[modes]
-    q = np.linspace(1.0, 2.0, reduced.size)
-    assert (basis @ q)[held] == pytest.approx(q[:4])  # interface coordinates stay what they are
-
-
-def test_craig_bampton_with_every_mode_is_the_link_itself():
-    part = Rod(4, "", "").link.part
-    held = [0, 1, 12, 13]
-    reduced, _ = craig_bampton(part, held, part.size - len(held))
-    full, found = (
-        eigh(p.matrices["K_s"].value({}), p.matrices["M"].value({}), eigvals_only=True)
-        for p in (part, reduced)
-    )
-    assert found == pytest.approx(full, abs=1e-9 * full[-1])
 
 
 # ---- whole scenes, derived on the fly ---------------------------------------------------------------------------

@@ -21,7 +21,7 @@ def rejected_in_space(sensor, preset):
     return sensor.kind in ("joint_force", "drive_torque") or (preset == "rigid" and sensor.kind in SECTION_KINDS)
 
 
-@pytest.mark.exhaustive(share=20)
+@pytest.mark.exhaustive(share=12)
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("name", [name for name in planar_scenes() if name not in LEFT_OUT])
 def test_a_lifted_scene_gives_the_planar_numbers(name, preset):
@@ -48,8 +48,9 @@ def test_a_drive_with_a_free_elastic_rotation_prescribes_the_motion_of_a_rigid_b
 def test_a_motion_that_does_not_repeat_is_refused_for_the_same_reason(preset):
     """The block of the engine starts off its cycle, and repeats its motion to 1e-4."""
     flat, said = planar("engine-block", preset), []
+    message = r"^solve\.start = 'periodic': up moves freely, and does not return after a cycle\. "
     for scene in (flat, scene_of(lifted(flat, random_turn("engine-block")) | {"solve": flat.raw["solve"]})):
-        with pytest.raises(SceneError, match=r"^solve\.start = 'periodic': .*a cycle later") as error:
+        with pytest.raises(SceneError, match=message) as error:
             solved(scene)
         said.append(error.value)
     assert said[0].cure == said[1].cure

@@ -7,7 +7,6 @@ import pickle
 import subprocess
 import sys
 
-import pint
 import pytest
 from machines import machine
 
@@ -109,6 +108,12 @@ def test_what_a_copy_has_no_longer_stays_away():
     slower = scene.model_copy(update={"drives": {"main": scene.drives["main"].model_copy(update={"speed": 3.0})}})
     assert with_settings(slower, ["main.angle=5 deg"]).drives["main"].speed == 3.0
     assert with_settings(slower, ["main.speed=1 rpm"]).drives["main"].speed == pytest.approx(math.pi / 30)
+
+
+def test_coordinates_of_joints_say_whether_they_turn_or_slide():
+    scene = scene_of(machine(like="engine", sensors=dict(turn="position main angle", slide="position bore")))
+    said = [scene.meaning_of(scene.sensors[name]) for name in ("turn", "slide")]
+    assert said == ["position of joint main, rotation", "position of joint bore, translation"]
 
 
 def test_three_cylinders_have_their_pins_and_gas_at_240_degrees():
@@ -300,6 +305,8 @@ def test_json_schema_describes_every_table():
 
 
 def test_common_units_are_those_of_pint():
+    import pint  # takes a second, which only one of several processes needs
+
     registry = pint.UnitRegistry()
     one = [prefix + unit for prefix in units._PREFIXES for unit in units._UNITS if unit not in ("%", "1") or not prefix]
     for unit in [*units._COMMON, *one, "mN m", "kN/mm^2", "N mm/deg", "g/cm^3", "1/ms", "kg m/s^2", "W/rpm", "N/m/s"]:
