@@ -146,13 +146,14 @@ def test_bad_input_is_named_with_exit_code_2_and_nothing_is_written(arguments):
 
 
 @pytest.mark.parametrize(("arguments", "told"), [
+    (("rn", "engine"), "No such command 'rn'. The nearest known one is 'run'."),
     (("modes", "engine", "--count", "1_0"), "Invalid value for '--count': '1_0' is not a valid integer"),
     (("modes", "engine", "--count", "\uff13"), "is not a valid integer"),
     (("plot", "nowhere", "--seconds", "nan"), "Invalid value for '--seconds': 'nan' is not a finite number"),
     (("import", "m", "k", "n", "-o", "x.npz", "--point", "start=s", "--damping", "nan"), "'nan' is not a finite"),
     (("import", "m", "k", "n", "-o", "x.npz", "--point", "start=s", "--normal", "0", "inf", "1"), "'inf' is not a"),
 ])  # fmt: skip
-def test_numbers_that_only_python_reads_are_refused(arguments, told):
+def test_what_click_refuses_is_named(arguments, told):
     result = cli(*arguments)
     assert result.exit_code == 2 and told in result.stderr
 

@@ -118,6 +118,14 @@ def test_the_mechanism_is_drawn_at_its_largest_stress_and_coloured_by_it(name):
     np.testing.assert_allclose(coloured.get_array(), 1e-6 * np.interp(along, stresses.x, stresses.mises[:, instant]))
 
 
+def test_panels_have_titles_in_a_callers_own_style():
+    """They stand at the centre there, not at the left."""
+    page, panels = style.pages(1, "Page")
+    panels[0].set_title("Panel")
+    style.finish(panels, "time [s]")
+    assert titles(page) == ["Panel"]
+
+
 def test_modes_have_a_legend_and_their_frequencies_in_the_titles():
     figure = drawn("engine")["modes"]
     frequencies = reference_modes(solved("engine").model, 6)[0] / (2 * math.pi)

@@ -215,6 +215,11 @@ def test_setting_none_removes_but_reduction_has_a_word_none():
     assert not scene.loads and scene.damping is None and scene.solve.reduction == "none"
 
 
+def test_setting_a_whole_table_adds_an_entry():
+    scene = with_settings(read_scene("engine"), ["loads.knock={force_on = 'rod.mid', direction = [0, 1], value = 3}"])
+    assert [*scene.loads] == ["gas", "knock"]
+
+
 @pytest.mark.parametrize(("setting", "message"), [
     ("rod.elemens=1", "rod.elemens = '1': 'rod' has no such entry. The nearest known one is 'elements'."),
     ("rodd.elements=1", "rodd.elements = '1': the scene has no 'rodd'. The nearest known one is 'rod'."),
@@ -222,7 +227,7 @@ def test_setting_none_removes_but_reduction_has_a_word_none():
      "Write joints.main.rotation or drives.main.rotation."),
     ("solve.step=3", "solve.step = '3': no key 'step' there. The nearest known one is 'steps'."),
     ("drives.mai.speed=1", "drives.mai.speed = '1': the scene has no 'mai' among its drives. "
-     "The nearest known one is 'main'."),
+     "The nearest known one is 'main'; a whole table adds it: drives.mai={...}."),
     ("crank.speed=0", "crank.speed = '0': 'crank' has no such entry. Write main.speed, of the drive."),
     ("rod", "setting = 'rod': not of the form path=value. Write it like rod.elements=1."),
     ("rod.elements=0", "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more."),

@@ -12,7 +12,7 @@ from importlib import import_module
 import click
 
 from kaneflex.cli.scene import INTERRUPTED, USER_ERROR
-from kaneflex.support.errors import UserError
+from kaneflex.support.errors import UserError, nearest
 from kaneflex.support.terminal import echo
 
 GROUPS = {
@@ -82,6 +82,8 @@ class _Commands(click.Group):
         """Command of this name; imports its module only."""
         places = {each: place for group in GROUPS.values() for each, (place, _) in group.items()}
         if name not in places:
+            if not ctx.resilient_parsing:  # as of a shell that completes words
+                ctx.fail(f"No such command {name!r}. {nearest(name, places)}.")
             return None
         module, _, attribute = places[name].partition(".")
         return getattr(import_module(f"kaneflex.cli.{module}"), attribute)

@@ -167,9 +167,10 @@ def place(panels: Sequence[Axes], rows: int, columns: int = 1) -> None:
                         and legend.get_bbox_to_anchor().x0 >= axes.bbox.x1)])  # fmt: skip
     wide, outer = max(1.5, width / columns - left - right), sum(map(_breadth, figure.legends))
     figure.set_figwidth(width := columns * (left + wide + right) + outer)
+    side = matplotlib.rcParams["axes.titlelocation"]  # the centre where a caller makes a figure outside of styled()
     for axes in panels:
-        axes.set_title(fill(axes.get_title("left"), int((wide + right) / _PANEL_LETTER)))
-    more = 0.16 * max(axes.get_title("left").count("\n") for axes in panels)
+        axes.set_title(fill(axes.get_title(side), int((wide + right) / _PANEL_LETTER)))
+    more = 0.16 * max(axes.get_title(side).count("\n") for axes in panels)
     top, between = 0.62 + more, 0.4 + more  # inches, of titles
     high = (height - bottom - top - (rows - 1) * between) / rows
     figure.subplots_adjust(

@@ -126,9 +126,9 @@ def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str 
         if not has_entry(keys[:depth]):
             cure = nearest(keys[depth - 1], known_keys(keys[: depth - 1]))
             raise SceneError(path, text, f"no key {keys[depth - 1]!r} there", cure)
-    is_new_mass = keys[0] == "masses" and len(keys) == 2  # a whole table, unlike other entries
-    if keys[0] in _NAMED and len(keys) > 1 and not is_new_mass and keys[1] not in raw.get(keys[0], {}):
-        cure = nearest(keys[1], raw.get(keys[0], {}))
+    is_new = len(keys) == 2 and (text or "").startswith("{")  # a whole table adds an entry
+    if keys[0] in _NAMED and len(keys) > 1 and not is_new and keys[1] not in raw.get(keys[0], {}):
+        cure = f"{nearest(keys[1], raw.get(keys[0], {}))}; a whole table adds it: {keys[0]}.{keys[1]}={{...}}"
         raise SceneError(path, text, f"the scene has no {keys[1]!r} among its {keys[0]}", cure)
 
 
