@@ -21,7 +21,7 @@ BASELINE = {
     "report": 5,
     "response": 18,
     "scene": 57,
-    "solve": 20,
+    "solve": 19,
     "study": 35,
     "support": 2,
 }

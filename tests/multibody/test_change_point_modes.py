@@ -40,7 +40,7 @@ def test_modes_of_a_change_point_are_refused_with_the_cure(tmp_path):
 def test_a_prescribed_run_through_a_change_point_is_refused():
     """Without notice the mechanism went on as an antiparallelogram, where it has another speed."""
     free, driven = 'free = true, angle = 1.0, initial_speed = "20 rad/s"', 'speed = "20 rad/s", angle = 1.0'
-    with pytest.raises(SceneError, match="joints = '.+': a loop does not close, or the position is singular"):
+    with pytest.raises(SceneError, match=r"joints = '.+': a loop does not close, or the position is singular"):
         load(scene_of(PARALLELOGRAM.replace(free, driven)))
 
 

@@ -344,27 +344,6 @@ series = true
 """
 
 
-def test_many_speeds_are_read_as_runs_are_and_alike_in_any_chunk(tmp_path):
-    plan = plan_of(tmp_path, SPEEDS)
-    assert plan.alike
-    records = list(solve_points(plan, [0, 11, 21]))
-    for record in records:
-        solution = solve(load(plan.at(record.point)))
-        assert list(record.series) == list(solution.series)
-        for name, series in solution.series.items():
-            size = abs(series.values).max()
-            assert record.labels[name] == (series.unit, series.meaning)
-            np.testing.assert_allclose(record.series[name], series.values, rtol=0, atol=1e-10 * size, err_msg=name)
-    assert_same_bits(list(solve_points(plan_of(tmp_path, SPEEDS), [11])), dict(zip([0, 11, 21], records, strict=True)))
-
-
-def test_points_that_differ_by_more_than_speeds_are_not_alike(tmp_path):
-    ratios = '"damping.rayleigh.ratio" = [0.01, 0.02]\n'
-    assert not plan_of(tmp_path, SPEEDS.replace("count = 22", "count = 19")).alike
-    assert not plan_of(tmp_path, SPEEDS + ratios).alike  # which vary faster
-    assert plan_of(tmp_path, SPEEDS.replace('"main.speed"', ratios + '"main.speed"')).alike
-
-
 def test_a_point_that_leaves_double_precision_is_refused_with_its_reason(tmp_path, monkeypatch):
     plan = plan_of(tmp_path, SPEEDS)
     own = variants.solve

@@ -31,14 +31,14 @@ GROUPS = {
     "Study": {
         "compare": ("compare.compare", "Compare models, or with another program"),
         "sweep": ("sweep.sweep", "Run a scene over ranges of parameters"),
-        "explore": ("explore.explore", "Change numbers with sliders"),
+        "explore": ("sweep.explore", "Change numbers with sliders"),
         "stability": ("stability.stability", "Floquet, buckling, Campbell diagram"),
         "trade": ("trade.trade", "Rank models by error and run time"),
         "terms": ("trade.terms", "Error and cost of each group of terms"),
     },
     "Export": {
         "derive": ("mechanism.derive", "Write the equations as Python or C"),
-        "export": ("exporting.export", "Write an FMU (FMI 2)"),
+        "export": ("mechanism.export", "Write an FMU (FMI 2)"),
         "linearise": ("mechanism.linearise", "Write a state space at one instant"),
         "import": ("importing.import_link", "Finite elements to modal data"),
     },

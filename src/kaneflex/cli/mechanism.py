@@ -1,4 +1,4 @@
-"""Commands ``show``, ``new``, ``linearise``, ``equations`` and ``derive``."""
+"""Commands ``show``, ``new``, ``linearise``, ``equations``, ``derive`` and ``export``."""
 
 from __future__ import annotations
 
@@ -353,4 +353,31 @@ def _derive_chosen(asked: SceneArguments, output: Path, tolerance: float, sensor
     echo(chosen_lines(choice))
     counts = f"{operation_count(text)} operations, {operation_count(whole)} with every term"
     echo(f"Kernels of the motion and one element: {counts}")
+    echo(f"Written to {output}")
+
+
+@command()
+@scene_options("preset", "settings")
+@output_option("FILE.fmu", required=True)
+@force_option
+@gathered(asked=SceneArguments)
+def export(asked: SceneArguments, output: Path, force: bool) -> None:
+    """Write the linear equations of SCENE as an FMU for model exchange and co-simulation.
+
+    Outputs are the sensors, inputs the values of constant loads, parameters the speeds and angles of drives. The FMU
+    contains its C sources; a C compiler (environment variable CC selects it) builds the library for this machine.
+
+    \b
+      kaneflex export engine -o engine.fmu
+    """
+    from kaneflex.export.fmu import export_fmu
+
+    check_file(output, "an FMU", ".fmu", force)
+    scene = asked.read()
+    with Waiting() as waiting:
+        made = export_fmu(scene, waiting)
+    made.save(output)
+    echo(f"FMI 2.0, {counted(len(made.outputs), 'output')}; can be set: {', '.join(made.inputs) or 'nothing'}")
+    for warning in made.warnings:
+        echo(f"Warning: {warning}", err=True)
     echo(f"Written to {output}")

@@ -1,7 +1,8 @@
-"""Command ``sweep``: one scene at many points of its parameters."""
+"""Commands ``sweep`` and ``explore``: one scene at many points of its parameters, or at those of sliders."""
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from kaneflex.cli.command import Count, command, output_option
+from kaneflex.cli.command import Count, check_picture, command, force_option, names_option, output_option
 from kaneflex.cli.scene import (
     INTERRUPTED,
     STOPPED_EARLY,
@@ -21,10 +22,13 @@ from kaneflex.cli.scene import (
     gathered,
     preset_option,
     refuse_with_tolerance,
+    scene_options,
     settings_option,
+    tolerance_option,
     tolerance_options,
 )
 from kaneflex.support.errors import SceneError
+from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
@@ -155,3 +159,53 @@ def _reporter() -> Callable[[Progress], None]:
             echo(str(progress), err=True)
 
     return report
+
+
+@command()
+@scene_options()
+@click.option(
+    "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",
+    help="A slider for this entry of the scene, like main.speed=2000:6000rpm or rod.elements=1:8; "
+    "limits without a decimal point or a unit give whole numbers. Can be repeated.",
+)  # fmt: skip
+@names_option("--sensors", help="Sensors to show and choose by. [default: the first four groups of similar sensors]")
+@tolerance_option
+@output_option("FILE.png", "Write a picture (.png, .svg or .pdf) instead of opening a window.")
+@force_option
+@gathered(asked=SceneArguments)
+def explore(
+    asked: SceneArguments, open_: tuple[str, ...], sensors: tuple[str, ...], output: Path | None, force: bool,
+    tolerance: str | None,
+) -> None:  # fmt: skip
+    """Open a window with sliders for some numbers of SCENE and the resulting curves of its sensors.
+
+    Each curve is the result of `kaneflex run` for the sliders' values; the pale curve is the unchanged scene. If a run
+    is not possible, the window shows the reason. When the window closes, the sliders' values are printed as a command.
+    With --tolerance it is the fastest model that is within it at the start and at both ends of all sliders.
+
+    \b
+      kaneflex explore engine --vary main.speed=2000:9000rpm
+    """
+    from kaneflex.plots import explore as open_window
+    from kaneflex.scene import with_settings
+    from kaneflex.study.exploration import Exploration, varied
+
+    scene, chosen = asked.read(), list[str]()
+    refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator})
+    if tolerance is not None:
+        exploration = Exploration(scene, tuple(varied(scene, text) for text in open_), sensors)
+        ends = [[getattr(each, end) for each in exploration.open] for end in ("start", "low", "high")]
+        scenes, paths = [exploration.at(values) for values in ends], [each.path for each in exploration.open]
+        where = "the start and the ends of the sliders"
+        chosen = chosen_settings(Choosing(tolerance, sensors), scenes, "--vary", paths, where)
+        scene = with_settings(scene, chosen)
+    if output is not None:
+        check_picture(output, force, "explored.png")
+        from kaneflex.plots.style import picture
+
+        write_bytes(output, picture(lambda: open_window(scene, open_, sensors, window=False), output.suffix[1:]))
+        echo(f"Written to {output}")
+        return
+    changes = [*asked.changes, *chosen, *open_window(scene, open_, sensors)]
+    words = ["kaneflex", "run", asked.name, *(word for change in changes for word in ("--set", change))]
+    echo(f"Slider values as a command: {shlex.join(words)}")

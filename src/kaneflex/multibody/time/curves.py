@@ -124,7 +124,8 @@ class Followed(Curve):
             place(mechanism, places)
         at = " and ".join(f"{name} = {mechanism.written_coordinate(name, where)}" for name, where in places.items())
         return SceneError(
-            "joints", ", ".join(self.system.layout.cuts or driven) or None, f"{reason}, at t = {t:.6g} s" + (f", where {at}" if at else ""),
+            "joints", ", ".join(self.system.layout.cuts or driven) or None,
+            f"{reason}, at t = {t:.6g} s" + (f", where {at}" if at else ""),
             "Change the lengths, or limit the drives' range",
         )  # fmt: skip
 
