@@ -14,10 +14,11 @@ from typing import Any
 import sympy as sm
 
 from kaneflex.derive.ir.names import Names, numbered
-from kaneflex.mechanism.force_parts import Contact, Spring
+from kaneflex.mechanism.contacts import Contact
 from kaneflex.mechanism.mechanism import corner_of
 from kaneflex.mechanism.parts import Body, Drive, Joint, Load, Mass, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
+from kaneflex.mechanism.springs import Spring
 from kaneflex.scene.structure import ANY
 from kaneflex.support.contract import COURSES
 

@@ -8,9 +8,9 @@ import sympy as sm
 
 from kaneflex.derive.ir.program import Scalar, Steps
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_velocity, minus
+from kaneflex.mechanism.springs import Spring
 
 Values = Mapping[str, Mapping[str, sm.Expr]]
 """Body -> its rates v_x, v_y, omega."""

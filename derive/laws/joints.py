@@ -21,10 +21,10 @@ from kaneflex.derive.ir.program import Assignment
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.joints import coordinate, residuals
 from kaneflex.mechanism.parts import ROWS, Joint
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, quarter_turn
+from kaneflex.mechanism.springs import Spring
 
 SECTION = ("x", "y", "theta", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _SPATIAL_SECTION = tuple(f"{letter}_{axis}" for letter in ("r", "v", "omega", "a", "epsilon") for axis in XYZ)

@@ -7,10 +7,12 @@
 >>> solution["mid_transverse"]  # a labelled array over time
 """
 
+import re
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.support.numba_cache import ensure_cache_folder
+from kaneflex.support.late_numba import ensure_cache_folder
 
 ensure_cache_folder()  # before any jitted module can be imported
 
@@ -58,35 +60,8 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.support.errors import ValidityWarning as ValidityWarning
 
 __version__ = "0.1.0"
-_PUBLIC = """
-export.code: derive_code equations
-export.fmu: export_fmu
-fem.imported.import_mesh: import_mesh
-multibody.model.bound_model: Model
-plots: draw_all explore figures show
-report.page: write_report
-scene: Scene read_scene scene_of shipped_scenes with_settings
-solve.initial: read_state
-solve.linearisation: linearise
-solve.loading: load
-solve.modes: Modes modes
-solve.simulation: simulate
-solve.solution: Solution
-solve.statespace: StateSpace
-study.cluster: on_cluster
-study.comparison: Comparison compare
-study.sensitivity.report: Sensitivities sensitivities
-study.stability.report: Stability stability
-study.sweep: sweep
-study.trade.terms: Terms terms
-study.trade.trials: Trade trade
-study.workers: in_processes
-support.checking: checked
-support.errors: OutputError SceneError UserError ValidityWarning
-"""
-"""Modules with their public names."""
-_HOMES = {name: f"kaneflex.{home}" for home, _, names in (line.partition(": ") for line in _PUBLIC.split("\n"))
-          for name in names.split()}  # fmt: skip
+_HOMES = {name: home for home, name in re.findall(r"from (\S+) import (\w+) as", Path(__file__).read_text("utf-8"))}
+"""Public name -> its module, as the imports above say."""
 __all__ = sorted(_HOMES)
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from kaneflex.generated import joints
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.force_parts import Spring
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.mechanism.springs import Spring
 
 FIRST, SECOND = BodyPoint("a", "start", (0, 0)), BodyPoint("b", "start", (0, 0))
 DIRECTION, ANGLE = (0.6, -0.8), 0.7

@@ -12,7 +12,7 @@ from test_contact_runs import BALL
 
 from kaneflex import SceneError, scene_of
 from kaneflex.integrate.system import Outcome
-from kaneflex.mechanism.force_parts import Contact
+from kaneflex.mechanism.contacts import Contact
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.multibody.model import layout as at

@@ -12,6 +12,7 @@ from machines import machine
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, shipped_scenes, with_settings
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import json_schema
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.read import _validated
@@ -162,7 +163,7 @@ def test_defaults_points_and_reuse_of_a_body(four_bar):
     assert scene.point(scene.joints["a"].addresses[0]) == (0.1, 0.0)
     assert scene.loads["push"].direction == pytest.approx((0.6, 0.8))
     assert scene.loop_joints() == ("fixed",) and scene.period == pytest.approx(1.0)
-    assert scene.written_coordinate(next(iter(scene.drives)), -0.0) == "0 deg"
+    assert mechanism_of(scene).written_coordinate(next(iter(scene.drives)), -0.0) == "0 deg"
 
 
 def test_scene_file_may_start_from_a_file_beside_it(four_bar, tmp_path):

@@ -133,6 +133,7 @@ def say_plain(option: str, text: str, part: str, unit: str, read: str) -> None:
 
 def configuration(scene: Scene, at: str) -> tuple[str, float]:
     """Drive and coordinate [rad or m] of "DRIVE=ANGLE", like main=90deg; a guide's like bore=20mm; plain numbers SI."""
+    from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.support.units import ANGLE, LENGTH
 
     drive, equals, angle = at.partition("=")
@@ -142,7 +143,7 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
     dimension = LENGTH if scene.slides(drive) else ANGLE
     coordinate = quantity("--at", angle, dimension, at)
-    say_plain("--at", at, angle, dimension.unit, scene.written_coordinate(drive, coordinate))
+    say_plain("--at", at, angle, dimension.unit, mechanism_of(scene).written_coordinate(drive, coordinate))
     return drive, coordinate
 
 

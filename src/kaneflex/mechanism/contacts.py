@@ -1,4 +1,4 @@
-"""Contact laws, for any kind of number: gap of two bodies, contact force and restitution.
+"""Contacts and their laws, for any kind of number: gap of two bodies, contact force and restitution.
 
 A contact with approach speed v_0 and penetration d has the force F = K d^n (1 + chi d'/v_0); the laws differ in chi.
 Without other forces v dv = -(F/m) dd gives the actual restitution e of each law, independent of m, K, n and v_0
@@ -12,9 +12,9 @@ Newton's law has no penetration: rigid sides separate at once with e times the s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-from kaneflex.mechanism.force_parts import Contact
 from kaneflex.mechanism.parts import CIRCLES
 from kaneflex.mechanism.planar import Number, Vector, dot
 
@@ -33,6 +33,53 @@ CHI: dict[str, Callable[[Number], Number]] = {
 
 Hunt & Crossley 1975, J. Appl. Mech. 42, 440; Lankarani & Nikravesh 1990, J. Mech. Des. 112, 369; Flores, Machado,
 Silva & Martins 2011, Multibody Syst. Dyn. 25, 357."""
+
+
+class Contact(NamedTuple):
+    """Contact of two sides.
+
+    Attributes
+    ----------
+    kind : str
+        "point-line", "circle-circle" or "circle-in-circle" (the second side in the first), in space "point-plane" and
+        "circle-in-circle" of spheres;
+        "angle": two rotating flanks, with angles [rad] for lengths and torques [N m] for forces.
+    direction : tuple
+        Unit normal of a line or a plane, in the first body's axes, towards the second side; (0, 0) for circles; (1, 0)
+        or (-1, 0) for flanks, the direction of the torque on the second body.
+    reach : number
+        Distance at first touch along the normal [m]; for circles the sum, or difference, of radii.
+    radius : number
+        Radius of the second side's circle [m]; 0 for a point, or if not used.
+    stiffness, exponent : number
+        K [N/m^n] and n of K d^n.
+    damping : number
+        c of Kelvin-Voigt [N s/m].
+    restitution : number
+        Requested restitution.
+    law : str
+        One of LAWS; only for numerical values.
+    joint : str or None
+        Joint with the clearance that it belongs to; only for numerical values.
+    """
+
+    name: str
+    first: Any
+    second: Any
+    kind: str
+    direction: Sequence[Number]
+    reach: Number
+    radius: Number
+    stiffness: Number
+    exponent: Number
+    damping: Number
+    restitution: Number
+    law: str = ""
+    joint: str | None = None
+
+    @property
+    def sides(self) -> tuple[Any, Any]:
+        return self.first, self.second
 
 
 def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number) -> tuple[Number, Vector]:

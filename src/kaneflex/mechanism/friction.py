@@ -1,4 +1,4 @@
-"""Friction laws, for any kind of number.
+"""Friction and its laws, for any kind of number.
 
 N is a contact's normal force [N], at a pin the reaction times the pin's radius [N m], at a guide the sum of the forces
 on its faces [N]. v is the speed of the second side relative to the first; friction acts on the second side against v.
@@ -8,12 +8,46 @@ In sticking, friction is the force that prevents sliding, up to ``limit``.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
-from kaneflex.mechanism.force_parts import Friction
 from kaneflex.mechanism.planar import Number, Vector
 
 LAWS = ("coulomb", "stribeck", "viscous", "lugre")
 """Laws, in the order of their numbers in kernels."""
+
+
+class Friction(NamedTuple):
+    """Friction at a contact, in a pin or along a guide.
+
+    Attributes
+    ----------
+    law : str
+        One of LAWS.
+    mu, mu_static : float
+        Kinetic and static coefficient.
+    speed, exponent : float
+        Stribeck speed, at which the excess of the static coefficient has fallen to 1/e [m/s or rad/s]; exponent of the
+        exponential.
+    viscous : float
+        Force [N s/m] or torque [N m s/rad] per speed.
+    preload : float
+        Dry friction without any normal force [N or N m].
+    arm : float
+        Radius of a pin [m]; for a guide 2 over the block's length [1/m], 0 if moments cause no normal force.
+    stiffness, damping : float
+        Stiffness and damping of bristles [N/m or N m/rad, N s/m or N m s/rad].
+    """
+
+    law: str
+    mu: float
+    mu_static: float
+    speed: float = 0.0
+    exponent: float = 2.0
+    viscous: float = 0.0
+    preload: float = 0.0
+    arm: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
 
 
 def limit(mu_static: Number, preload: Number, N: Number) -> Number:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from kaneflex.mechanism.numbers import Numbers, acting_parts, given_numbers
 from kaneflex.mechanism.parts import Body, Joint, Mass, Mechanism, floating_coordinates
@@ -14,9 +14,6 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.structure import share_structure
 from kaneflex.support.kept import Kept
-
-if TYPE_CHECKING:
-    from kaneflex.scene.poses import Pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,8 +89,10 @@ def _made(scene: Scene) -> Any:
         first, second = map(side, joint.addresses)
         closed = name in closing, branch, joint.relative_angle, joint.near
         joints[name] = Joint(name, joint.kind, first, second, joint.direction or (1, 0), *closed)
-    own = {name: Body(name, body.elastic, body.mass, body.centre, body.inertia, _pose(body.pose))
-           for name, body in scene.bodies.items()}  # fmt: skip
+    own = {}
+    for name, body in scene.bodies.items():
+        pose = None if body.pose is None else (*body.pose.at, body.pose.angle)
+        own[name] = Body(name, body.elastic, body.mass, body.centre, body.inertia, pose)
     masses = {name: Mass(name, side(mass.at), mass.mass, mass.inertia) for name, mass in scene.masses.items()}
     reach = [math.hypot(*end.at) for joint in joints.values() for end in joint.sides]
     return NumericMechanism(
@@ -101,10 +100,6 @@ def _made(scene: Scene) -> Any:
         viscous=scene.damping is not None and scene.damping.kind == "viscous",
         **acting_parts(scene, joints, side, touched), **given_numbers(scene, reach),
     )  # fmt: skip
-
-
-def _pose(pose: Pose | None) -> tuple[float, float, float] | None:
-    return None if pose is None else (*pose.at, pose.angle)
 
 
 def corner_of(name: str, middle: BodyPoint, inward: Vector, corner: int, length: Number, height: Number) -> BodyPoint:

@@ -16,7 +16,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from kaneflex.mechanism.force_parts import Friction
+    from kaneflex.mechanism.friction import Friction
     from kaneflex.scene import bodies, drives
     from kaneflex.scene.beams import Damping
     from kaneflex.scene.clearances import LooseJoint
@@ -132,7 +132,7 @@ def _way(scene: Scene) -> float:
 
 def _friction(held: Any) -> Friction:
     """Parameters of a friction; the default of its static coefficient is the kinetic one."""
-    from kaneflex.mechanism.force_parts import Friction
+    from kaneflex.mechanism.friction import Friction
 
     static = held.mu if held.mu_static is None else held.mu_static
     dry = held.mu, static, held.stribeck_speed or 0.0, held.stribeck_exponent, held.viscous, held.preload
@@ -148,7 +148,8 @@ def acting_parts(
     """
     loads, springs, contacts = dict[str, Load](), dict[str, Any](), dict[str, Any]()
     if scene.springs or scene.contacts:
-        from kaneflex.mechanism import force_parts
+        from kaneflex.mechanism.contacts import Contact
+        from kaneflex.mechanism.springs import Spring
     for name, load in scene.loads.items():
         point = None if load.force_on is None else side(load.force_on)
         ends = [side(Address(load.spread_on, end)) for end in ("start", "end")] if load.spread_on else []
@@ -157,16 +158,15 @@ def acting_parts(
     for name, spring in scene.springs.items():
         free, at = spring.length if spring.torsional_at is None else spring.angle, spring.torsional_at
         one, other = map(side, spring.ends) if at is None else joints[at].sides
-        springs[name] = force_parts.Spring(name, one, other, at, spring.stiffness, spring.damping, free)
-        if spring.bushing:
-            springs[name] = force_parts.Spring(name, one, other, at, spring.stiffnesses, spring.dampings)
+        stiffness = spring.stiffnesses if spring.bushing else spring.stiffness
+        damping = spring.dampings if spring.bushing else spring.damping
+        springs[name] = Spring(name, one, other, at, stiffness, damping, free)
     for name, contact in scene.contacts.items():
         one, other = map(side, contact.sides)
         keys = "reach", "radius", "stiffness", "exponent", "damping", "restitution"
-        numbers: dict[str, Any] = {key: contact.number(key) for key in keys}
-        sides = one, touched(contact, name, one, other)
-        contacts[name] = force_parts.Contact(
-            name, *sides, contact.kind, contact.direction, **numbers, law=contact.law, joint=contact.joint
+        own: dict[str, Any] = {key: contact.number(key) for key in keys} | {"law": contact.law, "joint": contact.joint}
+        contacts[name] = Contact(
+            name, one, touched(contact, name, one, other), contact.kind, contact.direction, **own
         )
     return {"loads": loads, "springs": springs, "contacts": contacts}
 

@@ -8,12 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
-
-if TYPE_CHECKING:
-    from kaneflex.mechanism.force_parts import Contact, Spring
 
 ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment")}
 """Kind of a joint -> its constraints in order, named by their multipliers."""
@@ -184,8 +181,8 @@ class Mechanism:
     masses: Mapping[str, Mass]
     drives: Mapping[str, Drive]
     loads: Mapping[str, Load]
-    springs: Mapping[str, Spring]
-    contacts: Mapping[str, Contact]
+    springs: Mapping[str, Any]
+    contacts: Mapping[str, Any]
     observed: tuple[str, ...]
     gravity: Vector
     frame: bool

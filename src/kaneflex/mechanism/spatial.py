@@ -14,10 +14,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kaneflex.mechanism.force_parts import Contact, Spring
+from kaneflex.mechanism.contacts import Contact
 from kaneflex.mechanism.numbers import Numbers, acting_parts, given_numbers
 from kaneflex.mechanism.parts import Load
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.springs import Spring
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.clearances import ClearanceContact

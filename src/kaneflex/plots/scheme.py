@@ -148,7 +148,7 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
 
 def _configuration(scene: Scene, stand: Standing | Placement) -> str:
     places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in stand.drives.items()}
-    told = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in places.items())
+    told = mechanism_of(scene).written(places)
     return fill(f"at {told}", _TOLD) if told else ""
 
 

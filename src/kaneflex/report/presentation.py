@@ -164,7 +164,8 @@ def _time(seconds: float) -> str:
 
 def parts(scene: Scene) -> Blocks:
     """Bodies, joints, loads, sensors and all other parts of a mechanism."""
-    closing = () if scene.is_spatial else scene.loop_joints()
+    in_space = scene.is_spatial
+    closing = () if in_space else scene.loop_joints()
     return {
         "bodies": {name: _body(body) for name, body in scene.bodies.items()},
         "joints": {name: _joint(joint, name in closing) for name, joint in scene.joints.items()},
@@ -172,7 +173,7 @@ def parts(scene: Scene) -> Blocks:
         "drives": {name: _drive(scene, name) for name in scene.drives},
         "loads": {name: _load(load) for name, load in scene.loads.items()},
         "springs": {name: _spring(spring) for name, spring in scene.springs.items()},
-        "contacts": {name: contact_line(contact) for name, contact in scene.contacts.items()},
+        "contacts": {name: contact_line(contact, in_space) for name, contact in scene.contacts.items()},
         "friction": {name: friction_line(friction) for name, friction in scene.frictions.items()},
         "sensors": {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()},
         "events": {name: _event(scene, event) for name, event in scene.events.items()},
@@ -261,7 +262,7 @@ def _event(scene: Scene, event: Event) -> str:
 
 def _drive(scene: Scene, name: str) -> str:
     drive = scene.drives[name]
-    start = scene.written_coordinate(name, drive.start)
+    start = mechanism_of(scene).written_coordinate(name, drive.start)
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
     if drive.kind in ("law", "table"):
         return _course(drive)

@@ -292,10 +292,6 @@ class Scene(SceneTable):
         """True if a drive's coordinate is that of a guide [m], not an angle [rad]."""
         return self.joints[drive].kind == "prismatic"
 
-    def written_coordinate(self, drive: str, value: float) -> str:
-        """Text of a drive's coordinate [rad or m], like "90 deg" or "12.5 mm"."""
-        return f"{1e3 * value:.6g} mm" if self.slides(drive) else f"{math.degrees(value) + 0.0:.6g} deg"
-
     def written_speed(self, drive: str, speed: float, digits: int = 6) -> str:
         """Text of a drive's speed [rad/s or m/s], like "6000 rpm" or "0.5 m/s"."""
         return f"{speed:.{digits}g} m/s" if self.slides(drive) else f"{speed * 30.0 / math.pi:.{digits}g} rpm"

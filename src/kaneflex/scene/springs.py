@@ -12,11 +12,9 @@ from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
 from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS
 
-# Numbers; six for a bushing.
 Stiffness = Annotated[Any, written("a stiffness, N/m or N m/rad; for a bushing three of each", "array")]
 DampingConstant = Annotated[Any, written("a damping, N s/m or N m s/rad; for a bushing three of each", "array")]
-
-"""Replacement of bushings in planar scenes."""
+"""Numbers; six for a bushing."""
 
 
 class Spring(SceneTable):

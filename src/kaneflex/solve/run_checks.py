@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.options import Options
@@ -140,10 +141,8 @@ def _check_springs(model: Model) -> None:
         if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():
             continue
         index = int(np.argmin(nearest))
-        drive = next(iter(scene.drives), None)
-        at = ""
-        if drive is not None:
-            at = f" at {drive} = {scene.written_coordinate(drive, float(rigid[f'{drive}.angle'][index]))}"
+        first = {drive: rigid[f"{drive}.angle"][index] for drive in [*scene.drives][:1]}
+        at = f" at {mechanism_of(scene).written(first)}" if first else ""
         raise points_meet(name, spring.between, at)
 
 

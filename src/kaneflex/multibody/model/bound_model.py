@@ -207,7 +207,7 @@ class Model:
     def reference_position(self) -> str:
         """Text of :attr:`reference_coordinates`, like "main = 90 deg"; empty without a drive."""
         rounded = {name: 0.0 if abs(at) < 1e-9 else at for name, at in self.reference_coordinates.items()}
-        return ", ".join(f"{name} = {self.scene.written_coordinate(name, at)}" for name, at in rounded.items())
+        return mechanism_of(self.scene).written(rounded)
 
     @property
     def module(self) -> ModuleType:

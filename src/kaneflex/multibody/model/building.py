@@ -233,9 +233,8 @@ def reference_instant(model: Model) -> tuple[float, tuple[str, ...]]:
         return instant or 0.0, ()
     name, drive = next(iter(scene.drives.items()))
     angles = motion.at(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
-    wanted, start, lowest, highest = (
-        scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
-    )
+    ends, mechanism = (options.mode_angle, angles[0], min(angles), max(angles)), mechanism_of(scene)
+    wanted, start, lowest, highest = (mechanism.written_coordinate(name, x) for x in ends)
     if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
         said = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
         return 0.0, (said,) if of_an_instant(model) else ()
@@ -305,7 +304,7 @@ def _said_of_reference(model: Model) -> tuple[str, str, str]:
     cure = "Choose another position by solve.mode_angle"
     for name, at in model.reference_coordinates.items():
         reason = f"a dead centre or change point, where {name} does not determine the motion"
-        return model.scene.written_coordinate(name, at), reason, cure
+        return mechanism_of(model.scene).written_coordinate(name, at), reason, cure
     return "0", "a position where the mechanism locks", cure
 
 

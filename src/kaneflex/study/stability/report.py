@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.whirl import turns, whirl
 from kaneflex.scene.read import SceneLike, scene_from
@@ -189,8 +190,7 @@ def _of_frozen(found: Stability) -> str:
 def _at(found: Stability, instant: int) -> str:
     """Coordinate of the first drive at a frozen instant."""
     scene = found.model.scene
-    drive = next(iter(scene.drives))
-    return f"{drive} = {scene.written_coordinate(drive, float(found.frozen.coordinates[instant]))}"
+    return mechanism_of(scene).written({next(iter(scene.drives)): found.frozen.coordinates[instant]})
 
 
 def _of_buckling(found: Stability) -> str:
