@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.support.late_numba import ensure_cache_folder
+from kaneflex.support.numba_cache import ensure_cache_folder
 
 ensure_cache_folder()  # before any jitted module can be imported
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.support.late_numba import ensure_cache_folder
+from kaneflex.support.numba_cache import ensure_cache_folder
 
 PACKAGE = Path(__file__).parents[1]
 _PRINTERS = "kaneflex.derive.printers"
