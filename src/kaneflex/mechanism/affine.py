@@ -86,10 +86,6 @@ def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
     return splu(matrix.tocsc()).solve(right)
 
 
-def _nothing(shape: tuple[int, int]) -> Matrix:
-    return np.zeros(shape) if shape[0] * shape[1] <= _FEW else from_entries(shape, (), (), ())
-
-
 def as_array(matrix: Matrix) -> np.ndarray:
     return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
@@ -184,11 +180,11 @@ class Affine:
         """Value of the matrix for given scalars."""
         factors = (math.prod(sorted(scalars[name] for name in monomial)) for monomial in self.terms)
         parts = (float(factor) * matrix for factor, matrix in zip(factors, self.terms.values(), strict=True))
-        return sum(parts, _nothing(self.shape))
+        return sum(parts, from_entries(self.shape, (), (), ()))
 
     def pattern(self) -> Matrix:
         """Sum of absolute values, nonzero where an entry can be nonzero at some time."""
-        return sum(map(abs, self.terms.values()), _nothing(self.shape))
+        return sum(map(abs, self.terms.values()), from_entries(self.shape, (), (), ()))
 
 
 class Entries(NamedTuple):

@@ -50,19 +50,13 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
         if (near[name] > _SINGULAR).all():
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]
+        at = drive_positions(mechanism, near, int(np.argmin(near[name] if closes.all() else closes)))
+        reason = f"the loop cannot close: at {at} {apart(joint)}"
         if closes.all():
-            at = drive_positions(mechanism, near, int(np.argmin(near[name])))
-            raise SceneError(
-                f"joints.{joint.name}.branch", joint.written_branch,
-                f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
-                "infinite and two branches meet",
-                f"Change the lengths, or {_elsewhere(mechanism)}",
-            )  # fmt: skip
-        raise SceneError(
-            f"joints.{joint.name}.branch", joint.written_branch,
-            f"the loop cannot close: at {drive_positions(mechanism, near, int(np.argmin(closes)))} {apart(joint)}",
-            f"Change the lengths, or {_elsewhere(mechanism)}",
-        )  # fmt: skip
+            reason = f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
+            reason += "infinite and two branches meet"
+        cure = f"Change the lengths, or {_elsewhere(mechanism)}"
+        raise SceneError(f"joints.{joint.name}.branch", joint.written_branch, reason, cure)
 
 
 def _nearest_end(rigid: RigidMotion, name: str) -> RigidMotion:

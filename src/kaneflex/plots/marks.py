@@ -6,7 +6,6 @@ Names stand beside the things they name, without covering lines or each other; s
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from textwrap import wrap
 from typing import Any
@@ -79,12 +78,6 @@ class Standing:
         return np.outer(np.cos(turn), drawn[0]) + np.outer(np.sin(turn), drawn[1])
 
 
-@dataclass(frozen=True)
-class _Label:
-    text: Text
-    at: np.ndarray
-
-
 class Labels:
     """Labels that are collected first and placed together, each where it covers least.
 
@@ -98,13 +91,13 @@ class Labels:
 
     def __init__(self, axes: Axes, lines: Iterable[np.ndarray]):
         self.axes = axes
-        self._labels: list[_Label] = []
+        self._labels: list[tuple[Text, np.ndarray]] = []
         self._lines = list(lines)
 
     def add(self, text: str, at: np.ndarray, colour: str, **font: Any) -> None:
         """A label of the point ``at`` (data coordinates)."""
         artist = self.axes.text(0.0, 0.0, text, color=colour, ha="center", va="center", zorder=6, **font)
-        self._labels.append(_Label(artist, np.asarray(at, dtype=float)))
+        self._labels.append((artist, np.asarray(at, dtype=float)))
 
     def block(self, line: np.ndarray) -> None:
         """Keep clear of one more polyline."""
@@ -118,21 +111,21 @@ class Labels:
         obstacles = self._obstacles()
         frame = self.axes.get_window_extent(renderer)
         taken: list[Bbox] = []
-        for label in self._labels:
-            box = label.text.get_window_extent(renderer)
+        for text, place in self._labels:
+            box = text.get_window_extent(renderer)
             half = np.array([box.width, box.height]) / 2.0
-            at = self.axes.transData.transform(label.at)
+            at = self.axes.transData.transform(place)
             centre, distance = self._best(at, half, scale, obstacles, taken, frame)
             taken.append(Bbox([centre - half, centre + half]))
             inverse = self.axes.transData.inverted()
-            label.text.set_position(inverse.transform(centre))
+            text.set_position(inverse.transform(centre))
             if distance >= _LEADER:
                 ends = inverse.transform(np.array([at, np.clip(at, centre - half, centre + half)]))
-                self.axes.plot(*ends.T, color=label.text.get_color(), linewidth=0.5, zorder=3.5)
+                self.axes.plot(*ends.T, color=text.get_color(), linewidth=0.5, zorder=3.5)
 
     def _obstacles(self) -> np.ndarray:
         """Samples of all lines and the labelled points, in pixels."""
-        samples = [self.axes.transData.transform(label.at)[None] for label in self._labels]
+        samples = [self.axes.transData.transform(place)[None] for _, place in self._labels]
         for line in self._lines:
             ends = self.axes.transData.transform(line)
             for start, end in pairwise(ends):

@@ -99,12 +99,6 @@ class Table:
         return np.concatenate([[len(x) - 1, period or 0.0], x, cubics.ravel()])
 
 
-def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Knots of a block, (n + 1,), and the cubics between them, (n, 4)."""
-    n = int(block[0])
-    return block[2 : n + 3], block[n + 3 :].reshape(n, 4)
-
-
 def largest_of_block(block: np.ndarray) -> float:
     """Largest absolute value of a block: at a knot, or where the slope of a cubic vanishes."""
     return float(abs(_extremes(block.tobytes())[1]).max())
@@ -124,12 +118,7 @@ class Overshoot(NamedTuple):
 
 def overshoot_of_block(block: np.ndarray) -> Overshoot:
     """Find the largest overshoot of a block beyond the rows on either side."""
-    return _overshoot(block.tobytes())
-
-
-@lru_cache(maxsize=64)
-def _overshoot(block: bytes) -> Overshoot:
-    places, values = _extremes(block)
+    places, values = _extremes(block.tobytes())
     rows = np.sort(values[:2], axis=0)
     beyond = np.maximum(values - rows[1], rows[0] - values)
     worst = np.unravel_index(beyond.argmax(), beyond.shape)
@@ -143,7 +132,9 @@ def _extremes(block: bytes) -> tuple[np.ndarray, np.ndarray]:
 
     The two ends, then the zeros of the slope c1 + 2 c2 d + 3 c3 d^2, or an end again without zeros.
     """
-    knots, cubics = _parts(np.frombuffer(block))
+    numbers = np.frombuffer(block)
+    n = int(numbers[0])
+    knots, cubics = numbers[2 : n + 3], numbers[n + 3 :].reshape(n, 4)
     c0, c1, c2, c3 = cubics.T
     width = np.diff(knots)
     with np.errstate(all="ignore"):
