@@ -137,7 +137,7 @@ def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
         return
     modal = model.scene.damping is not None and model.scene.damping.modal is not None
     plain = model.options.dynamics == "dynamic" and model.modal_basis is None and not modal
-    plain = plain and not model.scene.is_spatial
+    plain = plain and model.in_space is None
     for causality, names in (("input", _AT_ANY_TIME), ("parameter", _BEFORE if plain else ())):
         for place, (path, unit) in enumerate(parameters):
             table, _, name = path.split(".", 2) if path.count(".") >= 2 else (path, "", "")

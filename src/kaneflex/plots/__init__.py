@@ -225,7 +225,7 @@ def explore(
 def _makers(solution: Solution, kinds: Iterable[str]) -> list[tuple[str, Callable[..., Any]]]:
     """Kinds of pictures to draw with their functions; a run without a periodic state has no instant to draw."""
     found = []
-    spatial, moves = solution.model.scene.is_spatial, len(solution.times) > 1
+    spatial, moves = solution.model.in_space is not None, len(solution.times) > 1
     for kind in (kind for kind in kinds if kind != _SVG):
         if (moves or kind in _WITHOUT_MOTION) and not (spatial and kind in _IN_THE_PLANE):
             module, function = KINDS[kind].split(".")

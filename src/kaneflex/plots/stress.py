@@ -32,8 +32,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
 def _panel(axes: Axes, shown: View, name: str, stresses: LinkStresses, strength: float | None) -> None:
     factor, unit = readable("Pa", stresses.upper, stresses.lower, stresses.mises)
     along, length_unit = readable("m", stresses.x)
-    spatial = shown.solution.model.scene.is_spatial
-    labels = ("largest tension", "largest compression") if spatial else ("upper edge", "lower edge")
+    planar = shown.solution.model.in_space is None
+    labels = ("upper edge", "lower edge") if planar else ("largest tension", "largest compression")
     for label, values, colour in zip(labels, (stresses.upper, stresses.lower), PALETTE, strict=False):
         low, high = factor * values.min(axis=1), factor * values.max(axis=1)
         axes.fill_between(along * stresses.x, low, high, color=colour, alpha=0.25, linewidth=0, label=label)

@@ -71,16 +71,15 @@ def warnings(model: Model) -> tuple[str, ...]:
 def notes(model: Model) -> Iterator[str]:
     """Findings that may be intended: loops near dead centres, and beams too short for beam theory."""
     yield from (found.note for found in _closings(model) if found.note)
-    yield from stubby_links(model.scene.bodies, model.scene.is_spatial)
+    yield from stubby_links(model.scene.bodies, model.in_space is not None)
 
 
 def _closings(model: Model) -> list[Closing]:
     def find() -> list[Closing]:
-        if model.scene.is_spatial:
-            from kaneflex.multibody.time.spatial_motion import SpatialKinematics, firmness
+        if model.in_space is not None:
+            from kaneflex.multibody.time.spatial_motion import firmness
 
-            assert isinstance(model.motion, SpatialKinematics)
-            return firmness(model.motion, _times(model))
+            return firmness(model.in_space, _times(model))
         return closings(*_over_the_run(model))
 
     return _CLOSINGS.of(model, find)
@@ -97,18 +96,16 @@ def _times(model: Model) -> np.ndarray:
 
 
 def _mobility(model: Model) -> Blocks:
-    if model.scene.is_spatial:
+    if model.in_space is not None:
         from kaneflex.multibody.model.assembly import rigid_system
         from kaneflex.multibody.model.independent_speeds import choose
         from kaneflex.multibody.model.spatial_initial_state import start_of
-        from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 
-        assert isinstance(model.motion, SpatialKinematics)
-        system = model.motion.module.system
+        system = model.in_space.module.system
         if system.engine.shapes.any():  # shapes are no freedoms of joints
             system = rigid_system(system.mechanism, system.module, system.parameters)
             return spatial_mobility(system, choose(system, start_of(system).q, prefer=True))
-        (start,) = system.engine.instants(model.motion.curve.rows(np.zeros(1))).q
+        (start,) = system.engine.instants(model.in_space.curve.rows(np.zeros(1))).q
         return spatial_mobility(system, choose(system, start, prefer=True))
     mechanism, courses = _over_the_run(model)
     by_rank = None if mechanism.frame else mobility_by_rank(mechanism, courses)

@@ -121,7 +121,7 @@ def _options(model: Model) -> dict[str, str]:
         shown["start"] = _STARTS[options.start]
         bodies = model.scene.bodies
         elements = {name: len(link.nodes) - 1 for name, link in model.links.items()}
-        if model.scene.is_spatial:  # whose shapes are the motion's own
+        if model.in_space is not None:  # whose shapes are the motion's own
             elements = {name: options.elements or body.beam.elements for name, body in bodies.items() if body.beam}
         modal = any(body.modal is not None for body in bodies.values())
         shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"

@@ -225,7 +225,7 @@ class Reader:
     def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
         """Position of a pin in its bearing, of a ball in its socket, or of a block in its guide."""
         loose, (x, y, last) = self.scene.loose[name], self.motion.clearance(name)
-        if sensor.axes == "body" and self.scene.is_spatial:
+        if sensor.axes == "body" and self.rigid.freedoms == 6:
             x, y, last = self.motion.seen_from(loose.sides[0].body, np.array([x, y, last]))
         elif sensor.axes == "body" and loose.direction is None:
             x, y = applied(turning(-self.motion.angle(*self._at(loose.sides[0]))), (x, y))

@@ -61,7 +61,7 @@ def whirl(model: Model) -> Whirl | None:
     None if they don't, if the coefficients vary with the angle, if a mode diverges, or if a mode does not whirl in one
     direction, as of a blade or of a shaft with two different stiffnesses: it has several frequencies in fixed axes.
     """
-    if not model.scene.is_spatial:
+    if model.in_space is None:
         return None
     rigid = model.motion.at(model.scene.period * np.array([0.0, 0.13, 0.41]))
     omega = np.array([rigid.frame(name).omega for name in model.links])

@@ -61,7 +61,7 @@ def linearise(model: SceneLike, t: float | None = None, sensors: Sequence[str] |
         reason = f"a {model.options.dynamics} model has no states to linearise"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
-    if model.scene.is_spatial and model.options.dynamics != "coupled":
+    if model.in_space is not None and model.options.dynamics != "coupled":
         reason = "in space only preset coupled can be linearised"
         raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled")
     model = integrated(model) if model.motion.is_start else model

@@ -193,7 +193,7 @@ def _of_kind(solution: RunResult, record: RowRecord, names: list[str], kind: str
     if impacts:
         from kaneflex.multibody.unilateral.results import COLUMNS
 
-        place = () if turns else "xyz" if solution.model.scene.is_spatial else "xy"
+        place = () if turns else "xy" if solution.model.in_space is None else "xyz"
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
         variables[f"{each}_{kind}"] = (each, np.array(number, np.int32), about)
@@ -226,7 +226,7 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
         "clearance_y": ("m", "position of a pin in its bearing along y, global; of a block across its guide"),
         "clearance_angle": ("rad", "angle of a pin's body relative to its bearing's; tilt of a block in its guide"),
     }
-    if solution.model.scene.is_spatial:
+    if solution.model.in_space is not None:
         from_first = "position of the second side from the first along"
         about = {f"clearance_{axis}": ("m", f"{from_first} {axis}, global") for axis in "xyz"}
     found: dict[str, Entry] = {
