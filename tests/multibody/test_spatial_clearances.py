@@ -15,7 +15,7 @@ from test_tangent_friction import RUBBED
 from kaneflex import SceneError, load, scene_of, with_settings
 from kaneflex.multibody.model.layout import STICKING
 from kaneflex.plots.clearances import figures
-from kaneflex.report.presentation import contact_line
+from kaneflex.report.presentation import contact_line, parts
 from kaneflex.response.dalembert import Balance
 from kaneflex.response.section_forces import LinkForces
 from kaneflex.solve.touching import eccentricity
@@ -301,6 +301,7 @@ def test_a_ball_rolls_in_a_pipe_with_the_period_of_a_solid_sphere(turn):
 
 def test_what_balls_in_space_can_t_be_is_refused():
     scene = balls(np.eye(3), "{law = 'hertz', stiffness = 1e7, exponent = 1.5}")
+    assert parts(scene)["contacts"]["hit"].startswith("spheres about ")
     for settings, message in (
         (f"contacts.hit={{width='2 mm', contact={{{STEEL}, load=1}}}}",
          r"contacts\.hit\.width = '2 mm': only planar cylinders have a width"),
