@@ -100,12 +100,10 @@ def run(
         from kaneflex.scene.write_back import file_to_write, write_settings
 
         file = file_to_write(asked.name, asked.changes)
-    share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
         scene = asked.read()
     target = target.named(scene, "results")
-    frozen = basis == "frozen"
-    summary = _run_into(scene, target, asked.changes, after, parameters, frozen, share, choosing, as_json)
+    summary = _run_into(scene, target, asked.changes, after, parameters, basis == "frozen", choosing, as_json)
     echo(f"Written to {target.folder}", err=as_json)
     for warning in summary.warnings:
         echo(f"Warning: {warning}", err=True)
@@ -120,14 +118,15 @@ def run(
 
 def _run_into(
     scene: Scene, target: Target, settings: Sequence[str], after: Path | None, parameters: Sequence[str], frozen: bool,
-    share: float | None, choosing: Choosing, as_json: bool,
+    choosing: Choosing, as_json: bool,
 ) -> Summary:  # fmt: skip
     """Solve a scene, print its results and write them into a new folder, which appears when it is complete.
 
-    Also scene.toml, the scene with all settings, from which `kaneflex plot` draws more. ``share``: permitted error of
-    the sensors, for which the cheapest model is chosen. A run that stopped early is not drawn.
+    Also scene.toml, the scene with all settings, from which `kaneflex plot` draws more. A run that stopped early is not
+    drawn.
     """
     folder, choice, solution = target.folder, None, None
+    share = None if choosing.tolerance is None else tolerance_of(choosing.tolerance)
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
         if share is not None:
             from kaneflex.scene import with_settings
