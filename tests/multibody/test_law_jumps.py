@@ -60,8 +60,10 @@ def switched(solution):
 
 @METHODS
 def test_a_jump_in_time_is_located(integrator):
-    """Steps as long as the stored instants allow, one of them over the jump: nothing of it is lost."""
-    t, angle, speed = motion(moved("3*step(t - 0.3137)", f"solve.integrator={integrator}"))
+    """Steps as long as the stored instants allow, one of them over the jump and rejected: nothing of it is lost."""
+    solution = moved("3*step(t - 0.3137)", f"solve.integrator={integrator}")
+    t, angle, speed = motion(solution)
+    assert (solution.trajectory.steps, solution.trajectory.rejected) == (9, 1)
     since = np.clip(t - 0.3137, 0, None)
     assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
     assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
