@@ -1,15 +1,20 @@
-"""Sensors as sums of products: they read what is measured of a run by their readers."""
+"""Sensors as sums of products and in one compiled pass: they read what is measured of a run by their readers."""
 
 import math
 from itertools import islice, pairwise
 
 import numpy as np
 import pytest
-from runs import run, solved
+from runs import SHORT, run, shipped, solved
 
 import kaneflex
+from kaneflex import Solution, load, read_scene, with_settings
+from kaneflex.response.compiled_readings import CompiledReadings
 from kaneflex.response.polynomials import Readings, sensor_readings
 from kaneflex.response.reactions import by_reflections
+from kaneflex.response.sensors import measure
+from kaneflex.solve.simulation import solve
+from kaneflex.solve.variants import has_compiled_readings
 
 
 def evaluated(readings: Readings, given: list[np.ndarray]) -> dict[str, np.ndarray]:
@@ -76,3 +81,55 @@ def left_out(solution: kaneflex.Solution) -> set[str]:
         series = solution[sensor].values
         np.testing.assert_allclose(values, series[instants], rtol=0.0, atol=1e-12 * abs(series).max(), err_msg=sensor)
     return {*bound.scene.sensors} - {*readings.sensors}
+
+
+SCENES = [
+    name for name, scene in shipped().items()
+    if not scene.is_spatial and scene.solve.preset != "coupled" and not scene.is_frame
+]  # fmt: skip
+OTHERS = [("engine", "quasistatic"), ("engine", "rigid"), ("engine", "linear"), ("six-bar", "quasistatic")]
+
+
+def coarsely(name: str, *settings: str) -> Solution:
+    return solve(load(with_settings(read_scene(name), [*SHORT.get(name, ()), "solve.steps=90", *settings])))
+
+
+def assert_read_alike(solution: Solution) -> CompiledReadings:
+    compiled, moved = CompiledReadings.of(solution.motion), solution.trajectory
+    found, expected = compiled.measure(solution.motion, (moved.z, moved.v, moved.a)), measure(solution.motion)
+    assert list(found) == list(expected)
+    largest: dict[str, float] = {}
+    for series in expected.values():
+        largest[series.unit] = max(largest.get(series.unit, 0.0), abs(series.values).max())
+    for key, series in expected.items():
+        assert (found[key].unit, found[key].meaning) == (series.unit, series.meaning)
+        bound = max(1e-9 * abs(series.values).max(), 1e-12 * largest[series.unit])  # what is zero rounds otherwise
+        np.testing.assert_allclose(found[key].values, series.values, rtol=0, atol=bound, err_msg=key)
+    return compiled
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", SCENES)
+def test_one_pass_reads_what_the_readers_read(name):
+    compiled = assert_read_alike(coarsely(name))
+    assert not compiled.unread
+
+
+@pytest.mark.parametrize("name, preset", OTHERS)
+def test_of_other_presets_too(name, preset):
+    assert_read_alike(coarsely(name, f"solve.preset={preset}"))
+
+
+def test_few_modes_keep_the_static_share_of_the_others():
+    assert_read_alike(coarsely("engine", "solve.modes=5"))
+
+
+def test_what_is_not_finite_is_left_to_the_readers():
+    solution = coarsely("engine")
+    compiled, moved = CompiledReadings.of(solution.motion), solution.trajectory
+    assert compiled.measure(solution.motion, (moved.z * np.inf, moved.v, moved.a)) is None
+
+
+def test_equations_of_an_instant_differ_from_speed_to_speed():
+    assert has_compiled_readings(load(read_scene("engine")))
+    assert not has_compiled_readings(load(read_scene("engine-paper")))

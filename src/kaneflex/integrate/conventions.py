@@ -8,6 +8,8 @@ COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 """Outcomes of a loop over steps."""
 OUTCOMES = 3
 """Number of outcomes."""
+BLOCK = 32
+"""Instants that sensors are read at together, side by side."""
 
 
 class Plan(NamedTuple):

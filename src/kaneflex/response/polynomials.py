@@ -1,14 +1,15 @@
 """Sensors as sums of products of the motion's scalars and the elastic coordinates, at one instant.
 
-Used for exports. The readers of a motion add and multiply, solve equations, and take lengths and angles. Here they are
-called with one instant of symbolic unknowns instead of numbers, and their operations are recorded.
+Used for exports and for reading many motions (:mod:`kaneflex.response.compiled_readings`). The readers of a motion add
+and multiply, solve equations, and take lengths and angles. Here they are called with one instant of symbolic unknowns
+instead of numbers, and their operations are recorded.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 
 import numpy as np
@@ -29,14 +30,17 @@ _SHORT = 2
 class Readings:
     """Readings of sensors from the numbers of an instant, each a sum of constant x number x number.
 
-    The numbers are, in this order: scalars of the motion, z, z' and z''; one; then for each stage its sums, and the
-    unknowns x of its system A x = b, with A and b sums, too. With more rows than unknowns x is the least-squares
-    solution. Two unknowns without rows are length and angle of a planar vector, whose components are sums.
+    The numbers are, in this order: scalars of the motion, z, z' and z'', angles of the `turned`; one; then for each
+    stage its sums, and the unknowns x of its system A x = b, with A and b sums, too. With more rows than unknowns x is
+    the least-squares solution. Two unknowns without rows are length and angle of a planar vector, whose components are
+    sums.
 
     Attributes
     ----------
     sensors : tuple of str
         Sensors in the order of the last sums.
+    turned : tuple of str
+        Bodies whose angles in the rigid motion are given, continuous over turns.
     given, count : int
         Count of numbers before the one, and of all.
     stages : ndarray (n_systems + 1, 3)
@@ -49,6 +53,7 @@ class Readings:
     """
 
     sensors: tuple[str, ...]
+    turned: tuple[str, ...]
     given: int
     count: int
     stages: np.ndarray
@@ -60,11 +65,11 @@ class Readings:
 class _Tape:
     """Recorded numbers in the order of their computation: ``sums`` has those after the one, None for an unknown.
 
-    Systems are (index of the first unknown, rows, unknowns, sums).
+    Systems are (index of the first unknown, rows, unknowns, sums). ``polar``: whether lengths and angles are allowed.
     """
 
-    def __init__(self, given: int) -> None:
-        self.one = given
+    def __init__(self, given: int, polar: bool) -> None:
+        self.one, self._polar = given, polar
         self.sums: list[Terms | None] = []
         self.systems: list[tuple[int, int, int, list[Terms]]] = []
         self._places: dict[frozenset[tuple[tuple[int, int], float]], int] = {}
@@ -88,6 +93,8 @@ class _Tape:
 
     def polar(self, x: Polynomial | float, y: Polynomial | float) -> list[Polynomial]:
         """Length of a planar vector, and its angle from -pi to pi."""
+        if not self._polar:
+            raise TypeError("neither sum nor product: a length or an angle")
         return self._unknowns(0, 2, (x, y))
 
     def _unknowns(self, rows: int, n: int, entries: Sequence[Polynomial | float]) -> list[Polynomial]:
@@ -117,7 +124,7 @@ class _Tape:
                 left += self._own(place)
         return found
 
-    def readings(self, sensors: Mapping[str, Terms]) -> Readings:
+    def readings(self, sensors: Mapping[str, Terms], turned: tuple[str, ...]) -> Readings:
         """Readings with only the numbers that the sensors need."""
         last = (self.one + 1 + len(self.sums), len(sensors), 0, [*sensors.values()])
         ends = [*self.systems, last]
@@ -132,7 +139,7 @@ class _Tape:
         now = {place: k for k, place in enumerate(places)}
         pairs = np.array([(now[a], now[b]) for terms in ordered for a, b in terms], dtype=np.int64).reshape(-1, 2)
         return Readings(
-            (*sensors,), self.one, len(places), np.array(stages),
+            (*sensors,), turned, self.one, len(places), np.array(stages),
             np.cumsum([len(terms) for terms in ordered], dtype=np.int64), pairs,
             np.array([constant for terms in ordered for constant in terms.values()], dtype=float),
         )  # fmt: skip
@@ -207,11 +214,19 @@ class Polynomial:
     __rmul__ = __mul__
 
 
+@dataclass(frozen=True, eq=False)
 class _Traced(ElasticMotion):
-    """One instant of unknowns. Angles are those of swinging bodies, about the middle of their range: full turns are
-    not known from one instant."""
+    """One instant of unknowns, with angles of bodies if given.
+
+    Other angles are those of swinging bodies, about the middle of their range: full turns are not known from one
+    instant.
+    """
+
+    turns: Mapping[str, np.ndarray] = field(kw_only=True)
 
     def turned(self, body: str) -> np.ndarray:
+        if self.turns:
+            return self.turns[body]
         middle, frame = self._middle(body), self.rigid.frame(body)
         c, s = math.cos(middle), math.sin(middle)
         return middle + np.arctan2(c * frame.s - s * frame.c, c * frame.c + s * frame.s)
@@ -228,20 +243,25 @@ class _Traced(ElasticMotion):
         return 0.5 * (least + most)
 
 
-def sensor_readings(model: Model) -> Readings:
-    """Readings of each sensor, except angles of bodies with full turns."""
-    sizes = (len(model.motion.column), *[model.reduced.size] * 3)
-    tape = _Tape(sum(sizes))
-    scalars, *moved = np.split(tape.given()[:, None], np.cumsum(sizes)[:-1])
+def sensor_readings(model: Model, turned: Sequence[str] = (), rigid: bool = False) -> Readings:
+    """Readings of each sensor, except angles of bodies with full turns.
+
+    With given angles ``turned``, all angles count from these, and no lengths are taken, so that springs between points
+    without direction are left out. ``rigid``: include the rigid values ``NAME_rigid``.
+    """
+    sizes = (len(model.motion.column), *[model.reduced.size] * 3, len(turned))
+    tape = _Tape(sum(sizes), polar=not turned)
+    scalars, *moved, turns = np.split(tape.given()[:, None], np.cumsum(sizes)[:-1])
     if model.modal_basis is not None:
         moved = [model.modal_basis @ part for part in moved]
-    instant, found = replace(model.motion.at(0.0), values=scalars.T), {}
-    motion = _Traced(model, instant, (moved[0], moved[1], moved[2]), solver=tape.solve)
+    angles, found = dict(zip(turned, turns, strict=True)), {}
+    instant = replace(model.motion.at(0.0), values=scalars.T)
+    motion = _Traced(model, instant, (moved[0], moved[1], moved[2]), solver=tape.solve, turns=angles)
     for each in reads(motion):
-        if each.name not in model.scene.sensors:
+        if not (rigid or each.name in model.scene.sensors):
             continue
         try:
             found[each.name] = tape.terms_of(each.values()[0])
         except (TypeError, AttributeError):  # an angle with full turns, an absolute value
             continue
-    return tape.readings(found)
+    return tape.readings(found, tuple(turned))

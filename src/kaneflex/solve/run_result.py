@@ -232,6 +232,10 @@ class RunResult:
 
         return stresses_of(self.motion)
 
+    def keep(self, measured: dict[str, Series]) -> None:
+        """Store series read elsewhere as :attr:`series`; all values must be finite."""
+        vars(self)["series"] = measured
+
     def statistics(self, name: str) -> Statistics:
         """Minimum, maximum, mean and root mean square of a series of :attr:`series` over the stored times.
 

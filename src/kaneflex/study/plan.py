@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 """Names in the dataset that are not sensors."""
 
+
+_MANY = 20
+"""Number of runs that take as long as compiling the sensors' kernels."""
 _POINT, _VALUE = 500, 70
 """Bytes of a planned point, and of each of its values."""
 
@@ -55,6 +59,8 @@ class Plan:
         Contents of tables and modal data of the scene and its points, by absolute path.
     poincare : Poincare or None
         Poincare section: its instants alone are kept as series.
+    alike : bool
+        Whether most points differ from the previous one only in drives' speeds.
     """
 
     scene: Scene
@@ -64,13 +70,14 @@ class Plan:
     sensitivities: tuple[str, ...] = ()
     frozen: bool = True
     poincare: Poincare | None = None
+    alike: bool = False
 
     @cached_property
     def variants(self) -> Variants:
         """Models of its points."""
         from kaneflex.solve.variants import Variants
 
-        return Variants(self.scene)
+        return Variants(self.scene, self.alike)
 
     def with_points(self, points: Mapping[int, Point]) -> Plan:
         """The same plan with other points, which reuse what these points' models have computed."""
@@ -130,7 +137,7 @@ def make_plan(given: Path | str | Mapping[str, Any], more: Sequence[str] = ()) -
         study.poincare.settings(scene)  # raises SceneError
     kept_series = study.series or study.poincare is not None
     kept = (kept_series, _files(scene.raw, points), study.sensitivities, study.basis == "frozen", study.poincare)
-    return Plan(scene, dict(enumerate(points)), *kept)
+    return Plan(scene, dict(enumerate(points)), *kept, _alike(scene.raw, points))
 
 
 def _check_memory(study: Study) -> None:
@@ -140,6 +147,14 @@ def _check_memory(study: Study) -> None:
     if there is not None and count * each > there:
         reason = f"{count:,} points need {gib(count * each)}, and this machine has {gib(there)}"
         raise SceneError("study", study.scene, reason, f"Use at most {there // (2 * each):,} points")
+
+
+def _alike(raw: Mapping[str, Any], points: Sequence[Point]) -> bool:
+    """True if on average at least _MANY successive points differ only in drives' speeds."""
+    places = {path: resolved(raw, path) for path in points[0]}
+    others = [path for path, keys in places.items() if keys[0] != "drives" or keys[2:] != ["speed"]]
+    changes = sum(any(one[path] != two[path] for path in others) for one, two in pairwise(points))
+    return len(points) >= _MANY * (changes + 1)
 
 
 def digest(raw: Mapping[str, Any], files: Mapping[str, bytes], *more: object) -> str:
