@@ -9,8 +9,7 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
-from kaneflex.derive.bodies.plane import body_text
-from kaneflex.derive.bodies.space import spatial_shapes_text
+from kaneflex.derive.bodies.kernels import shapes_text, spatial_shapes_text
 from kaneflex.derive.elements.plane import element_texts
 from kaneflex.derive.elements.space import spatial_element_texts
 from kaneflex.derive.generate import generate
@@ -42,8 +41,9 @@ def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = element_texts() | spatial_element_texts()
     texts |= {"tables": tables_text(), "laws": laws_text()}
-    texts |= {"compiling": COMPILING, "rows": rows_text(), "body": body_text(), "spatial_shapes": spatial_shapes_text()}
+    texts |= {"compiling": COMPILING, "rows": rows_text()}
     texts |= {"joints": joints_text(), "spatial": spatial_text()}
+    texts |= {"shapes": shapes_text(), "spatial_shapes": spatial_shapes_text()}
     texts |= {"contact": contact_text(), "friction": friction_text()}
     structures: dict[str, str] = {}
     for name in sorted({*SCENES} & {*shipped_scenes()}):

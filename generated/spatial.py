@@ -2,13 +2,12 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
-A body: mass [kg], its centre [m] and its moments and products of inertia about it [kg m^2], J_xy = -int x y dm, in
-the body's own axes, which begin at its origin; ten numbers of p from p[o]. Its equations are Kane's, of its origin's
-velocity and its angular velocity in its own axes, by SymPy's KanesMethod. A row of a joint is fifteen numbers: the
-residual g that is to vanish, g', g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v, omega) are the twists
-of the two sections, on which a multiplier lambda acts with the forces and moments J_1^T lambda and J_2^T lambda.
-Every joint in space is some of three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical
-Systems, sec. 7.3).
+A body: mass [kg], its centre [m] and its moments and products of inertia, J_xy = -int x y dm, about it [kg m^2], in
+the body's own axes, which begin at its origin, from p[o]: BODY. Its equations are Kane's, of its origin's velocity
+and its angular velocity in its own axes, by SymPy's KanesMethod. A row of a joint: the residual g that is to vanish,
+g', g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v, omega) are the twists of the two sections, on which
+a multiplier lambda acts with the forces and moments J_1^T lambda and J_2^T lambda. Every joint in space is some of
+three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical Systems, sec. 7.3).
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """

@@ -26,8 +26,6 @@ FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"arcp", "contract", "afn", "reassoc"}}
 
 KINDS = ('u', 'v', 'w', 't', 'g')  # kinds of shapes in their order in a body
-CUBIC = ('v', 'w', 't')  # kinds of the shapes of a cubic strain energy
-MOMENTS = ('xx', 'yy', 'zz', 'yz', 'zx', 'xy')  # components of a symmetric matrix
 
 # numbers of a shape by its kind
 SINGLE = {
@@ -57,18 +55,20 @@ PAIR = {
     'gg': ('P_x', 'P_y', 'P_z', 'H_x', 'H_y', 'H_z', 'X_x', 'X_y', 'X_z', 'J_xx', 'J_yy', 'J_zz', 'J_yz', 'J_zx', 'J_xy', 'M', 'C'),
 }
 
+CUBIC = ('v', 'w', 't')  # kinds of the shapes of a cubic strain energy
+MOMENTS = ('xx', 'yy', 'zz', 'yz', 'zx', 'xy')  # components of a symmetric matrix
 IN_ORDER = OPTIONS | {"fastmath": OPTIONS["fastmath"] - {"reassoc"}}  # reordered sums are slower here
 
 
 @njit(**IN_ORDER)
-def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
+def shaped_demand(p, o, count, w, k, q, v, b, i, out, n, h, room, z):
     """Add the force and the moment that a body's shapes ask for beyond those of the rigid body, and every shape's own.
 
-    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates begin at q[i], their
-    rates at u[s], accelerations at du[s]; the rows of the shapes at h[r]. Room at room[z]: two numbers for each shape.
-    """
-    omega_x, omega_y, omega_z = w[k], w[k + 1], w[k + 2]
-    a_x, a_y, a_z = w[k + 3], w[k + 4], w[k + 5]
+    w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes. Coordinates of the shapes begin
+    at q[i], their rates at v[i], accelerations at b[i], their rows at h[i].
+
+    Room at room[z]: two numbers for each shape."""
+    omega_x, omega_y, omega_z, a_x, a_y, a_z = w[k], w[k + 1], w[k + 2], w[k + 3], w[k + 4], w[k + 5]
     epsilon_x, epsilon_y, epsilon_z = w[k + 6], w[k + 7], w[k + 8]
     s_xx = -(omega_x * omega_x)
     s_yy = -(omega_y * omega_y)
@@ -88,29 +88,29 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
     T_y = W_y = g_y = scale = scale_1 = scale_2 = S_z = V_z = 0.0
     f_z = T_z = W_z = g_z = 0.0
     for j in range(to_u):
-        q_j, v_j, b_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, b_j, P_x_0, J_yy_0, K_0 = q[i + j], v[i + j], b[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
         J_yy_uq = J_yy_ub = C_uv = H_z_vq = H_z_vv = H_y_wq = H_y_wv = 0.0
         for l in range(to_u):
             J_yy_l = p[o]
             J_yy_uq += J_yy_l * q[i + l]
-            J_yy_ub += J_yy_l * du[s + l]
-            C_uv += p[o + 1] * u[s + l]
+            J_yy_ub += J_yy_l * b[i + l]
+            C_uv += p[o + 1] * v[i + l]
             o += 2
         for l in range(to_u, to_v):
             H_z_l = p[o]
             H_z_vq += H_z_l * q[i + l]
-            H_z_vv += H_z_l * u[s + l]
+            H_z_vv += H_z_l * v[i + l]
             o += 1
         for l in range(to_v, to_w):
             H_y_l = p[o]
             H_y_wq += H_y_l * q[i + l]
-            H_y_wv += H_y_l * u[s + l]
+            H_y_wv += H_y_l * v[i + l]
             o += 1
         J_yy = J_yy_0 + J_yy_uq
         J_zx = -0.5 * H_y_wq
         J_xy = 0.5 * H_z_vq
-        h[r + j] += (
+        h[i + j] += (
             C_uv + H_y_wq * epsilon_y + 2.0 * H_y_wv * omega_y + H_z_vq * epsilon_z + 2.0 * H_z_vv * omega_z
             + J_xy * s_xy + J_yy * s_yy + J_yy * s_zz + J_yy_ub + J_zx * s_zx + K_0 * q_j + P_x_0 * a_x
         )
@@ -130,7 +130,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         m_y += H_y_wq * b_j + H_y_wv * v_j
         m_z += H_z_vq * b_j + H_z_vv * v_j
     for j in range(to_u, to_v):
-        q_j, v_j, b_j, P_y_0, H_z_0, J_xy_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, b_j, P_y_0, H_z_0, J_xy_0 = q[i + j], v[i + j], b[i + j], p[o], p[o + 1], p[o + 2]
         Q_0, K_0 = p[o + 3], p[o + 4]
         o += 5
         H_z_uq = H_z_uv = P_x_vq = J_xx_vq = J_yy_vq = P_x_vv = M_vb = C_vv = 0.0
@@ -139,38 +139,38 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         for l in range(to_u):
             H_z_l = p[o]
             H_z_uq += H_z_l * q[i + l]
-            H_z_uv += H_z_l * u[s + l]
+            H_z_uv += H_z_l * v[i + l]
             o += 1
         for l in range(to_u, to_v):
             P_x_l = p[o]
             P_x_vq += P_x_l * q[i + l]
-            P_x_vv += P_x_l * u[s + l]
+            P_x_vv += P_x_l * v[i + l]
             J_xx_vq += p[o + 1] * q[i + l]
             J_yy_vq += p[o + 2] * q[i + l]
-            M_vb += p[o + 3] * du[s + l]
+            M_vb += p[o + 3] * b[i + l]
             scale_l = p[o + 4]
             scale_vq += scale_l * q[i + l]
-            scale_vv += scale_l * u[s + l]
-            C_vv += p[o + 5] * u[s + l]
+            scale_vv += scale_l * v[i + l]
+            C_vv += p[o + 5] * v[i + l]
             o += 6
         for l in range(to_v, to_w):
             H_x_l = p[o]
             H_x_wq += H_x_l * q[i + l]
-            H_x_wv += H_x_l * u[s + l]
-            X_x_wv += p[o + 1] * u[s + l]
+            H_x_wv += H_x_l * v[i + l]
+            X_x_wv += p[o + 1] * v[i + l]
             J_yz_wq += p[o + 2] * q[i + l]
             o += 3
         for l in range(to_w, to_t):
             H_y_l = p[o]
             H_y_tq += H_y_l * q[i + l]
-            H_y_tv += H_y_l * u[s + l]
-            X_y_tv += p[o + 1] * u[s + l]
+            H_y_tv += H_y_l * v[i + l]
+            X_y_tv += p[o + 1] * v[i + l]
             o += 2
         H_z = H_z_0 + H_z_uq
         J_zz = J_xx_vq + J_yy_vq
         J_zx = -0.5 * H_y_tq
         J_xy = -0.5 * H_z_uq + J_xy_0
-        h[r + j] += (
+        h[i + j] += (
             C_vv + H_x_wq * epsilon_x + H_y_tq * epsilon_y + H_z * epsilon_z + 2.0 * H_z_uv * omega_z
             + J_xx_vq * s_xx + J_xy * s_xy + J_yy_vq * s_yy + J_yz_wq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
             + M_vb + P_x_vq * a_x + P_y_0 * a_y + 2.0 * X_x_wv * omega_x + 2.0 * X_y_tv * omega_y
@@ -208,7 +208,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         scale_1 += scale_vq * v_j
         scale_2 += b_j * scale_vq + scale_vv * v_j
     for j in range(to_v, to_w):
-        q_j, v_j, b_j, P_z_0, H_y_0, J_zx_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, b_j, P_z_0, H_y_0, J_zx_0 = q[i + j], v[i + j], b[i + j], p[o], p[o + 1], p[o + 2]
         Q_0, K_0 = p[o + 3], p[o + 4]
         o += 5
         H_y_uq = H_y_uv = H_x_vq = J_yz_vq = H_x_vv = X_x_vv = P_x_wq = J_xx_wq = 0.0
@@ -217,38 +217,38 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         for l in range(to_u):
             H_y_l = p[o]
             H_y_uq += H_y_l * q[i + l]
-            H_y_uv += H_y_l * u[s + l]
+            H_y_uv += H_y_l * v[i + l]
             o += 1
         for l in range(to_u, to_v):
             H_x_l = p[o]
             H_x_vq += H_x_l * q[i + l]
-            H_x_vv += H_x_l * u[s + l]
-            X_x_vv += p[o + 1] * u[s + l]
+            H_x_vv += H_x_l * v[i + l]
+            X_x_vv += p[o + 1] * v[i + l]
             J_yz_vq += p[o + 2] * q[i + l]
             o += 3
         for l in range(to_v, to_w):
             P_x_l = p[o]
             P_x_wq += P_x_l * q[i + l]
-            P_x_wv += P_x_l * u[s + l]
+            P_x_wv += P_x_l * v[i + l]
             J_xx_wq += p[o + 1] * q[i + l]
             J_yy_wq += p[o + 2] * q[i + l]
-            M_wb += p[o + 3] * du[s + l]
+            M_wb += p[o + 3] * b[i + l]
             scale_l = p[o + 4]
             scale_wq += scale_l * q[i + l]
-            scale_wv += scale_l * u[s + l]
-            C_wv += p[o + 5] * u[s + l]
+            scale_wv += scale_l * v[i + l]
+            C_wv += p[o + 5] * v[i + l]
             o += 6
         for l in range(to_w, to_t):
             H_z_l = p[o]
             H_z_tq += H_z_l * q[i + l]
-            H_z_tv += H_z_l * u[s + l]
-            X_z_tv += p[o + 1] * u[s + l]
+            H_z_tv += H_z_l * v[i + l]
+            X_z_tv += p[o + 1] * v[i + l]
             o += 2
         H_y = H_y_0 + H_y_uq
         J_zz = -J_xx_wq + J_yy_wq
         J_zx = 0.5 * H_y_uq + J_zx_0
         J_xy = 0.5 * H_z_tq
-        h[r + j] += (
+        h[i + j] += (
             C_wv + H_x_vq * epsilon_x + H_y * epsilon_y + 2.0 * H_y_uv * omega_y + H_z_tq * epsilon_z
             + J_xx_wq * s_xx + J_xy * s_xy + J_yy_wq * s_yy + J_yz_vq * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j
             + M_wb + P_x_wq * a_x + P_z_0 * a_z + 2.0 * X_x_vv * omega_x + 2.0 * X_z_tv * omega_z
@@ -286,41 +286,41 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         scale_1 += scale_wq * v_j
         scale_2 += b_j * scale_wq + scale_wv * v_j
     for j in range(to_w, to_t):
-        q_j, v_j, b_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, b_j, H_x_0, J_yz_0, K_0 = q[i + j], v[i + j], b[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
         H_y_vq = X_y_vq = H_y_vv = X_y_vv = H_z_wq = X_z_wq = H_z_wv = X_z_wv = 0.0
         P_x_tq = J_yy_tq = J_zz_tq = P_x_tv = M_tb = C_tv = scale_tq = scale_tv = 0.0
         for l in range(to_u, to_v):
             H_y_l = p[o]
             H_y_vq += H_y_l * q[i + l]
-            H_y_vv += H_y_l * u[s + l]
+            H_y_vv += H_y_l * v[i + l]
             X_y_l = p[o + 1]
             X_y_vq += X_y_l * q[i + l]
-            X_y_vv += X_y_l * u[s + l]
+            X_y_vv += X_y_l * v[i + l]
             o += 2
         for l in range(to_v, to_w):
             H_z_l = p[o]
             H_z_wq += H_z_l * q[i + l]
-            H_z_wv += H_z_l * u[s + l]
+            H_z_wv += H_z_l * v[i + l]
             X_z_l = p[o + 1]
             X_z_wq += X_z_l * q[i + l]
-            X_z_wv += X_z_l * u[s + l]
+            X_z_wv += X_z_l * v[i + l]
             o += 2
         for l in range(to_w, to_t):
             P_x_l = p[o]
             P_x_tq += P_x_l * q[i + l]
-            P_x_tv += P_x_l * u[s + l]
+            P_x_tv += P_x_l * v[i + l]
             J_yy_tq += p[o + 1] * q[i + l]
             J_zz_tq += p[o + 2] * q[i + l]
-            M_tb += p[o + 3] * du[s + l]
+            M_tb += p[o + 3] * b[i + l]
             scale_l = p[o + 4]
             scale_tq += scale_l * q[i + l]
-            scale_tv += scale_l * u[s + l]
-            C_tv += p[o + 5] * u[s + l]
+            scale_tv += scale_l * v[i + l]
+            C_tv += p[o + 5] * v[i + l]
             o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
         J_xy = 0.5 * H_z_wq - X_z_wq
-        h[r + j] += (
+        h[i + j] += (
             C_tv + H_x_0 * epsilon_x + H_y_vq * epsilon_y + H_z_wq * epsilon_z + J_xy * s_xy + J_yy_tq * s_yy
             + J_yz_0 * s_yz + J_zx * s_zx + J_zz_tq * s_zz + K_0 * q_j + M_tb + P_x_tq * a_x
             + 2.0 * X_y_vv * omega_y + 2.0 * X_z_wv * omega_z
@@ -349,7 +349,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         scale_1 += scale_tq * v_j
         scale_2 += b_j * scale_tq + scale_tv * v_j
     for j in range(to_t, to_g):
-        q_j, v_j, b_j, P_x_0, P_y_0, P_z_0 = q[i + j], u[s + j], du[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, b_j, P_x_0, P_y_0, P_z_0 = q[i + j], v[i + j], b[i + j], p[o], p[o + 1], p[o + 2]
         H_x_0, H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0 = p[o + 3], p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8]
         J_yz_0, J_zx_0, J_xy_0, K_0 = p[o + 9], p[o + 10], p[o + 11], p[o + 12]
         o += 13
@@ -359,33 +359,33 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         for l in range(to_t, to_g):
             P_x_l = p[o]
             P_x_gq += P_x_l * q[i + l]
-            P_x_gv += P_x_l * u[s + l]
+            P_x_gv += P_x_l * v[i + l]
             P_y_l = p[o + 1]
             P_y_gq += P_y_l * q[i + l]
-            P_y_gv += P_y_l * u[s + l]
+            P_y_gv += P_y_l * v[i + l]
             P_z_l = p[o + 2]
             P_z_gq += P_z_l * q[i + l]
-            P_z_gv += P_z_l * u[s + l]
+            P_z_gv += P_z_l * v[i + l]
             H_x_l = p[o + 3]
             H_x_gq += H_x_l * q[i + l]
-            H_x_gv += H_x_l * u[s + l]
+            H_x_gv += H_x_l * v[i + l]
             H_y_l = p[o + 4]
             H_y_gq += H_y_l * q[i + l]
-            H_y_gv += H_y_l * u[s + l]
+            H_y_gv += H_y_l * v[i + l]
             H_z_l = p[o + 5]
             H_z_gq += H_z_l * q[i + l]
-            H_z_gv += H_z_l * u[s + l]
-            X_x_gv += p[o + 6] * u[s + l]
-            X_y_gv += p[o + 7] * u[s + l]
-            X_z_gv += p[o + 8] * u[s + l]
+            H_z_gv += H_z_l * v[i + l]
+            X_x_gv += p[o + 6] * v[i + l]
+            X_y_gv += p[o + 7] * v[i + l]
+            X_z_gv += p[o + 8] * v[i + l]
             J_xx_gq += p[o + 9] * q[i + l]
             J_yy_gq += p[o + 10] * q[i + l]
             J_zz_gq += p[o + 11] * q[i + l]
             J_yz_gq += p[o + 12] * q[i + l]
             J_zx_gq += p[o + 13] * q[i + l]
             J_xy_gq += p[o + 14] * q[i + l]
-            M_gb += p[o + 15] * du[s + l]
-            C_gv += p[o + 16] * u[s + l]
+            M_gb += p[o + 15] * b[i + l]
+            C_gv += p[o + 16] * v[i + l]
             o += 17
         P_x = P_x_0 + P_x_gq
         P_y = P_y_0 + P_y_gq
@@ -399,7 +399,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         J_yz = J_yz_0 + J_yz_gq
         J_zx = J_zx_0 + J_zx_gq
         J_xy = J_xy_0 + J_xy_gq
-        h[r + j] += (
+        h[i + j] += (
             C_gv + H_x * epsilon_x + H_y * epsilon_y + H_z * epsilon_z + J_xx * s_xx + J_xy * s_xy + J_yy * s_yy
             + J_yz * s_yz + J_zx * s_zx + J_zz * s_zz + K_0 * q_j + M_gb + P_x * a_x + P_y * a_y + P_z * a_z
             + 2.0 * X_x_gv * omega_x + 2.0 * X_y_gv * omega_y + 2.0 * X_z_gv * omega_z
@@ -435,11 +435,11 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
     of_v = 2.0 * omega_z * scale_1 + scale * (epsilon_z - 0.5 * s_xy)
     of_w = -2.0 * omega_y * scale_1 - scale * (epsilon_y + 0.5 * s_zx)
     for j in range(to_u, to_v):
-        h[r + j] += room[z + 2 * j] * of_v
+        h[i + j] += room[z + 2 * j] * of_v
     for j in range(to_v, to_w):
-        h[r + j] += room[z + 2 * j] * of_w
+        h[i + j] += room[z + 2 * j] * of_w
     for j in range(to_u, to_t):
-        h[r + j] += room[z + 2 * j + 1] * R
+        h[i + j] += room[z + 2 * j + 1] * R
     D_xy -= 0.5 * T_y * scale_1 + 0.5 * W_y * scale
     D_zx -= 0.5 * T_z * scale_1 + 0.5 * W_z * scale
     h_y += T_z * scale_1 - W_z * scale
@@ -452,15 +452,15 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
         for k in range(to_v, to_w):
             for l in range(to_w, to_t):
                 c = p[o]
-                h[r + j] += c * q[i + k] * q[i + l]
-                h[r + k] += c * q[i + j] * q[i + l]
-                h[r + l] += c * q[i + j] * q[i + k]
+                h[i + j] += c * q[i + k] * q[i + l]
+                h[i + k] += c * q[i + j] * q[i + l]
+                h[i + l] += c * q[i + j] * q[i + k]
                 o += 1
     for e in range(int(p[o])):
         j, k, l, c = int(p[o + 1]), int(p[o + 2]), int(p[o + 3]), p[o + 4]
-        h[r + j] += c * q[i + k] * q[i + l]
-        h[r + k] += c * q[i + j] * q[i + l]
-        h[r + l] += c * q[i + j] * q[i + k]
+        h[i + j] += c * q[i + k] * q[i + l]
+        h[i + k] += c * q[i + j] * q[i + l]
+        h[i + l] += c * q[i + j] * q[i + k]
         o += 4
     u_x = -S_y * omega_z + S_z * omega_y + 2.0 * V_x
     u_y = S_x * omega_z - S_z * omega_x + 2.0 * V_y
@@ -487,9 +487,10 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r, room, z):
 
 @njit(**IN_ORDER)
 def shaped_inertia(p, o, count, q, i, out, n, room, z):
-    """Add what shapes change of a body's mass matrix (6, 6) at out[n], which is symmetric; store behind it what couples
-    them to it, (6, count), and their own, (count, count), all row by row. Room at room[z]: two numbers for each shape.
-    """
+    """Add what shapes change of a body's mass matrix at out[n], which is symmetric; store behind it what couples them to
+    it, a row for each component of a twist, and their own, (count, count), all row by row.
+
+    Room at room[z]: two numbers for each shape."""
     coupling, modal = n + 36, n + 36 + 6 * count
     to_u = int(p[o])
     to_v = to_u + int(p[o + 1])
@@ -499,8 +500,8 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
     o += 4
     for j in range(count * count):
         out[modal + j] = 0.0
-    S_x = S_y = S_z = I_xx = I_yy = I_zz = I_yz = I_zx = 0.0
-    I_xy = T_y = T_z = scale = 0.0
+    S_x = I_yy = I_zz = I_zx = I_xy = S_y = I_xx = I_yz = 0.0
+    T_y = scale = S_z = T_z = 0.0
     for j in range(to_u):
         q_j, P_x_0, J_yy_0 = q[i + j], p[o], p[o + 1]
         o += 3
@@ -737,28 +738,27 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
 
 
 @njit(**IN_ORDER)
-def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
-    """Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of the
-    rigid body; w[k]: velocity of the origin and omega in the body's axes."""
-    v_x, v_y, v_z = w[k], w[k + 1], w[k + 2]
-    omega_x, omega_y, omega_z = w[k + 3], w[k + 4], w[k + 5]
+def shaped_energy(p, o, count, w, k, q, v, i, out, n):
+    """Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of
+    the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
+    v_x, v_y, v_z, omega_x, omega_y, omega_z = w[k], w[k + 1], w[k + 2], w[k + 3], w[k + 4], w[k + 5]
     to_u = int(p[o])
     to_v = to_u + int(p[o + 1])
     to_w = to_v + int(p[o + 2])
     to_t = to_w + int(p[o + 3])
     to_g = count
     o += 4
-    kinetic = strain = S_x = S_y = S_z = I_xx = I_yy = I_zz = 0.0
-    I_yz = I_zx = I_xy = scale = scale_1 = T_y = T_z = W_y = 0.0
+    kinetic = strain = S_x = I_yy = I_zz = I_zx = I_xy = S_y = 0.0
+    I_xx = I_yz = T_y = W_y = scale = scale_1 = S_z = T_z = 0.0
     W_z = 0.0
     for j in range(to_u):
-        q_j, v_j, P_x_0, J_yy_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, P_x_0, J_yy_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
         J_yy_uq = J_yy_uv = H_z_vq = H_y_wq = 0.0
         for l in range(to_u):
             J_yy_l = p[o]
             J_yy_uq += J_yy_l * q[i + l]
-            J_yy_uv += J_yy_l * u[s + l]
+            J_yy_uv += J_yy_l * v[i + l]
             o += 2
         for l in range(to_u, to_v):
             H_z_vq += p[o] * q[i + l]
@@ -777,7 +777,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         I_zx += J_zx * q_j
         I_xy += J_xy * q_j
     for j in range(to_u, to_v):
-        q_j, v_j, P_y_0, H_z_0, J_xy_0, Q_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        q_j, v_j, P_y_0, H_z_0, J_xy_0, Q_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
         K_0 = p[o + 4]
         o += 5
         H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = M_vv = scale_vq = H_x_wq = J_yz_wq = 0.0
@@ -789,7 +789,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             P_x_vq += p[o] * q[i + l]
             J_xx_vq += p[o + 1] * q[i + l]
             J_yy_vq += p[o + 2] * q[i + l]
-            M_vv += p[o + 3] * u[s + l]
+            M_vv += p[o + 3] * v[i + l]
             scale_vq += p[o + 4] * q[i + l]
             o += 6
         for l in range(to_v, to_w):
@@ -820,7 +820,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         scale += 0.5 * q_j * scale_vq
         scale_1 += scale_vq * v_j
     for j in range(to_v, to_w):
-        q_j, v_j, P_z_0, H_y_0, J_zx_0, Q_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        q_j, v_j, P_z_0, H_y_0, J_zx_0, Q_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
         K_0 = p[o + 4]
         o += 5
         H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = M_wv = scale_wq = 0.0
@@ -836,7 +836,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             P_x_wq += p[o] * q[i + l]
             J_xx_wq += p[o + 1] * q[i + l]
             J_yy_wq += p[o + 2] * q[i + l]
-            M_wv += p[o + 3] * u[s + l]
+            M_wv += p[o + 3] * v[i + l]
             scale_wq += p[o + 4] * q[i + l]
             o += 6
         for l in range(to_w, to_t):
@@ -863,7 +863,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         scale += 0.5 * q_j * scale_wq
         scale_1 += scale_wq * v_j
     for j in range(to_w, to_t):
-        q_j, v_j, H_x_0, J_yz_0, K_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2]
+        q_j, v_j, H_x_0, J_yz_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
         o += 3
         H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = M_tv = 0.0
         scale_tq = 0.0
@@ -879,7 +879,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             P_x_tq += p[o] * q[i + l]
             J_yy_tq += p[o + 1] * q[i + l]
             J_zz_tq += p[o + 2] * q[i + l]
-            M_tv += p[o + 3] * u[s + l]
+            M_tv += p[o + 3] * v[i + l]
             scale_tq += p[o + 4] * q[i + l]
             o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
@@ -895,7 +895,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
         scale += 0.5 * q_j * scale_tq
         scale_1 += scale_tq * v_j
     for j in range(to_t, to_g):
-        q_j, v_j, P_x_0, P_y_0, P_z_0, H_x_0 = q[i + j], u[s + j], p[o], p[o + 1], p[o + 2], p[o + 3]
+        q_j, v_j, P_x_0, P_y_0, P_z_0, H_x_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
         H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0 = p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9]
         J_zx_0, J_xy_0, K_0 = p[o + 10], p[o + 11], p[o + 12]
         o += 13
@@ -914,7 +914,7 @@ def shaped_energy(p, o, count, w, k, q, i, u, s, out, n):
             J_yz_gq += p[o + 12] * q[i + l]
             J_zx_gq += p[o + 13] * q[i + l]
             J_xy_gq += p[o + 14] * q[i + l]
-            M_gv += p[o + 15] * u[s + l]
+            M_gv += p[o + 15] * v[i + l]
             o += 17
         P_x = P_x_0 + P_x_gq
         P_y = P_y_0 + P_y_gq

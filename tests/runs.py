@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kaneflex import Model, Scene, Solution, load, read_scene, shipped_scenes, with_settings
-from kaneflex.generated import body as kernels
+from kaneflex.generated import shapes as kernels
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
@@ -101,9 +101,10 @@ def _section(system: System, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[
     if modal.stop > modal.start:
         station = arrays["nodes"][node, of.KIND] == of.STATION
         row, numbers = (arrays[name][node if station else node + 1] for name in ("nodes", "numbers"))
-        pose, phi = numbers[of.PLACE if station else of.SHIFT].copy(), np.zeros(3 * (modal.stop - modal.start))
+        count = modal.stop - modal.start
+        pose, phi = numbers[of.PLACE if station else of.SHIFT].copy(), np.zeros(3 * count)
         if row[of.AT] >= 0:
-            pose += kernels.displace.py_func(arrays["block"], row[of.AT], q[modal], 0, phi, 0)
+            pose += kernels.displace.py_func(arrays["block"], row[of.AT], count, q[modal], 0, phi, 0)
             twist = v[modal] @ phi.reshape(-1, 3)
     turn, omega, arm = np.exp(1j * q[start + 2]), v[start + 2], complex(*pose[:2])
     at_point = complex(*q[start : start + 2]) + turn * arm

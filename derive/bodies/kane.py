@@ -22,9 +22,14 @@ import sympy as sm
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
 XYZ = "xyz"
-OMEGA, ACCEL, EPSILON = (sm.symbols(f"{letter}_x {letter}_y {letter}_z") for letter in ("omega", "a", "epsilon"))
-MOTION = (*OMEGA, *ACCEL, *EPSILON)
-"""Angular velocity, acceleration of the origin less gravity, angular acceleration, in the body's axes."""
+VELOCITY, OMEGA, ACCEL, EPSILON = (
+    sm.symbols(f"{letter}_x {letter}_y {letter}_z") for letter in ("v", "omega", "a", "epsilon")
+)
+TWIST, RATE, MOTION = (*VELOCITY, *OMEGA), (*ACCEL, *EPSILON), (*OMEGA, *ACCEL, *EPSILON)
+"""Velocity of the origin and angular velocity; acceleration of the origin less gravity and angular acceleration; the
+motion that equations depend on: all in the body's axes."""
+IN_SPACE, IN_PLANE = tuple(range(6)), (0, 1, 5)
+"""Components of a twist in space, and in the x-y plane."""
 SINGLE = (*(f"N_{a}" for a in XYZ), *(f"{a}_N_{b}" for a in XYZ for b in XYZ))
 """Moments of one shape: sums over the mass of N_a, r_a N_b."""
 PAIR = (
@@ -73,8 +78,13 @@ def body_equations() -> sm.Matrix:
 @cache
 def planar_body_equations() -> sm.Matrix:
     """The same in the plane, (3, 1): two forces and the moment, by omega_z, a_x, a_y, epsilon_z."""
-    still = dict.fromkeys((*OMEGA[:2], ACCEL[2], *EPSILON[:2]), sm.S.Zero)
-    return body_equations()[[0, 1, 5], :].xreplace(still).applyfunc(lambda row: sm.collect(row, EPSILON[2]))
+    rows = body_equations()[list(IN_PLANE), :].xreplace(still(IN_PLANE))
+    return rows.applyfunc(lambda row: sm.collect(row, EPSILON[2]))
+
+
+def still(twist: Sequence[int]) -> dict[sm.Symbol, sm.Expr]:
+    """Zero for the motion's other components than these of a twist."""
+    return {of[k]: sm.S.Zero for of in (TWIST, RATE) for k in IN_SPACE if k not in twist}
 
 
 @cache

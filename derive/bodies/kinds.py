@@ -1,7 +1,7 @@
 """Kinds of shapes, and the sums over a body's mass that the motion of each kind requires.
 
 A particle at r of a body that deforms is at p = r + N_j q_j + G_jk q_j q_k / 2 in the body's axes. The equations of
-motion (:mod:`kaneflex.derive.bodies.space`) need, summed over the mass,
+motion (:mod:`kaneflex.derive.bodies.kernels`) need, summed over the mass,
 
     of a shape:  P = N_j and H = r x N_j, momentum per rate; J = (r.N_j) 1 - sym(r N_j^T), half of the derivative of the
                  moment of inertia by q_j; K, its stiffness
@@ -28,13 +28,14 @@ from itertools import product
 
 import sympy as sm
 
+from kaneflex.derive.bodies.kane import IN_PLANE, IN_SPACE, XYZ
+
 KINDS = ("u", "v", "w", "t", "g")
 """Kinds of shapes in their order in a body; g: any."""
 CUBIC = ("v", "w", "t")
 """One shape of each of these: in a beam's strain energy of third order stand theta_x' theta_y theta_z' and its like."""
 SHORTENING = ("v", "w", "t")
 """Kinds of shapes that shorten a beam."""
-XYZ = "xyz"
 _TERMS = 9
 """Terms of power series of a section's rotation."""
 MOMENTS = ("xx", "yy", "zz", "yz", "zx", "xy")
@@ -186,19 +187,22 @@ def of_pair(a: str, b: str, j: int = 0, k: int = 1) -> Values:
 class Kinds:
     """Kinds of shapes that a text is printed for, and the sums that it needs of them.
 
-    ``names`` in their order in a body; ``vectors``: places of modal coordinates q, rates v and accelerations b.
+    ``names`` in their order in a body; ``twist``: components of a twist that the body's motion has.
     """
 
     names: tuple[str, ...]
     of_shape: Callable[..., Values]
     of_pair: Callable[..., Values]
-    vectors: tuple[tuple[str, str], ...]
+    twist: tuple[int, ...] = IN_PLANE
+
+    @property
+    def in_space(self) -> bool:
+        return self.twist == IN_SPACE
 
 
+SPACE = Kinds(KINDS, of_shape, of_pair, IN_SPACE)
 _PLANE = ("P_x", "P_y", "H_z", "J_zz", "X_z", "M", "K")
 """Sums that motion in the x-y plane needs."""
-_IN_PLANE = (("q", "q[i + {}]"), ("v", "v[i + {}]"), ("b", "a[i + {}]"))
-SPACE = Kinds(KINDS, of_shape, of_pair, (("q", "q[i + {}]"), ("v", "u[s + {}]"), ("b", "du[s + {}]")))
 
 
 def _in_plane(values: Values) -> Values:
@@ -215,10 +219,12 @@ def _at_point(kind: str, j: int = 0) -> Values:
     return {"x": moved[0], "y": moved[1], "turn": turned[2]}
 
 
-PLANE = Kinds(("u", "v"), lambda kind, j=0: _in_plane(of_shape(kind, j)), _pair_in_plane, _IN_PLANE)
-POINT = Kinds(
-    ("u", "v"), _at_point, lambda a, b, j=0, k=1: {"x": second_order(a, j, b, k)[0].xreplace({y: 0, z: 0})}, _IN_PLANE
-)
+def _pair_at_point(a: str, b: str, j: int = 0, k: int = 1) -> Values:
+    return {"x": second_order(a, j, b, k)[0].xreplace({y: 0, z: 0})}
+
+
+PLANE = Kinds(("u", "v"), lambda kind, j=0: _in_plane(of_shape(kind, j)), _pair_in_plane)
+POINT = Kinds(("u", "v"), _at_point, _pair_at_point)
 """A point of the axis in the plane."""
 
 
@@ -249,10 +255,11 @@ def _combination(value: sm.Expr, stored: Values) -> sm.Expr | None:
     return sum((c * name for c, name in zip(solution.xreplace(dict.fromkeys(free, 0)), names, strict=True)), sm.S.Zero)
 
 
-def tables() -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
+def tables(kinds: Kinds) -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
     """Stored names of the shapes by kind, and of the pairs by both kinds, like "uv"."""
-    pairs = {a + b: numbers(a, b).stored for a, b in product(KINDS, repeat=2)}
-    return {kind: numbers(kind).stored for kind in KINDS}, {both: names for both, names in pairs.items() if names}
+    pairs = {a + b: numbers(a, b, kinds).stored for a, b in product(kinds.names, repeat=2)}
+    singles = {kind: numbers(kind, kinds=kinds).stored for kind in kinds.names}
+    return singles, {both: names for both, names in pairs.items() if names}
 
 
 def reading_order(shapes: Sequence[str], kinds: Kinds = SPACE) -> Iterator[sm.Expr]:

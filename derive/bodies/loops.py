@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import islice
 
 import sympy as sm
 
 from kaneflex.derive.bodies.kinds import SPACE, Kinds, numbers
+from kaneflex.derive.printers.bracketed import reads
 from kaneflex.derive.printers.numba_printer import NumbaPrinter
 
 INDENT = "    "
+_VECTORS = {"q": "q[i + {}]", "v": "v[i + {}]", "b": "b[i + {}]"}
+"""Places of modal coordinates, their rates and their accelerations."""
 _LINE = 108  # a kernel's loops stand three levels deep
 
 
@@ -79,30 +81,39 @@ def bounds(kind: str, kinds: Kinds = SPACE) -> str:
     return f"{f'to_{before[-1]}, ' if before else ''}to_{kind}"
 
 
+def ends(kinds: Kinds) -> list[str]:
+    """Statements that read the ends of the kinds among the shapes."""
+    *first, last = kinds.names
+    lines = [f"to_{kind} = {f'to_{first[k - 1]} + ' if k else ''}int(p[o{f' + {k}' if k else ''}])"
+             for k, kind in enumerate(first)]  # fmt: skip
+    return [*lines, f"to_{last} = count", f"o += {len(first)}"]
+
+
 def _read(shape: Shape, after: Iterable[str]) -> list[str]:
     """Reads of a shape's own numbers and coordinates, and zeros of its sums."""
     text, stored = " ".join(after), numbers(shape.kind, kinds=shape.kinds).stored
-    reads = {f"{x}_j": place.format("j") for x, place in shape.kinds.vectors if f"{x}_j" in text}
-    reads |= {f"{name}_0": f"p[o{f' + {k}' if k else ''}]" for k, name in enumerate(stored) if name in shape.own}
-    lines = [f"{', '.join(part)} = {', '.join(part.values())}" for part in map(dict, batched(reads.items(), 6))]
-    return [*lines, f"o += {len(stored)}", *zeroed(symbol for of in shape.sums.values() for symbol in of.values())]
+    places = {f"{x}_j": place.format("j") for x, place in _VECTORS.items() if f"{x}_j" in text}
+    places |= {f"{name}_0": f"p[o{f' + {k}' if k else ''}]" for k, name in enumerate(stored) if name in shape.own}
+    sums = (symbol for of in shape.sums.values() for symbol in of.values())
+    return [*reads(places.items()), f"o += {len(stored)}", *zeroed(sums)]
 
 
 def zeroed(names: Iterable[object]) -> list[str]:
     """Statements that set so many names to zero."""
-    return [" = ".join([*map(str, part), "0.0"]) for part in batched(names, 8)]
+    names = list(map(str, names))
+    return [" = ".join([*names[k : k + 8], "0.0"]) for k in range(0, len(names), 8)]
 
 
 def _inner(shape: Shape, other: str, stores: list[str]) -> list[str]:
     """Loop over the pairs with another kind, if there are such."""
-    stored, vectors, body = numbers(shape.kind, other, shape.kinds).stored, dict(shape.kinds.vectors), list[str]()
+    stored, body = numbers(shape.kind, other, shape.kinds).stored, list[str]()
     for k, name in enumerate(stored):
         at, one = f"p[o{f' + {k}' if k else ''}]", f"{name}_l"
         sums = {vector: symbol for (of, vector), symbol in shape.sums.get(other, {}).items() if of == name}
         if len(sums) > 1 or any(one in line for line in stores):
             body.append(f"{one} = {at}")
             at = one
-        body += [f"{symbol} += {at} * {vectors[vector].format('l')}" for vector, symbol in sums.items()]
+        body += [f"{symbol} += {at} * {_VECTORS[vector].format('l')}" for vector, symbol in sums.items()]
     lines = [*body, *stores, f"o += {len(stored)}"]
     return [f"for l in range({bounds(other, shape.kinds)}):", *(INDENT + line for line in lines)] if stored else []
 
@@ -117,12 +128,6 @@ def named(values: Mapping[str, sm.Expr]) -> tuple[list[str], dict[str, sm.Expr]]
                 known[value] = sm.Symbol(name)
             found[name] = known.get(value, value)
     return lines, found
-
-
-def batched(items: Iterable, size: int) -> Iterator[tuple]:
-    """So many of the items at a time."""
-    items = iter(items)
-    return iter(lambda: tuple(islice(items, size)), ())
 
 
 def grow(values: Mapping[str, sm.Expr]) -> list[str]:

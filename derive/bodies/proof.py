@@ -1,8 +1,8 @@
 """Proof that the printed kernels of a body are Kane's equations, in the plane and in space.
 
 Run over polynomials for every pair of kinds of shapes, they are compared with what KanesMethod derives of a body with
-two shapes whose sums over the mass are those of these kinds. Sums over more shapes are no different. In the plane omega
-is about z, the rigid body is one of the kernels' own, and vectors are rotated into global axes.
+two shapes whose sums over the mass are those of these kinds. Sums over more shapes are no different. In the plane the
+motion has three components, and the others of force and moment are left out.
 
 In space the displacement scale xi is a third shape, whose coordinate is the quadratic function that it is of the
 others: its equation counts in theirs by the partial velocities (Kane & Levinson 1985, sec. 2.13 and 4.11). Only its
@@ -24,10 +24,9 @@ import sympy as sm
 from sympy.polys.rings import PolyElement, PolyRing
 
 from kaneflex.derive.bodies import kane
-from kaneflex.derive.bodies.kane import ACCEL, EPSILON, MOTION, coordinates, pair, single
+from kaneflex.derive.bodies.kane import MOTION, RATE, TWIST, coordinates, pair, single, still
 from kaneflex.derive.bodies.kinds import (
     CUBIC,
-    KINDS,
     PLANE,
     POINT,
     SHORTENING,
@@ -38,11 +37,6 @@ from kaneflex.derive.bodies.kinds import (
     reading_order,
 )
 
-VELOCITY = sm.symbols("v_x v_y v_z")
-RIGID = sm.symbols("mass mass_X mass_Y second")
-"""Mass, first moments, and moment of inertia about the origin, of a rigid body in the plane."""
-C, S = sm.symbols("c s")
-"""Cosine and sine of the angle of a body in the plane."""
 _COORDINATES = tuple(zip(*map(coordinates, range(2)), strict=True))
 """Coordinates of two shapes, their rates and their accelerations."""
 _ELASTIC = sm.symbols("K_0 K_1 C_00 C_01 C_11")
@@ -71,7 +65,7 @@ def prove(text: str, kinds: Kinds) -> None:
 
 def comparisons(text: str, kinds: Kinds, shapes: tuple[str, str]) -> Comparisons:
     """Every kernel of a body with one shape of each of these kinds."""
-    return [*_in_plane(text, shapes), *_of_point(text, shapes)] if kinds is PLANE else _in_space(text, shapes)
+    return [*_of_body(text, kinds, shapes), *(_of_point(text, shapes) if kinds is PLANE else [])]
 
 
 def demand_equal(compared: Comparisons, shapes: Sequence[str]) -> None:
@@ -96,7 +90,7 @@ class _Body:
     Attributes
     ----------
     x : dict
-        Name of a symbol -> polynomial; ``more`` symbols are a kernel's own.
+        Symbol -> polynomial, zero for components of the motion that the kinds don't have.
     q, v, b : list
         Coordinates of the shapes, their rates and their accelerations.
     K, C : list
@@ -105,58 +99,58 @@ class _Body:
         Numbers of the shapes in the order in which kernels read them.
     """
 
-    def __init__(self, kinds: Kinds, shapes: tuple[str, str], more: Iterable[sm.Symbol] = ()) -> None:
+    def __init__(self, kinds: Kinds, shapes: tuple[str, str]) -> None:
         fields = list(reading_order(shapes, kinds))
         moments = {symbol: _of_scale(shapes, name, j) if k == 2 else moment(shapes, name, j, k)
                    for symbol, name, j, k in _MOMENTS}.values()  # fmt: skip
-        known = (*MOTION, *VELOCITY, *(x for of in _COORDINATES for x in of), *_ELASTIC, *more)
+        known = (*dict.fromkeys((*MOTION, *TWIST)), *(x for of in _COORDINATES for x in of), *_ELASTIC)
         free = set().union(*(value.free_symbols for value in (*moments, *fields))) - {*known}
         self.ring = ring = PolyRing([*known, *sorted(free, key=str)], sm.QQ, "lex")
-        self.x = x = dict(zip(map(str, known), ring.gens, strict=False))
-        self.q, self.v, self.b = ([x[str(s)] for s in of] for of in _COORDINATES)
+        self.x = x = dict(zip(known, ring.gens, strict=False)) | dict.fromkeys(still(kinds.twist), ring.zero)
+        self.q, self.v, self.b = ([x[symbol] for symbol in of] for of in _COORDINATES)
         pairs = [[kinds.of_pair(a, b, j, k).get("C", 0) for k, b in enumerate(shapes)] for j, a in enumerate(shapes)]
-        self.K, self.C = [x["K_0"], x["K_1"]], [[*map(ring.from_expr, map(sm.sympify, row))] for row in pairs]
+        self.K = [x[symbol] for symbol in _ELASTIC[:2]]
+        self.C = [[*map(ring.from_expr, map(sm.sympify, row))] for row in pairs]
         self.numbers, self._moments = ([*map(ring.from_expr, of)] for of in (fields, moments))
         self._slopes, of_scale = _scale(shapes if kinds is SPACE else (), ring, self.q, self.v, self.b)
         self._shapes = [x for two, third in zip((self.q, self.v, self.b), of_scale, strict=True) for x in (*two, third)]
 
-    def equations(self, motion: Sequence) -> tuple[list, list[list]]:
-        """Force, moment and rows of the shapes by MOTION; the mass matrix."""
-        found = _kane()(*motion, *self._shapes, *self._moments)
+    def equations(self) -> tuple[list, list[list]]:
+        """Force, moment and rows of the shapes; the mass matrix."""
+        found = _kane()(*(self.x[symbol] for symbol in MOTION), *self._shapes, *self._moments)
         forces, *M = (_along(self._slopes, found[9 * k : 9 * k + 9]) for k in range(10))
         M = [*zip(*(_along(self._slopes, column) for column in zip(*M, strict=True)), strict=True)]
         inside = [K * q + C[0] * self.v[0] + C[1] * self.v[1] for K, q, C in zip(self.K, self.q, self.C, strict=True)]
         return [*forces[:6], *(forces[6 + j] + inside[j] for j in range(2))], M
 
-    def energies(self, twist: Sequence, M: Sequence[Sequence]) -> list:
+    def energies(self, M: Sequence[Sequence]) -> list:
         """Kinetic energy and strain energy."""
         strain = (self.K[0] * self.q[0] ** 2 + self.K[1] * self.q[1] ** 2) / 2
-        return [_product([*twist, *self.v], M) / 2, strain]
+        return [_product([*(self.x[symbol] for symbol in TWIST), *self.v], M) / 2, strain]
 
 
-# ---- space ----------------------------------------------------------------------------------------------------------
+def _of_body(text: str, kinds: Kinds, shapes: tuple[str, str]) -> Comparisons:
+    kernels, body = functions(text), _Body(kinds, shapes)
+    zero, q, v, b, D = body.ring.zero, body.q, body.v, body.b, len(kinds.twist)
+    forces, M = body.equations()
+    kept, room = [*kinds.twist, 6, 7], [[zero] * 4, 0] if kinds.in_space else []
+    twist, rate = ([of[k] for k in kinds.twist] for of in (TWIST, RATE))
+    p = [*(shapes.count(kind) for kind in kinds.names[:-1]), *body.numbers, 0]
 
+    out, rows, motion = [zero] * D, [zero] * 2, [body.x[symbol] for symbol in MOTION if symbol in {*twist, *rate}]
+    kernels["shaped_demand"](p, 0, 2, motion, 0, q, v, b, 0, out, 0, rows, *room)
+    yield "shaped_demand", [*out, *rows], [forces[k] for k in kept]
 
-def _in_space(text: str, shapes: tuple[str, str]) -> Comparisons:
-    kernels, body = functions(text), _Body(SPACE, shapes)
-    ring, q, v, b = body.ring, body.q, body.v, body.b
-    motion, velocity = [body.x[str(s)] for s in MOTION], [body.x[str(s)] for s in VELOCITY]
-    forces, M = body.equations(motion)
-    p = [*(shapes.count(kind) for kind in KINDS[:-1]), *body.numbers, 0]
+    out = [zero] * (D + 2) ** 2
+    kernels["shaped_inertia"](p, 0, 2, q, 0, out, 0, *room)
+    blocks = (range(D), range(D)), (range(D), range(D, D + 2)), (range(D, D + 2), range(D, D + 2))
+    whole = [M[kept[j]][kept[k]] for rows, columns in blocks for j in rows for k in columns]
+    yield "shaped_inertia", out[: len(whole)], whole
 
-    out, rows, room = [ring.zero] * 6, [ring.zero] * 2, [ring.zero] * 4
-    kernels["shaped_demand"](p, 0, 2, motion, 0, q, 0, v, 0, b, out, 0, rows, 0, room, 0)
-    yield "shaped_demand", [*out, *rows], forces
-
-    out = [ring.zero] * 52
-    kernels["shaped_inertia"](p, 0, 2, q, 0, out, 0, room, 0)
-    blocks = (range(6), range(6)), (range(6), range(6, 8)), (range(6, 8), range(6, 8))
-    yield "shaped_inertia", out, [M[j][k] for rows, columns in blocks for j in rows for k in columns]
-
-    out, twist = [ring.zero] * 5, [*velocity, *motion[:3]]
-    kernels["shaped_energy"](p, 0, 2, twist, 0, q, 0, v, 0, out, 0)
-    first = [M[1][5], M[2][3], M[0][4]]  # force per angular acceleration
-    yield "shaped_energy", out, [*body.energies(twist, M), *first]
+    first = [M[1][5], M[2][3], M[0][4]][: sum(k < 3 for k in kinds.twist)]  # force per angular acceleration
+    out = [zero] * (2 + len(first))
+    kernels["shaped_energy"](p, 0, 2, [body.x[symbol] for symbol in twist], 0, q, v, 0, out, 0)
+    yield "shaped_energy", out, [*body.energies(M), *first]
 
 
 def _cubic(text: str) -> Comparisons:
@@ -167,63 +161,12 @@ def _cubic(text: str) -> Comparisons:
         (CUBIC, [c, 0], c * q[0] * q[1] * q[2]), ("ggg", others, c * q[0] * q[1] * q[2] + 2 * c * q[0] ** 2 * q[1]),
     ):  # fmt: skip
         zeros = [0] * len(list(reading_order(kinds)))
-        p = [*(list(kinds).count(kind) for kind in KINDS[:-1]), *zeros, *factors]
-        out, rows, still = [sm.S.Zero] * 6, [sm.S.Zero] * 3, [0] * 9
-        kernels["shaped_demand"](p, 0, 3, still, 0, q, 0, still, 0, still, out, 0, rows, 0, [0] * 6, 0)
+        p = [*(list(kinds).count(kind) for kind in SPACE.names[:-1]), *zeros, *factors]
+        out, rows, nothing = [sm.S.Zero] * 6, [sm.S.Zero] * 3, [0] * 9
+        kernels["shaped_demand"](p, 0, 3, nothing, 0, q, nothing, nothing, 0, out, 0, rows, [0] * 6, 0)
         yield "shaped_demand", [*map(sm.expand, rows)], [energy.diff(x) for x in q]
-        kernels["shaped_energy"](p, 0, 3, still, 0, q, 0, still, 0, out, 0)
+        kernels["shaped_energy"](p, 0, 3, nothing, 0, q, nothing, 0, out, 0)
         yield "shaped_energy", [sm.expand(out[1])], [energy]
-
-
-# ---- the plane ------------------------------------------------------------------------------------------------------
-
-
-def _in_plane(text: str, shapes: tuple[str, str]) -> Comparisons:
-    kernels, place = functions(text), sm.symbols("x y")
-    body = _Body(PLANE, shapes, (C, S, *place, *RIGID))
-    ring, x, q, v = body.ring, body.x, body.q, body.v
-    c, s, X, Y, omega, epsilon = (x[name] for name in ("c", "s", "x", "y", "omega_z", "epsilon_z"))
-    along, across = c * X + s * Y, c * Y - s * X
-    p = [*(x[str(each)] for each in RIGID), shapes.count("u"), 2, *body.numbers]
-
-    def plain(values: Iterable) -> list:
-        return [(ring.zero + value).rem([c**2 + s**2 - 1]) for value in values]
-
-    def turned(vector: Sequence) -> list:
-        """A vector in global axes, of the body's."""
-        return [c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], *vector[2:]]
-
-    forces, M = body.equations([0, 0, omega, along, across, 0, 0, 0, epsilon])
-    own, kept = _rigid(), (0, 1, 5, 6, 7)
-    inertia = own.jacobian([*ACCEL[:2], EPSILON[2]])
-    turning = dict(zip(ACCEL, (C * place[0] + S * place[1], C * place[1] - S * place[0]), strict=False))
-    rigid = [*map(ring.from_expr, own.xreplace(turning).expand()), 0, 0]
-    forces = [one + forces[k] for one, k in zip(rigid, kept, strict=True)]
-    M = [[M[m][n] + (ring.from_expr(inertia[j, k]) if max(j, k) < 3 else 0) for k, n in enumerate(kept)]
-         for j, m in enumerate(kept)]  # fmt: skip
-
-    out = [ring.zero] * 2
-    frame = kernels["inverse"](p, 0, q, v, body.b, 0, c, s, omega, X, Y, epsilon, out, 0)
-    yield "inverse", plain([*frame, *out]), plain(turned(forces))
-
-    out = [ring.zero] * 19
-    kernels["inertia"](p, 0, q, 0, c, s, out, 0, 9, 15)
-    whole = [turned(row) for row in zip(*map(turned, zip(*M, strict=True)), strict=True)]
-    blocks = (range(3), range(3)), (range(3, 5), range(3)), (range(3, 5), range(3, 5))
-    yield "inertia", plain(out), plain(whole[j][k] for rows, columns in blocks for j in rows for k in columns)
-
-    out = [ring.zero] * 2
-    centre = kernels["energy"](p, 0, q, v, 0, c, s, X, Y, omega, out)
-    yield "energy", plain(out), plain(body.energies([along, across, omega], M))
-    yield "centre", plain(centre), plain(turned([M[1][2], -M[0][2]]))
-
-
-def _rigid() -> sm.Matrix:
-    """Force and moment of a rigid body, by its sums."""
-    mass, X, Y, second = RIGID
-    own = X / mass, Y / mass, second - (X**2 + Y**2) / mass
-    known = dict(zip(sm.symbols("centre_x centre_y J_z"), own, strict=True))
-    return kane.planar_body_equations().xreplace(known).expand()
 
 
 def _of_point(text: str, shapes: tuple[str, str]) -> Comparisons:
@@ -235,16 +178,13 @@ def _of_point(text: str, shapes: tuple[str, str]) -> Comparisons:
     twists = [[N[j]["x"] + grown[j], N[j]["y"], N[j]["turn"]] for j in range(2)]
     here = [sum(twists[j][k] * q[j] for j in range(2)) for k in range(3)]
     here[0] -= sum(grown[j] * q[j] for j in range(2)) / 2
-    p = [shapes.count("u"), 2, *reading_order(shapes, POINT)]
+    p = [shapes.count("u"), *reading_order(shapes, POINT)]
 
     out = [sm.S.Zero] * 6
-    moved = kernels["displace"](p, 0, q, 0, out, 0)
+    moved = kernels["displace"](p, 0, 2, q, 0, out, 0)
     yield "displace", [*map(sm.expand, (*moved, *out))], [*map(sm.expand, (*here, *twists[0], *twists[1]))]
     grows = sum(G[j][k] * v[j] * v[k] for j, k in product(range(2), repeat=2))
-    yield "growth", [sm.expand(kernels["growth"](p, 0, v, 0))], [sm.expand(grows)]
-
-
-# ---- both -----------------------------------------------------------------------------------------------------------
+    yield "growth", [sm.expand(kernels["growth"](p, 0, 2, v, 0))], [sm.expand(grows)]
 
 
 def _scale(kinds: Sequence[str], ring: PolyRing, q: list, v: list, b: list) -> tuple[list, list]:

@@ -39,9 +39,9 @@ def increments(shape: Shape, rates: bool, accelerations: bool) -> Sums:
 
 
 def kept(shape: Shape) -> list[str]:
-    """Statements that keep Q of the j-th shape and the derivative of scale by q_j."""
-    lines = [f"{_Q} = {code(shape.single('Q'))}"] if shape.kind in _ACROSS else []
-    return lines + [f"{_BY} = {code(shape.total('scale', 'q'))}"] * (shape.kind in SHORTENING)
+    """Statements that keep Q of the j-th shape and the derivative of scale by q_j, where these are not zero."""
+    values = {_Q: shape.single("Q"), _BY: shape.total("scale", "q")}
+    return [f"{place} = {code(value)}" for place, value in values.items() if value != 0]
 
 
 def _loops(rows: dict[str, str], shortening: list[str]) -> list[str]:
@@ -68,8 +68,8 @@ def of_demand() -> list[str]:
         "h_y": _RATE * T[1] - _SCALE * W[1], "h_z": _SCALE * W[0] - _RATE * T[0],
         "m_y": _CHANGE * T[1] - _SCALE * g[1], "m_z": _SCALE * g[0] - _CHANGE * T[0],
     }  # fmt: skip
-    rows = {kind: f"h[r + j] += {_Q} * of_{kind}" for kind in factors}
-    return [*lines, *_loops(rows, [f"h[r + j] += {_BY} * R"]), *grow(total | _of_inertia())]
+    rows = {kind: f"h[i + j] += {_Q} * of_{kind}" for kind in factors}
+    return [*lines, *_loops(rows, [f"h[i + j] += {_BY} * R"]), *grow(total | _of_inertia())]
 
 
 def of_inertia() -> list[str]:

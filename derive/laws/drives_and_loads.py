@@ -1,7 +1,7 @@
 """Module of a structure's laws: motion of its drives and sizes of its loads.
 
-Kernels of bodies, joints and springs are printed once for all structures (``generated/body.py``,
-``generated/spatial_shapes.py``, ``generated/joints.py``, ``generated/spatial.py``); the solver gets them as numbers.
+Kernels of bodies, joints and springs are printed once for all structures (``generated/joints.py``,
+``generated/shapes.py``, ``generated/spatial.py``, ``generated/spatial_shapes.py``); the solver gets them as numbers.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import sympy as sm
 
-from kaneflex.derive.bodies.kane import ACCEL, BODY, EPSILON, MOTION, XYZ, body_equations
+from kaneflex.derive.bodies.kane import BODY, MOTION, RATE, XYZ, body_equations, planar_body_equations
 from kaneflex.derive.ir.program import Assignment
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
@@ -44,20 +44,29 @@ _DOCS = {
     "slide": "Way of the second point along the guide d through the first [m].",
 }
 _ABOUT = """
-A row of a joint is nine numbers: the residual g that is to vanish (of turn and slide the joint's coordinate), g', g'',
-then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v_x, v_y, omega) are the twists of the two sections, on which a
-multiplier lambda acts with the forces J_1^T lambda and J_2^T lambda. d is a guide's direction in the axes of the first
-section, angle [rad] by what a weld or a guide holds the second turned against the first.
+A body: mass [kg], its centre [m] and its {inertia} about it [kg m^2], in the body's own axes, which begin at its
+origin, from p[o]: BODY. Its equations are Kane's, of its origin's velocity and its angular velocity in its own axes, by
+SymPy's KanesMethod. A row of a joint: the residual g that is to vanish, g', g'', then J_1 and J_2 of g' = J_1 V_1 + J_2
+V_2, where V = {twist} are the twists of the two sections, on which a multiplier lambda acts with the forces and moments
+J_1^T lambda and J_2^T lambda.{joints}
 """
-_ABOUT_SPACE = """
-A body: mass [kg], its centre [m] and its moments and products of inertia about it [kg m^2], J_xy = -int x y dm, in
-the body's own axes, which begin at its origin; ten numbers of p from p[o]. Its equations are Kane's, of its origin's
-velocity and its angular velocity in its own axes, by SymPy's KanesMethod. A row of a joint is fifteen numbers: the
-residual g that is to vanish, g', g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v, omega) are the twists
-of the two sections, on which a multiplier lambda acts with the forces and moments J_1^T lambda and J_2^T lambda. Every
-joint in space is some of three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical Systems,
-sec. 7.3).
-"""
+_IN_PLANE = {
+    "inertia": "moment of inertia", "twist": "(v_x, v_y, omega)", "joints": """
+d is a guide's direction in the axes of the first section, angle [rad] by what a weld or a guide holds the second turned
+against the first; of turn and slide g is the joint's coordinate.""",
+}  # fmt: skip
+_IN_SPACE = {
+    "inertia": "moments and products of inertia, J_xy = -int x y dm,", "twist": "(v, omega)", "joints": """
+Every joint in space is some of three elementary constraints (Nikravesh 1988, Computer-Aided Analysis of Mechanical
+Systems, sec. 7.3).""",
+}  # fmt: skip
+_DEMAND = """\
+Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.
+
+w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."""
+_INERTIA = (
+    "Store the mass matrix of a body ({size}, {size}) row by row, in its axes: of its origin's velocity and of omega."
+)
 _SPRING = """{}
 
 Stores at out[n]: {}, energy [J], dissipated power [W]."""
@@ -78,38 +87,41 @@ def pull(sec, i, j, k, c, L_0, out, n):
 
 
 def joints_text() -> str:
-    """Text of ``generated/joints.py``."""
+    """Text of ``generated/joints.py``: rigid bodies, joints and springs in the plane."""
     gap_x, gap_y, _, *rates = list(_DIFFERENCES)[:5]
+    numbers, bodies = _rigid_body(planar_body_equations())
     pulls = [_pull(directed, _READS, (gap_x, gap_y), rates, _DIFFERENCES.items()) for directed in _PULLS]
-    kernels = [*(_joint_kernel(kind) for kind in _DOCS), *pulls, _twist()]
+    kernels = [*bodies, *(_joint_kernel(kind) for kind in _DOCS), *pulls, _twist()]
     tables = [
         module_text.literal("SECTION", SECTION, "sec: the numbers of section i begin at 9 i"),
+        numbers,
         module_text.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
     ]
-    title = "Joints and springs between two sections of bodies"
-    return emit.kernels_module(title, _ABOUT, tables, kernels, [_EITHER])
+    about = _ABOUT.format(**_IN_PLANE)
+    return emit.kernels_module("Bodies, joints and springs in the plane", about, tables, kernels, [_EITHER])
 
 
 def spatial_text() -> str:
     """Text of ``generated/spatial.py``: rigid bodies, joints and springs in space."""
-    own, equations = emit.places(sm.symbols(BODY), "p", "o"), body_equations()
-    demand = (
-        "Store the force and the moment about its origin that a body's motion takes, in its axes: Kane's -fr*.\n\n"
-        "w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axes."
+    numbers, bodies = _rigid_body(body_equations())
+    pulls = [_pull(directed, _SPATIAL_READS, _gap("r"), _gap("v"), ()) for directed in _PULLS]
+    kernels = [*bodies, *_elementary_constraints(), *pulls]
+    tables = [module_text.literal("SECTION", _SPATIAL_SECTION, "sec: the numbers of section i begin at 15 i"), numbers]
+    about = _ABOUT.format(**_IN_SPACE)
+    return emit.kernels_module("Bodies, joints and springs in space", about, tables, kernels, [_EITHER])
+
+
+def _rigid_body(equations: sm.Matrix) -> tuple[str, list[emit.Printed]]:
+    """Table of a rigid body's numbers, and the kernels of its equations: inverse dynamics and mass matrix."""
+    numbers, motion, rates = (
+        [symbol for symbol in of if equations.has(symbol)] for of in (sm.symbols(BODY), MOTION, RATE)
     )
-    inertia = "Store the mass matrix of a body (6, 6) row by row, in its axes: of its origin's velocity and of omega."
-    kernels = [
-        emit.kernel("demand", ("p", "o", "w", "k", "out", "n"), (*own, *emit.places(MOTION, "w", "k")), equations,
-                    demand, out="n"),
-        emit.kernel("inertia", ("p", "o", "out", "n"), own, equations.jacobian([*ACCEL, *EPSILON]), inertia, out="n"),
-        *_elementary_constraints(),
-        *(_pull(directed, _SPATIAL_READS, _gap("r"), _gap("v"), ()) for directed in _PULLS),
-    ]  # fmt: skip
-    tables = [
-        module_text.literal("SECTION", _SPATIAL_SECTION, "sec: the numbers of section i begin at 15 i"),
-        module_text.literal("BODY", BODY, "p: the numbers of a body begin at o"),
+    own, moving = emit.places(numbers, "p", "o"), emit.places(motion, "w", "k")
+    inertia, size = equations.jacobian(rates), len(rates)
+    return module_text.literal("BODY", tuple(map(str, numbers)), "p: the numbers of a body begin at o"), [
+        emit.kernel("demand", ("p", "o", "w", "k", "out", "n"), (*own, *moving), equations, _DEMAND, out="n"),
+        emit.kernel("inertia", ("p", "o", "out", "n"), own, inertia, _INERTIA.format(size=size), out="n"),
     ]
-    return emit.kernels_module("Bodies, joints and springs in space", _ABOUT_SPACE, tables, kernels, [_EITHER])
 
 
 def of_side(letter: str, side: int) -> sm.Symbol:

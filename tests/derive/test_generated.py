@@ -58,6 +58,9 @@ def text_of(name: str) -> str:
 # ---- what is committed ------------------------------------------------------------------------------------------
 
 
+_COSTLY = ("element_texts", "spatial_element_texts", "shapes_text", "spatial_shapes_text")
+
+
 def test_committed_texts_are_the_derived_ones(monkeypatch, exhaustive):
     """Of every fourth scene, beside what all scenes share; CI leaves it to `make check-derived`, which derives all.
 
@@ -76,7 +79,7 @@ def test_committed_texts_are_the_derived_ones(monkeypatch, exhaustive):
     if compared.exists():
         return
     monkeypatch.setattr(derive_all, "shipped_scenes", lambda: scenes)
-    for costly in () if exhaustive else ("element_texts", "spatial_element_texts", "body_text", "spatial_shapes_text"):
+    for costly in () if exhaustive else _COSTLY:
         monkeypatch.setattr(derive_all, costly, dict)
     derived = derive_all.modules()
     committed = {path.name: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.py")}

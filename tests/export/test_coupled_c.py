@@ -19,7 +19,7 @@ from kaneflex import SceneError, read_scene, with_settings
 from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export import coupled_in_c as export
 from kaneflex.export.coupled_in_c import begun, coupled_in_c
-from kaneflex.generated import body
+from kaneflex.generated import shapes
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.compile.types import N, Z
@@ -321,11 +321,11 @@ def test_what_python_means_in_c(compiler, tmp_path):
 
 def test_a_function_is_printed_once_for_every_list_of_types():
     printer = Printer()
-    kinds = [N, types.int64, N, N, types.int64, *(types.float64,) * 5, N]
-    name, returned = printer.function(body.energy, kinds)
-    assert (name, returned) == ("body_energy", types.UniTuple(types.float64, 2))
-    assert printer.function(body.energy, kinds)[0] == name
-    assert printer.function(body.energy, [N, types.int64, N, N, types.int64, *(types.complex128,) * 5, Z])[0] != name
+    kinds = [N, types.int64, types.int64, N, types.int64, N, types.int64]
+    name, returned = printer.function(shapes.displace, kinds)
+    assert (name, returned) == ("shapes_displace", types.UniTuple(types.float64, 3))
+    assert printer.function(shapes.displace, kinds)[0] == name
+    assert printer.function(shapes.displace, [*kinds[:3], Z, types.int64, Z, types.int64])[0] != name
     assert printer.declared(HANDED[Kind.PLAIN], "m") == "const mechanism *m"
     assert "int64_t *pivots;" in printer.text()
 

@@ -11,7 +11,7 @@ from runs import gaps, model, moments
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
 from kaneflex.fem.element_terms import shape_functions
-from kaneflex.generated import body
+from kaneflex.generated import joints, shapes
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.model.body_parameters import Blocks
 from kaneflex.multibody.model.building import reference_modes
@@ -41,9 +41,14 @@ def inertia_forces(model, q, v, a):
     system, found = model.coupled, np.zeros(model.coupled.size)
     blocks = Blocks(mechanism_of(model.scene), {})
     for name, k in system.start.items():
-        turn, frame = (np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]), a[k : k + 3] - [*model.scene.gravity, 0.0]
-        p = blocks.body(name, system.shapes.get(name))
-        found[k : k + 3] += body.inverse.py_func(p, 0, q, v, a, k + 3, *turn, *frame, found, k + 3)
+        c, s, omega = np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]
+        x, y, epsilon = a[k : k + 3] - [*model.scene.gravity, 0.0]
+        p, motion = blocks.body(name, system.shapes.get(name)), (omega, c * x + s * y, c * y - s * x, epsilon)
+        joints.demand.py_func(p, 0, motion, 0, found, k)
+        if name in system.shapes:
+            count, own = system.shapes[name].count, len(joints.BODY)
+            shapes.shaped_demand.py_func(p, own, count, motion, 0, q, v, a, k + 3, found, k, found)
+        found[k : k + 2] = c * found[k] - s * found[k + 1], s * found[k] + c * found[k + 1]
     return found
 
 

@@ -54,7 +54,7 @@ def sources() -> list[Path]:
     multibody, folder = PACKAGE / "multibody", Path(str(import_module("kaneflex.generated").__file__)).parent
     files = [each for name in ("compile", "dynamics", "time", "unilateral") for each in (multibody / name).glob("*.py")]
     constants = ("model/codes", "model/layout", "model/tree_layout", "dynamics/arrays", "time/coefficients")
-    names = ("body", "contact", "friction", "joints", "spatial", "spatial_shapes")
+    names = ("contact", "friction", "joints", "shapes", "spatial", "spatial_shapes")
     return sorted([
         *(each for each in files if b"numba" in each.read_bytes()), PACKAGE / "support" / "inner.py",
         *(multibody / f"{name}.py" for name in constants), *(folder / f"{name}.py" for name in names),

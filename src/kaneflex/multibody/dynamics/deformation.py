@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.generated import body
+from kaneflex.generated import shapes
 from kaneflex.generated import spatial_shapes as laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.types import OPTIONS, apart
@@ -23,7 +23,8 @@ from kaneflex.support.inner import once
 def displace(m, n):
     """Displacement and rotation of a section; sets its twists for a unit of every shape."""
     apart()
-    return body.displace(m.block, m.nodes[n, AT], m.y, m.nodes[n, SPEED], numbers_of(m.phi), 3 * m.nodes[n, ROW_OF])
+    count, row = m.nodes[n, COUNT], 3 * m.nodes[n, ROW_OF]
+    return shapes.displace(m.block, m.nodes[n, AT], count, m.y, m.nodes[n, SPEED], numbers_of(m.phi), row)
 
 
 @njit(**OPTIONS)
@@ -88,7 +89,7 @@ def _of_x(m, k, a):
 def growth(m, n):
     """Acceleration of a section at constant speeds of the shapes: G u u and T' theta'."""
     apart()
-    return body.growth(m.block, m.nodes[n, AT], m.u, m.nodes[n, SPEED]), 0.0, 0.0
+    return shapes.growth(m.block, m.nodes[n, AT], m.nodes[n, COUNT], m.u, m.nodes[n, SPEED]), 0.0, 0.0
 
 
 @njit(**OPTIONS)

@@ -1,26 +1,25 @@
 """Compiled inverse dynamics of a tree: inertia forces of the bodies less those of loads, springs and reactions.
 
-Kane's equations of each free body (``kaneflex.generated.body`` in the plane, ``kaneflex.generated.spatial`` and
-``spatial_shapes`` in space), summed inwards over the tree along its speeds: M u' + h (Kane & Levinson 1985, ch. 4 and
-6).
+Kane's equations of each free body in its axes (``kaneflex.generated.joints`` and ``shapes`` in the plane, ``spatial``
+and ``spatial_shapes`` in space), summed inwards over the tree along its speeds: M u' + h (Kane & Levinson 1985, ch. 4
+and 6).
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.generated import body
-from kaneflex.generated import spatial as laws
-from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.generated import joints as planar
+from kaneflex.generated import shapes as planar_shapes
+from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.types import OPTIONS, apart
-from kaneflex.multibody.compile.values import after, by_size, width
+from kaneflex.multibody.compile.values import after, by_size, twists, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     dot,
     first,
     force_at,
-    joined,
     last,
     minus,
     plus,
@@ -33,7 +32,7 @@ from kaneflex.multibody.dynamics.arrays import BODIES, NODES, SPEEDS
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
 from kaneflex.multibody.dynamics.interactions import act, react
 from kaneflex.multibody.dynamics.kinematics import relative
-from kaneflex.multibody.model.layout import COUPLING, COUPLINGS, INERTIAS, MASSES, MODAL, SQUARE
+from kaneflex.multibody.model.layout import COUPLING, MODAL, SQUARE
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import (
     BODY,
@@ -47,8 +46,10 @@ from kaneflex.multibody.model.tree_layout import (
 )  # fmt: skip
 from kaneflex.support.inner import once
 
-OF_RIGID = len(laws.BODY)
-"""Numbers of a rigid body in space, which precede those of its shapes."""
+RIGID_PLANAR, RIGID = len(planar.BODY), len(spatial.BODY)
+"""Numbers of a rigid body in the plane and in space, which precede those of its shapes."""
+_WRENCH = 9
+"""Place in x of a body's wrench, behind its motion; in space room for its shapes follows."""
 
 
 @njit(**OPTIONS)
@@ -56,32 +57,45 @@ def demand_of_body(m, n):
     """Wrench of a node's body by its motion less gravity, global, about the node's origin; adds the residuals of its
     shapes to h."""
     apart()
-    c, s, _ = m.R[n]
-    x, y, epsilon = minus(m.rate[n], m.gravity[0])
-    k = m.nodes[n, SPEED]
-    return body.inverse(m.block, m.nodes[n, BODY], m.y, m.u, m.du, k, c, s, m.twist[n][2], x, y, epsilon, m.h, k)
+    _own_demand(m, n)
+    return to_global(m, n, twists(m, after(m.x, _WRENCH))[0])
 
 
 @njit(**OPTIONS)
-def _demand_of_body_in_space(m, n):
-    apart()
-    rate = m.rate[n]
-    e, w = to_axes(m, n, last(rate)), to_axes(m, n, last(m.twist[n]))
-    m.x3[0], m.x3[1], m.x3[2] = w, to_axes(m, n, minus(first(rate), m.gravity[0])), e
-    laws.demand(m.block, m.nodes[n, BODY], m.x, 0, m.x, 9)
+def _own_demand(m, n):
+    """Motion and wrench of a node's body in its axes, at x."""
+    m.x[0] = m.twist[n][2]
+    m.x[1], m.x[2], m.x[3] = to_axes(m, n, minus(m.rate[n], m.gravity[0]))
+    planar.demand(m.block, m.nodes[n, BODY], m.x, 0, m.x, _WRENCH)
     if m.nodes[n, KIND] == SHAPES:
         _demand_of_shapes(m, n)
-    return to_global(m, n, joined(m.x3[3], m.x3[4]))
 
 
 @of_stiffness(None)
 @njit(**OPTIONS)
 def _demand_of_shapes(m, n):
-    own, u, x = m.nodes[n, BODY] + OF_RIGID, m.nodes[n, SPEED], m.x
-    shape_laws.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, u, m.u, u, m.du, x, 9, m.h, u, x, 15)
+    own, i, x = m.nodes[n, BODY] + RIGID_PLANAR, m.nodes[n, SPEED], m.x
+    planar_shapes.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, m.u, m.du, i, x, _WRENCH, m.h)
 
 
-demand_of_body = by_size(demand_of_body, _demand_of_body_in_space)
+@njit(**OPTIONS)
+def _own_demand_in_space(m, n):
+    rate = m.rate[n]
+    e, w = to_axes(m, n, last(rate)), to_axes(m, n, last(m.twist[n]))
+    m.x3[0], m.x3[1], m.x3[2] = w, to_axes(m, n, minus(first(rate), m.gravity[0])), e
+    spatial.demand(m.block, m.nodes[n, BODY], m.x, 0, m.x, _WRENCH)
+    if m.nodes[n, KIND] == SHAPES:
+        _demand_of_shapes_in_space(m, n)
+
+
+@of_stiffness(None)
+@njit(**OPTIONS)
+def _demand_of_shapes_in_space(m, n):
+    own, i, x = m.nodes[n, BODY] + RIGID, m.nodes[n, SPEED], m.x
+    spatial_shapes.shaped_demand(m.block, own, m.nodes[n, COUNT], x, 0, m.y, m.u, m.du, i, x, _WRENCH, m.h, x, 15)
+
+
+_own_demand = by_size(_own_demand, _own_demand_in_space)
 
 
 @once
@@ -122,61 +136,93 @@ def gather(m, felt, h):
 def inertias(m):
     """Inertias of all bodies, their coupling to shapes, and the shapes' own, by global twists."""
     apart()
-    plan, w = m.plan, m.w
+    x, d = m.x, width(m)
     for b in range(m.counts[BODIES]):
-        n = m.frames[b, 0]
-        c, s, _ = m.R[n]
-        body.inertia(
-            m.block, m.nodes[n, BODY], m.y, m.bodies[b, MODAL], c, s, w, plan[INERTIAS] + 9 * b,
-            plan[COUPLINGS] + 3 * m.bodies[b, COUPLING], plan[MASSES] + m.bodies[b, SQUARE],
-        )  # fmt: skip
+        n, shapes = m.frames[b, 0], m.bodies[b, COUNTED]
+        if m.nodes[n, BODY] >= 0:
+            _own_inertia(m, n)
+        else:
+            for i in range(d * d):
+                x[i] = 0.0
+        I, own = after(m.I, d * b), twists(m, x)
+        for k in range(d):  # rows by global twists, then columns
+            I[k] = to_global(m, n, own[k])
+        _turn_rows(m, n, I)
+        E = after(m.E, m.bodies[b, COUPLING])
+        for j in range(shapes):
+            E[j] = to_global(m, n, _column(m, d * d + j, shapes))
+        for j in range(shapes * shapes):
+            m.L[m.bodies[b, SQUARE] + j] = x[d * (d + shapes) + j]
 
 
 @njit(**OPTIONS)
 def _own_inertia(m, n):
-    """Mass matrix of a node's body in its axes at x: (6, 6), coupling to its shapes, and the shapes' own."""
-    if m.nodes[n, BODY] < 0:
-        for i in range(36):
-            m.x[i] = 0.0
-        return
-    laws.inertia(m.block, m.nodes[n, BODY], m.x, 0)
+    """Mass matrix of a node's body in its axes at x: (d, d), coupling to its shapes, and the shapes' own."""
+    rigid_inertia(m, n)
     if m.nodes[n, KIND] == SHAPES:
         _inertia_of_shapes(m, n)
+
+
+@njit(**OPTIONS)
+def rigid_inertia(m, n):
+    """Mass matrix of a node's body without shapes, in its axes at x, (d, d)."""
+    planar.inertia(m.block, m.nodes[n, BODY], m.x, 0)
+
+
+@njit(**OPTIONS)
+def _rigid_inertia_in_space(m, n):
+    spatial.inertia(m.block, m.nodes[n, BODY], m.x, 0)
 
 
 @of_stiffness(None)
 @njit(**OPTIONS)
 def _inertia_of_shapes(m, n):
-    shapes, q = m.nodes[n, COUNT], m.nodes[n, SPEED]
-    room = 36 + (6 + shapes) * shapes
-    shape_laws.shaped_inertia(m.block, m.nodes[n, BODY] + OF_RIGID, shapes, m.y, q, m.x, 0, m.x, room)
+    _add_shapes(m, n, m.nodes[n, COUNT], m.nodes[n, SPEED])
 
 
 @njit(**OPTIONS)
-def _inertias_in_space(m):
-    apart()
+def _add_shapes(m, n, shapes, i):
+    """Add the inertia of a body's shapes at x."""
+    planar_shapes.shaped_inertia(m.block, m.nodes[n, BODY] + RIGID_PLANAR, shapes, m.y, i, m.x, 0)
+
+
+@njit(**OPTIONS)
+def _add_shapes_in_space(m, n, shapes, i):
+    room = 36 + (6 + shapes) * shapes
+    spatial_shapes.shaped_inertia(m.block, m.nodes[n, BODY] + RIGID, shapes, m.y, i, m.x, 0, m.x, room)
+
+
+@njit(**OPTIONS)
+def _turn_rows(m, n, I):
+    """Rotate the columns of a matrix by global twists from a node's axes, in place."""
+    c, s, _ = m.R[n]
+    x, y = I[0], I[1]
+    I[0], I[1] = axpy(-s, y, scaled(c, x)), axpy(s, x, scaled(c, y))
+
+
+@njit(**OPTIONS)
+def _turn_rows_in_space(m, n, I):
+    for half in range(0, 6, 3):
+        rows = I[half], I[half + 1], I[half + 2]
+        for i in range(3):
+            a, b, c = m.R[3 * n + i]
+            I[half + i] = axpy(c, rows[2], axpy(b, rows[1], scaled(a, rows[0])))
+
+
+@njit(**OPTIONS)
+def _column(m, k, step):
+    """Numbers at x[k], one for each component of a twist, so many apart."""
+    return m.x[k], m.x[k + step], m.x[k + 2 * step]
+
+
+@njit(**OPTIONS)
+def _column_in_space(m, k, step):
     x = m.x
-    for b in range(m.counts[BODIES]):
-        n, shapes = m.frames[b, 0], m.bodies[b, COUNTED]
-        _own_inertia(m, n)
-        I, R = after(m.I, 6 * b), 3 * n
-        for k in range(6):  # rows by global twists, then columns
-            I[k] = to_global(m, n, joined(m.x3[2 * k], m.x3[2 * k + 1]))
-        for half in range(0, 6, 3):
-            rows = I[half], I[half + 1], I[half + 2]
-            for i in range(3):
-                a, b_, c = m.R[R + i]
-                I[half + i] = axpy(c, rows[2], axpy(b_, rows[1], scaled(a, rows[0])))
-        E, at = after(m.E, m.bodies[b, COUPLING]), 36
-        for j in range(shapes):
-            force = x[at + j], x[at + shapes + j], x[at + 2 * shapes + j]
-            moment = x[at + 3 * shapes + j], x[at + 4 * shapes + j], x[at + 5 * shapes + j]
-            E[j] = to_global(m, n, joined(force, moment))
-        for j in range(shapes * shapes):
-            m.L[m.bodies[b, SQUARE] + j] = x[36 + 6 * shapes + j]
+    return x[k], x[k + step], x[k + 2 * step], x[k + 3 * step], x[k + 4 * step], x[k + 5 * step]
 
 
-inertias = by_size(inertias, _inertias_in_space)
+rigid_inertia, _add_shapes = by_size(rigid_inertia, _rigid_inertia_in_space), by_size(_add_shapes, _add_shapes_in_space)
+_turn_rows, _column = by_size(_turn_rows, _turn_rows_in_space), by_size(_column, _column_in_space)
 
 
 @njit(**OPTIONS)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.generated import body
-from kaneflex.generated import spatial as laws
-from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.generated import shapes, spatial_shapes
 from kaneflex.multibody.compile.stand_ins import of_stiffness
 from kaneflex.multibody.compile.values import by_size, twists
 from kaneflex.multibody.unilateral import frictions, rows
-from kaneflex.multibody.dynamics.algebra import dot, first, last, plus, times
+from kaneflex.multibody.dynamics.algebra import dot, plus, times
 from kaneflex.multibody.dynamics.axes import to_axes, to_global
 from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.inverse_dynamics import OF_RIGID
+from kaneflex.multibody.dynamics.inverse_dynamics import RIGID, RIGID_PLANAR, rigid_inertia
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.compile.types import OPTIONS, apart
@@ -27,20 +25,9 @@ from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, SHAPES, SPEE
 
 @njit(**OPTIONS)
 def _energies_of_body(m, n):
-    """Add those of a node's body."""
-    g_x, g_y, _ = m.gravity[0]
-    o = m.nodes[n, BODY]
-    c, s, _ = m.R[n]
-    r_x, r_y, _ = m.r[n]
-    v_x, v_y, omega = m.twist[n]
-    x, z = body.energy(m.block, o, m.y, m.u, m.nodes[n, SPEED], c, s, v_x, v_y, omega, m.energies)
-    m.energies[2] -= g_x * (m.block[o] * r_x + x) + g_y * (m.block[o] * r_y + z)
-
-
-@njit(**OPTIONS)
-def _energies_of_body_in_space(m, n):
+    """Add those of a node's body; in the plane gravity has no third component."""
+    rigid_inertia(m, n)
     o, energies, block = m.nodes[n, BODY], m.energies, m.block
-    laws.inertia(block, o, m.x, 0)
     twist, centre = to_axes(m, n, m.twist[n]), (block[o + 1], block[o + 2], block[o + 3])
     energies[0] += 0.5 * dot(twist, times(twists(m, m.x), twist))
     energies[2] -= block[o] * dot(m.gravity[0], plus(m.r[n], to_global(m, n, centre)))
@@ -48,21 +35,34 @@ def _energies_of_body_in_space(m, n):
         _energies_of_shapes(m, n)
 
 
+_SUMS = 10
+"""Place in x of energies and first moment of a body's shapes."""
+
+
 @of_stiffness(None)
 @njit(**OPTIONS)
 def _energies_of_shapes(m, n):
-    shapes, u, x = m.nodes[n, COUNT], m.nodes[n, SPEED], m.x
-    weight, twist = to_axes(m, n, m.gravity[0]), to_axes(m, n, m.twist[n])
-    m.x3[0], m.x3[1], m.x3[2] = first(twist), last(twist), weight
-    m.x3[3] = m.x3[4] = 0.0, 0.0, 0.0
-    own = m.nodes[n, BODY] + OF_RIGID
-    shape_laws.shaped_energy(m.block, own, shapes, x, 0, m.y, u, m.u, u, x, 10)
-    m.energies[0] += x[10]
-    m.energies[1] += x[11]
-    m.energies[2] -= dot(weight, m.x3[4])
+    x = m.x
+    twists(m, x)[0] = to_axes(m, n, m.twist[n])
+    for k in range(_SUMS, _SUMS + 5):
+        x[k] = 0.0
+    _shaped_energy(m, n, m.nodes[n, COUNT], m.nodes[n, SPEED])
+    m.energies[0] += x[_SUMS]
+    m.energies[1] += x[_SUMS + 1]
+    m.energies[2] -= dot(to_axes(m, n, m.gravity[0]), (x[_SUMS + 2], x[_SUMS + 3], x[_SUMS + 4]))
 
 
-_energies_of_body = by_size(_energies_of_body, _energies_of_body_in_space)
+@njit(**OPTIONS)
+def _shaped_energy(m, n, count, i):
+    shapes.shaped_energy(m.block, m.nodes[n, BODY] + RIGID_PLANAR, count, m.x, 0, m.y, m.u, i, m.x, _SUMS)
+
+
+@njit(**OPTIONS)
+def _shaped_energy_in_space(m, n, count, i):
+    spatial_shapes.shaped_energy(m.block, m.nodes[n, BODY] + RIGID, count, m.x, 0, m.y, m.u, i, m.x, _SUMS)
+
+
+_shaped_energy = by_size(_shaped_energy, _shaped_energy_in_space)
 
 
 @njit(**OPTIONS)

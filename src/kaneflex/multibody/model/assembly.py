@@ -286,7 +286,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
         "rows": (c.rows, c.row_size), "bent": (n * in_space, 3, 3), "S": (s, d),
         "phi": (c.twists, d), "sections": (c.sections, c.row_size), "axes": (c.axes, 3),
         "M": (s, s), "F": (n, d), "alpha": (3 * s * in_space,),
-        "x": (max(64, (6 + max(c.shapes, default=0)) ** 2) * in_space,), "now": (3,), "virtual_inertia": (s,),
+        "x": (max(64, (d + max(c.shapes, default=0)) ** 2),), "now": (3,), "virtual_inertia": (s,),
         "row_measure": (c.joint_rows,), **{f"mass_{k}": (size * in_space,) for k in range(3)},
         "geometry": (4 * (6 * (s + c.twists + b) + 6 * c.sections + c.row_size * c.rows) * in_space,),
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Numbers of bodies and their sections, in the plane for the kernels of ``kaneflex.generated.body``."""
+"""Numbers of bodies and their sections for the kernels of ``kaneflex.generated``."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaneflex.fem.spatial_bodies import second_moments
-from kaneflex.generated.body import BODY, POINT
+from kaneflex.generated.shapes import KINDS, POINT
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
-from kaneflex.multibody.model.shapes import Shapes, in_reading_order
+from kaneflex.multibody.model.shapes import ShapeMoments, Shapes, in_reading_order
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, spatial_modal_data, symmetrised
 
@@ -40,24 +40,23 @@ class Blocks:
         """Numbers of a body."""
         given = self.mechanism.deforming.get(name)
         data = link_data(shapes) if isinstance(shapes, Shapes) else given and given.modal
-        return body_block(body_moments(self.mechanism, name, data), *_counts(shapes))
+        moments = body_moments(self.mechanism, name, data)
+        return np.concatenate([rigid_numbers(moments), np.zeros(0) if shapes is None else shape_numbers(moments)])
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""
         if numbers is None or numbers[0] <= 0.0:
             return True
-        mass, x, y, second = numbers[:4]
-        return bool(second - (x * x + y * y) / mass <= _LIGHT * second)
+        mass, x, y, inertia = numbers[:4]
+        return bool(inertia <= _LIGHT * (inertia + mass * (x * x + y * y)))
 
     def station(self, shapes: Deformable, rows: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Numbers of a section by the rows u, v, theta of its body's shapes (3, count), and G (3, count, count)."""
-        axial, transverse = _counts(shapes)
-        s, w = slice(axial), slice(axial, None)
-        return point_block({"s": rows[0, s], "w": rows[1, w], "psi": rows[2, w], "H": -G[0, w, w]}, axial, transverse)
+        return point_numbers(shapes.counts[0], rows, G[0])
 
     def names(self, body: str, shapes: Deformable) -> tuple[Names, Names]:
         """Speeds and coordinates of the shapes of a body."""
-        kinds = zip(("axial", "transverse"), _counts(shapes), strict=True)
+        kinds = zip(("axial", "transverse"), shapes.counts, strict=True)
         names = [(f"{body}.{kind}_{k}", "m") for kind, count in kinds for k in range(count)]
         return names, names
 
@@ -92,42 +91,35 @@ class SpatialBlocks:
                 [(f"{body}.shape_{k}", unit) for k, unit in enumerate(units)])  # fmt: skip
 
 
-def _counts(shapes: Deformable | None) -> tuple[int, int]:
-    """Numbers of axial and transverse shapes of a body."""
-    axial, transverse = (0, 0) if shapes is None else shapes.counts
-    return axial, transverse
+def rigid_numbers(moments: Arrays) -> np.ndarray:
+    """Numbers of a planar body without shapes, from :func:`body_moments`."""
+    mass, first = moments["mass"], np.array([moments["mass_X"], moments.get("mass_Y", 0.0)])
+    centre = first / mass if mass else first
+    second = moments["mass_X_X"] + moments.get("mass_Y_Y", 0.0) + moments["inertia"]
+    return np.array([mass, *centre, second - mass * centre @ centre])
 
 
-def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Numbers of a body from :func:`body_moments`, for these numbers of shapes."""
-    return _in_reading_order(BODY, {"mass_Y": 0.0, "mass_Y_Y": 0.0, **moments}, axial, transverse)
+def shape_numbers(moments: Arrays) -> np.ndarray:
+    """Numbers of a planar body's shapes, from :func:`body_moments`: a section moves its fibres at y by -y psi."""
+    s, w = slice(len(moments["mass_s"])), slice(len(moments["mass_s"]), None)
+    count, rotary = len(moments["stiffness"]), moments["inertia_psi_psi"]
+    N, r_N, N_N, G, r_G = (np.zeros((*(3,) * axes, *(count,) * shapes))
+                           for axes, shapes in ((1, 1), (2, 1), (2, 2), (1, 2), (2, 2)))  # fmt: skip
+    N[0, s], N[1, w] = moments["mass_s"], moments["mass_w"]
+    r_N[0, 0, s], r_N[0, 1, w], r_N[1, 0, w] = moments["mass_X_s"], moments["mass_X_w"], -moments["inertia_psi"]
+    N_N[0, 0, s, s], N_N[1, 1, w, w], N_N[0, 0, w, w] = moments["mass_s_s"], moments["mass_w_w"], rotary
+    N_N[0, 1, s, w], N_N[1, 0, w, s] = moments["mass_s_w"], moments["mass_s_w"].T
+    G[0, w, w], r_G[0, 0, w, w], r_G[1, 1, w, w] = -moments["mass_H"], -moments["mass_X_H"], -rotary
+    found = ShapeMoments(N, r_N, N_N, G, r_G)
+    return found.numbers([s.stop], np.diag(moments["stiffness"]), moments["damping"])
 
 
-def point_block(shapes: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Numbers of a point from its POINT_ARRAYS, without rotation psi if it has none; rigid bodies have none."""
-    return _in_reading_order(POINT, {"psi": 0.0, **shapes}, axial, transverse)
-
-
-def _in_reading_order(table: Mapping[str, Any], arrays: Arrays, axial: int, transverse: int) -> np.ndarray:
-    """Numbers in the order in which the kernels read them, by BODY or POINT."""
-    count = axial + transverse
-    of_kind = {"u": np.arange(axial), "v": np.arange(axial, count)}
-    places = {"s": of_kind["u"], "w": of_kind["v"], "a": np.arange(count)}
-
-    def among_all(name: str) -> np.ndarray:
-        """Array of all shapes, zero for those of another kind."""
-        axes = _AXES.get(name, "")
-        found = np.zeros((count,) * len(axes))
-        found[np.ix_(*(places[axis] for axis in axes))] = arrays[name]
-        return found + found.T if axes == "sw" else found
-
-    sums = {kinds: [sum(sign * among_all(name) for name, sign in terms.items()) for terms in of]
-            for kinds, of in table.items() if all(len(of_kind[kind]) for kind in kinds)}  # fmt: skip
-    counts = np.array([axial, count], float)
-    return np.concatenate([np.array(sums.get("", []), float), counts, *in_reading_order(of_kind, sums)])
-
-
-_AXES = {name: axes for name, (axes, *_) in (ARRAYS | POINT_ARRAYS).items()}
+def point_numbers(axial: int, rows: np.ndarray, shortening: np.ndarray) -> np.ndarray:
+    """Numbers of a point on a planar body's axis: rows u, v, theta of its shapes (3, count), and G_x (count, count)."""
+    single, pair, count = dict(zip(("x", "y", "turn"), rows, strict=True)), {"x": shortening}, rows.shape[1]
+    of_kind = dict(zip(KINDS, (np.arange(axial), np.arange(axial, count)), strict=True))
+    sums = {kinds: [(single if len(kinds) == 1 else pair)[name] for name in names] for kinds, names in POINT.items()}
+    return np.concatenate([[axial], *in_reading_order(of_kind, sums)])
 
 
 def body_moments(mechanism: NumericMechanism, name: str, data: ModalData | None) -> dict[str, np.ndarray]:

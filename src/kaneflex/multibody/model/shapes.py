@@ -15,7 +15,9 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from kaneflex.fem.links import GAUSS, Link
-from kaneflex.generated.spatial_shapes import CUBIC, KINDS, MOMENTS, PAIR, SINGLE
+from kaneflex.generated import shapes as planar
+from kaneflex.generated import spatial_shapes as spatial
+from kaneflex.generated.spatial_shapes import CUBIC, MOMENTS
 from kaneflex.multibody.model.damping import against_axes, shape_damping
 from kaneflex.multibody.model.tree_layout import Place
 from kaneflex.support.contract import AXES
@@ -257,22 +259,24 @@ class ShapeMoments:
     line: tuple[float, float] | None = None
 
     def numbers(
-        self, counts: Sequence[int], stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray
+        self, counts: Sequence[int], stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray | None = None
     ) -> np.ndarray:
-        """Parameters of :mod:`kaneflex.generated.spatial_shapes`.
+        """Parameters of :mod:`kaneflex.generated.spatial_shapes`; without ``cubic`` those in the plane.
 
         ``counts``: shapes of each kind but the last one. With the stiffness [N/m] and the damping [N s/m] of the modal
         coordinates, (count, count), and ``cubic`` (count, count, count), half of the third derivatives of the strain
         energy.
         """
-        count = self.N.shape[1]
+        count, laws = self.N.shape[1], planar if cubic is None else spatial
         ends = np.cumsum([0, *counts, count - sum(counts)])
-        of_kind = {kind: np.arange(*ends[k : k + 2]) for k, kind in enumerate(KINDS)}
+        of_kind = {kind: np.arange(*ends[k : k + 2]) for k, kind in enumerate(laws.KINDS)}
         Q, scale = self._shortening
         single, pair = self._sums | {"Q": Q, "K": np.diag(stiffness)}, self._growth | {"scale": scale, "C": damping}
-        sums = {kind: [single[name] for name in names] for kind, names in SINGLE.items()}
-        sums |= {kinds: [pair[name] for name in names] for kinds, names in PAIR.items()}
+        sums = {kind: [single[name] for name in names] for kind, names in laws.SINGLE.items()}
+        sums |= {kinds: [pair[name] for name in names] for kinds, names in laws.PAIR.items()}
         found = [np.array(counts, float), *in_reading_order(of_kind, sums)]
+        if cubic is None:
+            return np.concatenate(found)
         found.append(2.0 * cubic[np.ix_(*(of_kind[kind] for kind in CUBIC))].ravel())
         orders = {3: 2.0, 2: 1.0, 1: 1 / 3}  # by how many of the three shapes differ
         products = [(*of, orders[len({*of})] * cubic[of]) for of in combinations_with_replacement(of_kind["g"], 3)

@@ -196,9 +196,8 @@ class TreeBuilder:
         nodes that carry these; on, at (n_sections,), (n_sections, 3): node (-1: the ground) of every section and the
         place of its point in that node's axes; axis_on, axis_at (n_axes,), (n_axes, 3): the same of axes, in space;
         gravity (3,); K, C: stiffness and damping of the shapes of every body, (count, count), one after the other.
-        block: numbers of the bodies and their shapes, see ``kaneflex.generated.body``, in space ten of each body by
-        ``kaneflex.generated.spatial.BODY``, behind them those of ``kaneflex.generated.spatial_shapes``, and numbers of
-        stations.
+        block: numbers of each body by BODY of ``kaneflex.generated.joints`` or ``spatial``, behind them those of its
+        shapes by ``shapes`` or ``spatial_shapes``, and numbers of stations.
         """
         rows, points = list[tuple[int, ...]](), list[tuple[int, np.ndarray]]()
         for name, joint in self.mechanism.joints.items():
