@@ -149,7 +149,7 @@ def print_module(
     imports = [
         f"from kaneflex.generated import {beam} as beam",
         module_text.import_names(beam, ["ELEMENT_PARAMETERS", "LINK_SCALARS"]),
-        module_text.import_names(beam, [*imported, "element_matrices"]),
+        *([module_text.import_names(beam, imported)] * bool(imported)),
     ] if beam else []  # fmt: skip
     of_element = f"{{name: beam.OPERATIONS[name] for name in {imported!r}}}"
     of_element = "beam.OPERATIONS" if imported == ELEMENT_KERNELS else of_element

@@ -1,8 +1,8 @@
 """Modules of beam elements: the kernels of one element, printed once for each theory and for every scene.
 
 A structure's module imports what it offers of them. Assembly takes the affine form apart with the very kernels that a
-user imports, through ``element_matrices``: each is linear in the monomials of the motion's scalars, so that with one
-scalar at 1 and the others at 0 it gives the constant matrix before that scalar's monomial.
+user imports: each is linear in the monomials of the motion's scalars, so that with one scalar at 1 and the others at 0
+it gives the constant matrix before that scalar's monomial.
 """
 
 from __future__ import annotations
@@ -46,39 +46,39 @@ _ROTARY = {
 def element_texts() -> dict[str, str]:
     """Module -> its text, of all BEAMS and of the rows of their tables."""
     texts = {"rows": rows_text()}
+    scalars = module_text.import_called("rows", ["LINK_SCALARS"], texts["rows"])
     for module, options in BEAMS.items():
-        texts[module] = _text(module, beam_element(**options), texts)
+        element = beam_element(**options)
+        assert {(term.group, monomial(term.scalar)) for term in element.terms} == {
+            (group, factors) for _, group, _, factors in ELEMENT_TERMS
+        }, f"the terms of {module} are not those of the contract"
+        kernels = [element_kernel(name, element) for name in ELEMENT_KERNELS]
+        table = element_table("PLANAR", (row[:1] + row[2:] for row in element.parameters))
+        texts[module] = element_module(
+            "Matrices of one element of an elastic link", _about(element), table, emit.operations(kernels),
+            [kernel for kernel, _ in kernels], shared_tables(ELEMENT_TERMS, next(iter(BEAMS)), texts), [scalars],
+        )  # fmt: skip
     return texts
 
 
-def _text(module: str, element: Element, texts: Mapping[str, str]) -> str:
-    """Text of one module; those before it have the tables that it imports."""
-    assert {(term.group, monomial(term.scalar)) for term in element.terms} == {
-        (group, factors) for _, group, _, factors in ELEMENT_TERMS
-    }, f"the terms of {module} are not those of the contract"
-    kernels = [element_kernel(name, element) for name in ELEMENT_KERNELS]
-    counts = emit.operations(kernels)
-    blocks = emit.print_kernels((kernel for kernel, _ in kernels), Names({}))
-    data, imports = tables_of_all(ELEMENT_TERMS, next(iter(BEAMS)), texts)
-    return module_text.module(
-        "Matrices of one element of an elastic link",
-        _about(element),
-        [element_table("PLANAR", (row[:1] + row[2:] for row in element.parameters)), *data,
-         module_text.operations_table(counts)],
-        [*blocks, every_matrix(ELEMENT_TERMS, 6)],
-        [module_text.import_called("rows", ["LINK_SCALARS"], texts["rows"]), *imports],
-    )
+def element_module(
+    title: str, about: Iterable[str], parameters: str, counts: Mapping[str, tuple[int, int]],
+    kernels: Iterable[emit.Kernel], shared: tuple[list[str], list[str]], imports: Iterable[str],
+) -> str:  # fmt: skip
+    """Text of the module of one element, from its table of parameters, the operations of its kernels and these, and
+    what it shares with others of its kind: tables and imports."""
+    tables, imported = shared
+    tables = [parameters, *tables, module_text.operations_table(counts)]
+    printed = emit.print_kernels(kernels, Names({}))
+    return module_text.module(title, [*about, "", module_text.CHECKED], tables, printed, [*imports, *imported])
 
 
-def tables_of_all(
+def shared_tables(
     terms: Iterable[TermRow], first: str, texts: Mapping[str, str], more: Mapping[str, str] = MappingProxyType({})
 ) -> tuple[list[str], list[str]]:
-    """KERNELS, TERMS and ``more`` tables of a kind's elements: their texts in the first module, imports in others."""
-    data = {
-        **more,
-        "KERNELS": module_text.literal("KERNELS", ELEMENT_KERNELS, "what element_matrices stores, in its order"),
-        "TERMS": module_text.literal("TERMS", terms, "name, group, kernel that has it, factors of the scalar"),
-    }
+    """TERMS and ``more`` tables of a kind's elements: their texts in the first module, imports in others."""
+    comment = "name, group, kernel that has it, factors of the scalar"
+    data = {**more, "TERMS": module_text.literal("TERMS", terms, comment)}
     return ([], [module_text.import_called(first, data, texts[first])]) if first in texts else ([*data.values()], [])
 
 
@@ -118,21 +118,6 @@ def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
     return tuple((f"out[{i}{f', {j}' * (matrix.cols > 1)}]", matrix[i, j]) for i, j in places if matrix[i, j] != 0)
 
 
-def every_matrix(terms: Iterable[TermRow], size: int) -> str:
-    """The loop over elements of this size that calls every kernel."""
-    doc = (
-        "Every kernel of many elements, each at several scalars.\n\n"
-        "p: a row of ELEMENT_PARAMETERS an element. s: rows of LINK_SCALARS. out: zeros, elements x rows of s x\n"
-        f"KERNELS x {size} x {size}; of F the first row is stored."
-    )
-    lines, moving = list[str](), {kernel for _, _, kernel, factors in terms if factors}
-    for k, kernel in enumerate(ELEMENT_KERNELS):
-        arguments = "p[e], s[k]" if kernel in moving else "p[e]"
-        lines.append(f"        {kernel}({arguments}, out[e, k, {k}{', 0' * (kernel == 'F')}])")
-    loops = ["for e in range(p.shape[0]):", "    for k in range(s.shape[0]):"]
-    return module_text.function("element_matrices(p, s, out)", doc, [*loops, *lines])
-
-
 def in_letters(without: Collection[str] = ()) -> str:
     """The equations of an elastic link, perhaps without some groups of terms."""
     damping = {"damping": " + C_s", "gyroscopic": " + 2 omega G"}
@@ -147,6 +132,4 @@ def _about(element: Element) -> list[str]:
         f"    {in_letters()}",
         "    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2",
         *module_text.ROTARY * element.has("rho_I"),
-        "",
-        module_text.CHECKED,
     ]

@@ -9,7 +9,7 @@ axial tension bring such integrals, too. The x-z plane is the x-y plane with w' 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, zip_longest
 from math import prod
@@ -17,12 +17,11 @@ from math import prod
 from sympy import Expr, Poly, Rational, S, factor_terms
 
 from kaneflex.derive.elements.parameters import SPATIAL_BEAMS, SPATIAL_ELEMENT_TERMS, spatial_element_parameters
-from kaneflex.derive.elements.plane import every_matrix, tables_of_all
+from kaneflex.derive.elements.plane import element_module, shared_tables
 from kaneflex.derive.elements.shape_integrals import POWERS, s, shape_integrals_text
 from kaneflex.derive.elements.shapes import length, rho_A, x_0
 from kaneflex.derive.elements.shapes import x as along
 from kaneflex.derive.elements.slice import P_0, PARAMETERS, SCALARS, X, link_tension, rho_I_y, rho_I_z, slice_equations
-from kaneflex.derive.ir.names import Names
 from kaneflex.derive.ir.program import Program, share
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
@@ -226,30 +225,22 @@ def _strains(section: _Section) -> Iterator[tuple[str, str, Expr]]:
 
 def spatial_element_texts() -> dict[str, str]:
     """Module -> its text, of all SPATIAL_BEAMS and of the integrals that they add up."""
-    texts = {"shape_integrals": shape_integrals_text()}
-    for module, general in SPATIAL_BEAMS.items():
-        texts[module] = _text(_Section(general), texts)
-    return texts
-
-
-def _text(section: _Section, texts: Mapping[str, str]) -> str:
-    """Text of one module; those before it have what it imports."""
+    texts, integrals = {}, shape_integrals_text()
     scalars = {"LINK_SCALARS": module_text.literal("LINK_SCALARS", SPATIAL_LINK_SCALARS, "s: name, unit, meaning")}
-    data, imports = tables_of_all(SPATIAL_ELEMENT_TERMS, next(iter(SPATIAL_BEAMS)), texts, scalars)
-    integrals = texts["shape_integrals"]
-    built = [_kernel(name, section) for name in ELEMENT_KERNELS]
-    kernels = emit.print_kernels((kernel for kernel, _, _ in built), Names({}))
-    words = sorted({word for kernel, _, _ in built for call in kernel.calls for word in re.findall(r"\w+", call)})
-    called = [word for word in words if f"\n{word} = " in integrals or f"\ndef {word}(" in integrals]
-    counts = emit.operations([pair[:2] for pair in built])
-    counts = {name: tuple(count + built[k][2] for count in counts[name]) for k, name in enumerate(counts)}
-    return module_text.module(
-        "Matrices of one element of an elastic link in space",
-        _about(section),
-        [element_table("SPATIAL", section.parameters), *data, module_text.operations_table(counts)],
-        [*kernels, every_matrix(SPATIAL_ELEMENT_TERMS, 12)],
-        [module_text.import_called("shape_integrals", called, integrals), *imports],
-    )
+    for module, general in SPATIAL_BEAMS.items():
+        section = _Section(general)
+        built = [_kernel(name, section) for name in ELEMENT_KERNELS]
+        words = sorted({word for kernel, *_ in built for call in kernel.calls for word in re.findall(r"\w+", call)})
+        called = [word for word in words if f"\n{word} = " in integrals or f"\ndef {word}(" in integrals]
+        counts = emit.operations([pair[:2] for pair in built])
+        counts = {name: tuple(count + built[k][2] for count in counts[name]) for k, name in enumerate(counts)}
+        texts[module] = element_module(
+            "Matrices of one element of an elastic link in space", _about(section),
+            element_table("SPATIAL", section.parameters), counts, [kernel for kernel, *_ in built],
+            shared_tables(SPATIAL_ELEMENT_TERMS, next(iter(SPATIAL_BEAMS)), texts, scalars),
+            [module_text.import_called("shape_integrals", called, integrals)],
+        )  # fmt: skip
+    return {"shape_integrals": integrals, **texts}
 
 
 def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
@@ -296,6 +287,4 @@ def _about(section: _Section) -> list[str]:
         "    q = (u, v, w, theta_x, theta_y, theta_z) of both nodes",
         "    K_g by P = P_0 + int_0^X rho A (a_x - (omega_y^2 + omega_z^2) X) dX",
         f"Sections have the rotary inertia rho I_y, rho I_z and their sum about x: {turning}.",
-        "",
-        module_text.CHECKED,
     ]

@@ -10,7 +10,7 @@ import pytest
 import quadrature
 import sympy as sm
 from closed_forms import BENDING
-from interpreted import interpreted
+from interpreted import every_kernel, interpreted
 from quadrature import Y_PLANE
 from sympy import Matrix, Symbol, integrate, srepr, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
@@ -20,7 +20,7 @@ from kaneflex.derive.elements import slice as beam_slice
 from kaneflex.derive.elements.beam import a_x, a_y, beam_element, epsilon, omega
 from kaneflex.derive.elements.parameters import SPATIAL_BEAMS
 from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length, rho_A, x, x_0
-from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
+from kaneflex.support.contract import beam_module
 
 SIZES = {
     "rho_A": 1.1, "rho_I_y": 4e-5, "rho_I_z": 9e-5, "E_I_y": 1.5e3, "E_I_z": 3e3, "E_A": 3e7, "G_J": 800.0,
@@ -49,14 +49,10 @@ def uniform(p: dict[str, float]) -> dict[str, float]:
 
 
 def computed(name: str, parameters: dict[str, float], scalars: dict[str, float]) -> dict[str, np.ndarray]:
-    """Every kernel of a module, by ``element_matrices``."""
+    """Every kernel of a module."""
     found = interpreted(module(name))
-    p = np.array([[parameters.get(key, 0.0) for key, *_ in found.ELEMENT_PARAMETERS]])
-    s = np.array([[scalars.get(key, 0.0) for key, *_ in found.LINK_SCALARS]])
-    size = 12 if name in SPATIAL_BEAMS else 6
-    out = np.zeros((1, 1, len(ELEMENT_KERNELS), size, size))
-    found.element_matrices(p, s, out)
-    return {kernel: out[0, 0, k, 0] if kernel == "F" else out[0, 0, k] for k, kernel in enumerate(ELEMENT_KERNELS)}
+    p = np.array([parameters.get(key, 0.0) for key, *_ in found.ELEMENT_PARAMETERS])
+    return every_kernel(found, p, np.array([scalars.get(key, 0.0) for key, *_ in found.LINK_SCALARS]))
 
 
 def assert_equal(found, expected, tolerance=1e-13):

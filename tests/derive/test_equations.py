@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sm
 from command_line import cli, refused
+from interpreted import every_kernel
 from runs import model
 
 from kaneflex.derive.elements.beam import Term
@@ -21,7 +22,6 @@ from kaneflex.derive.printers.latex_printer import EquationPrinter, SymbolNames,
 from kaneflex.scene import read_scene
 from kaneflex.scene.structure import structure_hash, structure_of
 from kaneflex.scene.tables import evaluate_block
-from kaneflex.support.contract import ELEMENT_KERNELS
 
 SCENES = ("engine", "four-bar", "double-pendulum")
 
@@ -222,13 +222,12 @@ def test_printed_matrices_have_the_values_of_the_compiled_kernels():
     p = np.array([1.3, 0.7, 2.9, 0.41, 0.23])
     values = dict(zip([r"(\rho A)", "(EA)", "(EI)", r"\ell", "x_{0}"], p, strict=True))
     reader = Reader(values, {})
-    compiled = np.zeros((1, 6, len(ELEMENT_KERNELS), 6, 6))
-    module.element_matrices(p[None], np.eye(6, 5, -1), compiled)
+    compiled = [every_kernel(module, p, unit) for unit in np.eye(6, 5, -1)]
     scalars = ["", *(name for name, *_ in LINK_SCALARS)]
     left = {}
     for _, group, kernel, factors in module.TERMS:
-        matrix = compiled[0, scalars.index("".join(factors[:1])), ELEMENT_KERNELS.index(kernel)]
-        left[group, factors] = matrix[0, :, None].copy() if kernel == "F" else matrix.copy()
+        matrix = compiled[scalars.index("".join(factors[:1]))][kernel]
+        left[group, factors] = (matrix[:, None] if kernel == "F" else matrix).copy()
     for entry in element.terms:
         term, target = entry.name, entry.target
         name = rf"\mathbf{{{target}}}_{{\mathrm{{{term}}}}}".replace("_", r"\ ").replace(r"}\ {", "}_{")

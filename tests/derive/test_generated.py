@@ -14,7 +14,7 @@ import closed_forms as by_hand
 import numpy as np
 import pytest
 import sympy as sm
-from interpreted import interpreted
+from interpreted import every_kernel, interpreted
 from numba import njit
 from runs import model, shipped, short, solved
 
@@ -22,7 +22,7 @@ import kaneflex.generated
 from kaneflex.derive import __main__ as derive_all
 from kaneflex.derive.elements.parameters import BEAMS, ELEMENT_PARAMETERS, LINK_SCALARS, SPATIAL_BEAMS
 from kaneflex.derive.generate import generate
-from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, element_matrices, motion, tabulate
+from kaneflex.generated.engine import C, F, K_d, K_g, K_s, M, motion, tabulate
 from kaneflex.multibody.model.module_loading import find_laws_module, find_module
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.structure import laws_hash, structure_hash
@@ -238,7 +238,7 @@ def test_operations_stated_are_those_printed(name):
     """Counted anew in the text: operators and calls; a sign and a store are free, a lookup in a table is one call."""
     defined = functions(name)
     if module(name).LINKS:
-        defined |= functions(module(name).element_matrices.__module__.rpartition(".")[2])
+        defined |= functions(module(name).M.__module__.rpartition(".")[2])
     for kernel, (_, stated) in module(name).OPERATIONS.items():
         nodes = list(ast.walk(defined[kernel]))
         calls = [node for node in nodes if isinstance(node, ast.Call)]
@@ -290,13 +290,11 @@ def test_kernels_are_sums_of_their_terms():
     """With each scalar at 1 in its turn they give the matrices that weigh the monomials of TERMS."""
     p, s = random_point(0)
     scalar = {name: (k, value) for k, ((name, *_), value) in enumerate(zip(LINK_SCALARS, s, strict=True), start=1)}
-    units, out = np.eye(6, 5, -1), np.zeros((1, 6, 6, 6, 6))
-    element_matrices(p[None], units, out)
+    units = [every_kernel(module("engine"), p, unit) for unit in np.eye(6, 5, -1)]
     totals = {name: np.zeros(6) if name == "F" else np.zeros((6, 6)) for name in KERNELS}
     for _, _, kernel, factors in module("engine").TERMS:
         row = scalar[factors[0]][0] if factors else 0
-        matrix = out[0, row, ELEMENT_KERNELS.index(kernel)]
-        totals[kernel] += np.prod([scalar[factor][1] for factor in factors]) * (matrix[0] if kernel == "F" else matrix)
+        totals[kernel] += np.prod([scalar[factor][1] for factor in factors]) * units[row][kernel]
     for name, total in totals.items():
         assert_equal(computed(name, p, s), total)
 

@@ -230,9 +230,6 @@ def test_every_kernel_of_a_module_is_checked():
     ("motion", (0.0, np.zeros(19), np.zeros(9)), r"motion: s has shape \(9,\)"),
     ("motion", (0.0, np.full(19, 30.0), np.zeros(33)), "does not hold the whole table of loads.gas.table"),
     ("tabulate", (np.zeros(3), np.zeros(19), np.zeros((2, 33))), "out has 2 rows for 3 times"),
-    ("element_matrices", (np.zeros((3, 4)), np.zeros((1, 5)), np.zeros((3, 1, 6, 6, 6))), r"p has shape \(3, 4\)"),
-    ("element_matrices", (np.zeros((3, 5)), np.zeros((1, 5)), np.zeros((2, 1, 6, 6, 6))), "out has 2 rows for 3 p"),
-    ("element_matrices", (np.zeros((3, 5)), np.zeros((2, 5)), np.zeros((3, 1, 6, 6, 6))), "out has 1 rows for 2 s"),
 ])  # fmt: skip
 def test_what_would_be_read_beyond_its_end_is_refused(kernel, arguments, message):
     with pytest.raises((TypeError, ValueError), match=message):

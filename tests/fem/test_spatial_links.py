@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from interpreted import every_kernel
 from places import DATA
 from scipy.linalg import eig, eigh
 
@@ -71,16 +72,15 @@ def test_terms_add_up_to_the_kernels(theory):
     of = link(3, section, theory=theory)
     scalars = {name: float(rng.uniform(-40, 40)) for name, *_ in SPATIAL_LINK_SCALARS}
     p = np.column_stack([of.parameters[name] for name, *_ in module(theory).ELEMENT_PARAMETERS])
-    out = np.zeros((3, 1, 6, 12, 12))
-    module(theory).element_matrices(p, np.array([list(scalars.values())]), out)
-    for k, (name, kernel) in enumerate({"M": "M", "K_s": "K_s", "K_d": "K_d", "K_g": "K_g", "C_d": "C"}.items()):
+    out = [every_kernel(module(theory), of_element, np.array(list(scalars.values()))) for of_element in p]
+    for name, kernel in {"M": "M", "K_s": "K_s", "K_d": "K_d", "K_g": "K_g", "C_d": "C"}.items():
         total = np.zeros((24, 24))
         for e in range(3):
-            total[6 * e : 6 * e + 12, 6 * e : 6 * e + 12] += out[e, 0, k]
+            total[6 * e : 6 * e + 12, 6 * e : 6 * e + 12] += out[e][kernel]
         assert matrix(of, name, **scalars) == pytest.approx(total, rel=1e-12, abs=1e-12 * abs(total).max()), kernel
     load = np.zeros((24, 1))
     for e in range(3):
-        load[6 * e : 6 * e + 12, 0] += out[e, 0, 5, 0]
+        load[6 * e : 6 * e + 12, 0] += out[e]["F"]
     assert matrix(of, "F", **scalars) == pytest.approx(load, rel=1e-12, abs=1e-12 * abs(load).max())
 
 

@@ -29,8 +29,6 @@ class MechanismKernels(Protocol):
 
 _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
 """Name endings of the numbers in p that hold the start of a table."""
-_ROWS = {"tabulate": ("times",), "element_matrices": ("p", "s")}
-"""Kernel -> the arguments with one row per row of out, by out's axes."""
 _PLACES = {"x": "i", "out": "k"}
 """Argument -> the argument that holds the start of a kernel's numbers in it."""
 
@@ -80,8 +78,6 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     element: dict[str, Shape] = {"p": (count,), "s": (len(module.LINK_SCALARS),)}
     found |= {name: element | {"out": (nodes, nodes)} for name in ELEMENT_KERNELS if name != "F"}
     found["F"] = element | {"out": (nodes,)}
-    rows: dict[str, Shape] = {"p": (-1, count), "s": (-1, len(module.LINK_SCALARS))}
-    found["element_matrices"] = rows | {"out": (-1, -1, len(ELEMENT_KERNELS), nodes, nodes)}
     if not hasattr(module, "FREE"):  # a module of elements, or of laws with the element of its links
         return found
     numbers = {"p": (len(module.PARAMETERS),)}
@@ -102,7 +98,7 @@ def _of_laws(module: ModuleType) -> dict[str, Shape]:
 def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Callable[..., None]:
     kernel = getattr(module, name)
     signature = inspect.signature(kernel.py_func)
-    numbers = () if name in (*ELEMENT_KERNELS, "element_matrices") else module.PARAMETERS
+    numbers = () if name in ELEMENT_KERNELS else module.PARAMETERS
     tables = [k for k, (path, _) in enumerate(numbers) if path.endswith(_TABLES)]
 
     @functools.wraps(kernel.py_func)
@@ -113,9 +109,8 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
                 place = given.get(_PLACES.get(argument, ""))
                 wanted = shape if place is None else (place + shape[0],)
                 _check(f"{name}: {argument}", given[argument], wanted, longer=argument == "p" or place is not None)
-        for axis, rows in enumerate(_ROWS.get(name, ())):
-            if given["out"].shape[axis] < len(given[rows]):
-                raise ValueError(f"{name}: out has {given['out'].shape[axis]} rows for {len(given[rows])} {rows}")
+        if "times" in given and len(given["out"]) < len(given["times"]):
+            raise ValueError(f"{name}: out has {len(given['out'])} rows for {len(given['times'])} times")
         for k in tables:
             _check_table(f"{name}: p", given["p"], module.PARAMETERS[k][0], given["p"][k])
         kernel(*arguments)

@@ -3,14 +3,14 @@
 Parameters, scalars and terms of elements are in ``kaneflex.derive.elements.parameters``; modules of beams contain them.
 """
 
-FORMAT = 3
+FORMAT = 4
 """Version of the generated modules' layout, part of the structure hash: old modules are not used with a new layout."""
 
 COURSES = ("angle_table", "speed_table", "acceleration_table")
 """Parameters with the place in p of a free joint's motion, which the runtime integrates first."""
 
 ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
-"""Kernels of an element, in the order in which ``element_matrices`` stores what they compute for many elements."""
+"""Kernels of an element."""
 
 AXES = "xyz"
 
@@ -36,7 +36,7 @@ REQUIRED_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
     "FREE", "motion", "tabulate",
 )  # fmt: skip
-"""Attributes of every structure's module; with elastic links also ``element_matrices`` and the kernels of the terms."""
+"""Attributes of every structure's module; with elastic links also the kernels of the terms."""
 
 LAWS_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "DRIVES", "OBSERVED", "LOADS", "OPERATIONS", "courses", "magnitudes",
