@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, symbols
+from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, prod, symbols
 
-from kaneflex.derive.elements.parameters import LINK_SCALARS, element_parameters
+from kaneflex.derive.elements.parameters import ELEMENT_TERMS, LINK_SCALARS, element_parameters
 from kaneflex.derive.elements.shapes import (
     E_I,
     PARAMETERS,
@@ -43,18 +43,11 @@ _IN_PLANE = {SCALARS[2]: omega, SCALARS[5]: epsilon}
 """Motion about z of a slice with the coordinates _NODE."""
 MOTION = (omega, epsilon, a_x, a_y)
 
-# A term's name and group follow from where Kane's equations put it: (matrix, monomial of the motion).
-KANE_TERMS = {
-    ("M", S.One): ("mass", "inertia"),
-    ("C", omega): ("gyroscopic", "gyroscopic"),
-    ("K", omega**2): ("spin", "spin"),
-    ("K", epsilon): ("euler", "euler"),
-    ("F", omega**2): ("centrifugal_load", "load"),
-    ("F", epsilon): ("euler_load", "load"),
-    ("F", a_x): ("load_x", "load"),
-    ("F", a_y): ("load_y", "load"),
+TERMS = {
+    (kernel, prod((Symbol(each, real=True) for each in factors), S.One)): (name, group)
+    for name, group, kernel, factors in ELEMENT_TERMS
 }
-TENSION_TERMS = {P_0: "tension_origin", a_x: "tension_acceleration", omega**2: "tension_spin"}
+"""Kernel and monomial of the motion, where Kane's equations put a term -> its name and group."""
 
 Quantity = tuple[str, Symbol, str, str]
 Affine = dict[tuple[str, Expr], ImmutableMatrix]
@@ -96,7 +89,7 @@ class Element:
 
 
 def inertia_terms(shape: ShapeFunctions, section: Section) -> tuple[Term, ...]:
-    """The inertia's terms in the order of KANE_TERMS.
+    """The inertia's terms in the order of TERMS.
 
     Matrices S before a slice's coordinates R q, u, v and theta, are R^T S R before those of the element, integrated.
     """
@@ -107,10 +100,10 @@ def inertia_terms(shape: ShapeFunctions, section: Section) -> tuple[Term, ...]:
         right = matrix.xreplace(here) * (R if matrix.cols > 1 else ImmutableMatrix([[1]]))
         whole = (R.T * right).applyfunc(integral).expand()
         if not whole.is_zero_matrix:
-            found[target, monomial.xreplace(_IN_PLANE)] = whole
-    unknown = found.keys() - KANE_TERMS.keys()
+            found[target.replace("K", "K_d"), monomial.xreplace(_IN_PLANE)] = whole
+    unknown = found.keys() - TERMS.keys()
     assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
-    return tuple(Term(*named, *key, found[key]) for key, named in KANE_TERMS.items() if key in found)
+    return tuple(Term(*named, key[0][0], key[1], found[key]) for key, named in TERMS.items() if key in found)
 
 
 def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
@@ -163,8 +156,9 @@ def geometric_terms(powers: Sequence[Expr], moments: Sequence[ImmutableMatrix]) 
     """
     whole = sum((c * of for c, of in zip(powers, moments, strict=True)), ImmutableMatrix.zeros(*moments[0].shape))
     found = by_monomials(whole.expand(), (P_0, *MOTION))
-    assert found.keys() == TENSION_TERMS.keys(), f"the tension's terms are not the named ones: {list(found)}"
-    return tuple(Term(name, "geometric", "K", scalar, found[scalar].expand()) for scalar, name in TENSION_TERMS.items())
+    named = {scalar: of for (kernel, scalar), of in TERMS.items() if kernel == "K_g"}
+    assert found.keys() == named.keys(), f"the tension's terms are not the named ones: {list(found)}"
+    return tuple(Term(*of, "K", scalar, found[scalar].expand()) for scalar, of in named.items())
 
 
 @cache

@@ -61,25 +61,6 @@ def element_parameters(rotary: bool, shear: bool, varying: bool) -> tuple[tuple[
     return found + VARYING_ROTARY_PARAMETERS * (varying and rotary) + SHEAR_PARAMETERS * shear
 
 
-ELEMENT_TERMS = (
-    ("mass", "inertia", "M", ()),
-    ("gyroscopic", "gyroscopic", "C", ("omega",)),
-    ("spin", "spin", "K_d", ("omega", "omega")),
-    ("euler", "euler", "K_d", ("epsilon",)),
-    ("centrifugal_load", "load", "F", ("omega", "omega")),
-    ("euler_load", "load", "F", ("epsilon",)),
-    ("load_x", "load", "F", ("a_x",)),
-    ("load_y", "load", "F", ("a_y",)),
-    ("stiffness", "elastic", "K_s", ()),
-    ("tension_origin", "geometric", "K_g", ("P_0",)),
-    ("tension_acceleration", "geometric", "K_g", ("a_x",)),
-    ("tension_spin", "geometric", "K_g", ("omega", "omega")),
-    ("viscous", "damping", "", ()),
-)
-"""Terms of every element's affine form: name, group, kernel that contains the term, factors of the scalar before its
-constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel of its
-own: it is the M of translation in K_d, with mu for rho A."""
-
 _DENSITIES = (
     ("rho_A", "kg/m", "mass per length"),
     ("rho_I_y", "kg m", "rotary inertia per length about the section's y, rho int z^2 dA"),
@@ -135,7 +116,17 @@ SPATIAL_ELEMENT_TERMS = (
     *((f"tension_spin_{i}{i}", "geometric", "K_g", _omega(i, i)) for i in "yz"),
     ("viscous", "damping", "", ()),
 )
-"""Affine form of every spatial element: name, group, kernel, factors of the scalar, as ``ELEMENT_TERMS``."""
+"""Terms of every spatial element's affine form: name, group, kernel that contains the term, factors of the scalar
+before its constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel
+of its own: it is the M of translation in K_d, with mu for rho A."""
+
+_OUT_OF_PLANE = {"omega_x", "omega_y", "epsilon_x", "epsilon_y", "a_z"}
+ELEMENT_TERMS = tuple(
+    (name.removesuffix("_zz").removesuffix("_z"), group, kernel, tuple(each.removesuffix("_z") for each in factors))
+    for name, group, kernel, factors in SPATIAL_ELEMENT_TERMS
+    if not _OUT_OF_PLANE & {*factors}
+)
+"""Those of every planar element, which turns about z alone."""
 
 BEAMS = {
     "beam_euler_bernoulli": {"rotary": False, "shear": False, "varying": False},
