@@ -11,8 +11,8 @@ Import its modules, not names of the package: the printer of C needs no SymPy. O
 Modules that all structures share are printed once. Each has one function that returns its text:
 
     elements.plane, elements.space       kernels of one beam element, for each theory
-    bodies.kernels                       kernels of a body that deforms by shapes, in both, and their proof
-    laws.joints                          rigid bodies, joints and springs in the plane and in space
+    bodies.kernels                       kernels of bodies that deform by shapes; their proof
+    laws.joints                          rigid bodies, joints and springs
     laws.contact, laws.friction          contacts and dry friction
     printers.functions_text, rows        functions that kernels call; rows of modules' tables
 

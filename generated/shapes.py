@@ -115,7 +115,7 @@ def shaped_demand(p, o, count, w, k, q, v, b, i, out, n, h):
 @njit(**WITHIN)
 def shaped_inertia(p, o, count, q, i, out, n):
     """Add what shapes change of a body's mass matrix at out[n], which is symmetric; store behind it what couples them to
-    it, a row for each component of a twist, and their own, (count, count), all row by row."""
+    it, a momentum per rate of each shape, and their own, (count, count), all row by row."""
     coupling, modal = n + 9, n + 9 + 3 * count
     to_u = int(p[o])
     to_v = count
@@ -136,9 +136,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
             H_z_vq += p[o] * q[i + l]
             o += 2
         J_zz = J_zz_0 + J_zz_uq
-        out[coupling + j] = P_x_0
-        out[coupling + 1 * count + j] = 0.0
-        out[coupling + 2 * count + j] = H_z_vq
+        out[coupling + 3 * j] = P_x_0
+        out[coupling + 3 * j + 1] = 0.0
+        out[coupling + 3 * j + 2] = H_z_vq
         S_x += P_x_0 * q_j
         I_zz += q_j * (J_zz + J_zz_0)
     for j in range(to_u, to_v):
@@ -155,9 +155,9 @@ def shaped_inertia(p, o, count, q, i, out, n):
             out[modal + count * j + l] = M_l
             o += 4
         H_z = H_z_0 + H_z_uq
-        out[coupling + j] = P_x_vq
-        out[coupling + 1 * count + j] = P_y_0
-        out[coupling + 2 * count + j] = H_z
+        out[coupling + 3 * j] = P_x_vq
+        out[coupling + 3 * j + 1] = P_y_0
+        out[coupling + 3 * j + 2] = H_z
         S_x += 0.5 * P_x_vq * q_j
         S_y += P_y_0 * q_j
         I_zz += J_zz_vq * q_j

@@ -488,7 +488,7 @@ def shaped_demand(p, o, count, w, k, q, v, b, i, out, n, h, room, z):
 @njit(**IN_ORDER)
 def shaped_inertia(p, o, count, q, i, out, n, room, z):
     """Add what shapes change of a body's mass matrix at out[n], which is symmetric; store behind it what couples them to
-    it, a row for each component of a twist, and their own, (count, count), all row by row.
+    it, a momentum per rate of each shape, and their own, (count, count), all row by row.
 
     Room at room[z]: two numbers for each shape."""
     coupling, modal = n + 36, n + 36 + 6 * count
@@ -520,12 +520,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
         J_yy = J_yy_0 + J_yy_uq
         J_zx = -0.5 * H_y_wq
         J_xy = 0.5 * H_z_vq
-        out[coupling + j] = P_x_0
-        out[coupling + 1 * count + j] = 0.0
-        out[coupling + 2 * count + j] = 0.0
-        out[coupling + 3 * count + j] = 0.0
-        out[coupling + 4 * count + j] = H_y_wq
-        out[coupling + 5 * count + j] = H_z_vq
+        out[coupling + 6 * j] = P_x_0
+        out[coupling + 6 * j + 1] = 0.0
+        out[coupling + 6 * j + 2] = 0.0
+        out[coupling + 6 * j + 3] = 0.0
+        out[coupling + 6 * j + 4] = H_y_wq
+        out[coupling + 6 * j + 5] = H_z_vq
         S_x += P_x_0 * q_j
         I_yy += q_j * (J_yy + J_yy_0)
         I_zz += q_j * (J_yy + J_yy_0)
@@ -557,12 +557,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
         J_zz = J_xx_vq + J_yy_vq
         J_zx = -0.5 * H_y_tq
         J_xy = -0.5 * H_z_uq + J_xy_0
-        out[coupling + j] = P_x_vq
-        out[coupling + 1 * count + j] = P_y_0
-        out[coupling + 2 * count + j] = 0.0
-        out[coupling + 3 * count + j] = H_x_wq
-        out[coupling + 4 * count + j] = H_y_tq
-        out[coupling + 5 * count + j] = H_z
+        out[coupling + 6 * j] = P_x_vq
+        out[coupling + 6 * j + 1] = P_y_0
+        out[coupling + 6 * j + 2] = 0.0
+        out[coupling + 6 * j + 3] = H_x_wq
+        out[coupling + 6 * j + 4] = H_y_tq
+        out[coupling + 6 * j + 5] = H_z
         room[z + 2 * j] = Q_0
         room[z + 2 * j + 1] = scale_vq
         S_x += 0.5 * P_x_vq * q_j
@@ -601,12 +601,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
         J_zz = -J_xx_wq + J_yy_wq
         J_zx = 0.5 * H_y_uq + J_zx_0
         J_xy = 0.5 * H_z_tq
-        out[coupling + j] = P_x_wq
-        out[coupling + 1 * count + j] = 0.0
-        out[coupling + 2 * count + j] = P_z_0
-        out[coupling + 3 * count + j] = H_x_vq
-        out[coupling + 4 * count + j] = H_y
-        out[coupling + 5 * count + j] = H_z_tq
+        out[coupling + 6 * j] = P_x_wq
+        out[coupling + 6 * j + 1] = 0.0
+        out[coupling + 6 * j + 2] = P_z_0
+        out[coupling + 6 * j + 3] = H_x_vq
+        out[coupling + 6 * j + 4] = H_y
+        out[coupling + 6 * j + 5] = H_z_tq
         room[z + 2 * j] = Q_0
         room[z + 2 * j + 1] = scale_wq
         S_x += 0.5 * P_x_wq * q_j
@@ -641,12 +641,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
             o += 6
         J_zx = -0.5 * H_y_vq + X_y_vq
         J_xy = 0.5 * H_z_wq - X_z_wq
-        out[coupling + j] = P_x_tq
-        out[coupling + 1 * count + j] = 0.0
-        out[coupling + 2 * count + j] = 0.0
-        out[coupling + 3 * count + j] = H_x_0
-        out[coupling + 4 * count + j] = H_y_vq
-        out[coupling + 5 * count + j] = H_z_wq
+        out[coupling + 6 * j] = P_x_tq
+        out[coupling + 6 * j + 1] = 0.0
+        out[coupling + 6 * j + 2] = 0.0
+        out[coupling + 6 * j + 3] = H_x_0
+        out[coupling + 6 * j + 4] = H_y_vq
+        out[coupling + 6 * j + 5] = H_z_wq
         room[z + 2 * j + 1] = scale_tq
         S_x += 0.5 * P_x_tq * q_j
         I_yy += J_yy_tq * q_j
@@ -690,12 +690,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
         J_yz = J_yz_0 + J_yz_gq
         J_zx = J_zx_0 + J_zx_gq
         J_xy = J_xy_0 + J_xy_gq
-        out[coupling + j] = P_x
-        out[coupling + 1 * count + j] = P_y
-        out[coupling + 2 * count + j] = P_z
-        out[coupling + 3 * count + j] = H_x
-        out[coupling + 4 * count + j] = H_y
-        out[coupling + 5 * count + j] = H_z
+        out[coupling + 6 * j] = P_x
+        out[coupling + 6 * j + 1] = P_y
+        out[coupling + 6 * j + 2] = P_z
+        out[coupling + 6 * j + 3] = H_x
+        out[coupling + 6 * j + 4] = H_y
+        out[coupling + 6 * j + 5] = H_z
         S_x += 0.5 * q_j * (P_x + P_x_0)
         S_y += 0.5 * q_j * (P_y + P_y_0)
         S_z += 0.5 * q_j * (P_z + P_z_0)
@@ -706,12 +706,12 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
         I_zx += q_j * (J_zx + J_zx_0)
         I_xy += q_j * (J_xy + J_xy_0)
     for j in range(to_u, to_v):
-        out[coupling + 5 * count + j] += scale * room[z + 2 * j]
+        out[coupling + 6 * j + 5] += scale * room[z + 2 * j]
     for j in range(to_v, to_w):
-        out[coupling + 4 * count + j] -= scale * room[z + 2 * j]
+        out[coupling + 6 * j + 4] -= scale * room[z + 2 * j]
     for j in range(to_u, to_t):
-        out[coupling + 4 * count + j] += room[z + 2 * j + 1] * T_z
-        out[coupling + 5 * count + j] -= room[z + 2 * j + 1] * T_y
+        out[coupling + 6 * j + 4] += room[z + 2 * j + 1] * T_z
+        out[coupling + 6 * j + 5] -= room[z + 2 * j + 1] * T_y
     I_xy -= T_y * scale
     I_zx -= T_z * scale
     out[n + 4] += S_z

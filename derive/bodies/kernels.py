@@ -204,11 +204,11 @@ def _wrench(kinds: Kinds, zero: Zeros) -> tuple[Values, sm.Matrix]:
 
 def _inertia(kinds: Kinds) -> str:
     """Mass matrix beyond that of the rigid body, d (force, moment, rows) / d (a, epsilon, b)."""
-    momenta = [(*P, *H)[k] for k in kinds.twist]
+    momenta, size = [(*P, *H)[k] for k in kinds.twist], len(kinds.twist)
 
     def of_shape(shape: Shape) -> tuple[list[str], Values]:
         lines, of = _grown(shape)
-        stores = [f"out[coupling{f' + {k} * count' if k else ''} + j] = {code(of.get(name, sm.S.Zero))}"
+        stores = [f"out[{emit.offset(f'coupling + {size} * j', k)}] = {code(of.get(name, sm.S.Zero))}"
                   for k, name in enumerate(momenta)]  # fmt: skip
         total = _first_and_second(shape, of) | increments(shape, rates=False, accelerations=False)
         return [*lines, *stores, *kept(shape)], total
@@ -219,7 +219,7 @@ def _inertia(kinds: Kinds) -> str:
         return [f"out[modal + count * j + l] = {code(mass)}"] if mass != 0 else []
 
     body, zero = _summed(kinds, of_shape, of_pair)
-    S, size = _vector("S"), len(kinds.twist)
+    S = _vector("S")
     arm = sm.Matrix([[0, -S[2], S[1]], [S[2], 0, -S[0]], [-S[1], S[0], 0]])
     whole = sm.BlockMatrix([[sm.zeros(3, 3), -arm], [arm, _matrix("I")]]).as_explicit().xreplace(zero)
     return _kernel(kinds, "shaped_inertia(p, o, count, q, i, out, n", _INERTIA, [
@@ -336,7 +336,7 @@ w[k]: omega, acceleration of the origin less gravity, epsilon, in the body's axe
 at q[i], their rates at v[i], accelerations at b[i], their rows at h[i]."""
 _INERTIA = """\
 Add what shapes change of a body's mass matrix at out[n], which is symmetric; store behind it what couples them to
-it, a row for each component of a twist, and their own, (count, count), all row by row."""
+it, a momentum per rate of each shape, and their own, (count, count), all row by row."""
 _ENERGY = """\
 Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of
 the rigid body; w[k]: velocity of the origin and omega in the body's axes."""

@@ -143,7 +143,7 @@ def _of_body(text: str, kinds: Kinds, shapes: tuple[str, str]) -> Comparisons:
 
     out = [zero] * (D + 2) ** 2
     kernels["shaped_inertia"](p, 0, 2, q, 0, out, 0, *room)
-    blocks = (range(D), range(D)), (range(D), range(D, D + 2)), (range(D, D + 2), range(D, D + 2))
+    blocks = (range(D), range(D)), (range(D, D + 2), range(D)), (range(D, D + 2), range(D, D + 2))
     whole = [M[kept[j]][kept[k]] for rows, columns in blocks for j in rows for k in columns]
     yield "shaped_inertia", out[: len(whole)], whole
 

@@ -74,7 +74,7 @@ def of_demand() -> list[str]:
 
 def of_inertia() -> list[str]:
     """Statements of shaped_inertia behind its loops."""
-    y, z = "out[coupling + 4 * count + j]", "out[coupling + 5 * count + j]"
+    y, z = "out[coupling + 6 * j + 4]", "out[coupling + 6 * j + 5]"
     rows = {"v": f"{z} += scale * {_Q}", "w": f"{y} -= scale * {_Q}"}
     return _loops(rows, [f"{y} += {_BY} * T_z", f"{z} -= {_BY} * T_y"]) + grow(_of_inertia())
 

@@ -126,7 +126,7 @@ ELEMENT_TERMS = tuple(
     for name, group, kernel, factors in SPATIAL_ELEMENT_TERMS
     if not _OUT_OF_PLANE & {*factors}
 )
-"""Those of every planar element, which turns about z alone."""
+"""Terms of every planar element, which turns about z alone."""
 
 BEAMS = {
     "beam_euler_bernoulli": {"rotary": False, "shear": False, "varying": False},

@@ -168,7 +168,7 @@ def test_a_bar_of_shapes(axial, transverse):
         joints.inertia(p, 7, parts, 2)
         shapes.shaped_inertia(p, 7 + own, count, q_4, 4, parts, 2)
         I, E, L = np.split(parts[2:], [9, 9 + 3 * count])
-        E = E.reshape(3, count)
+        E = E.reshape(count, 3).T
         assert_equal(np.array([*out[2:], *rows[4:]]), forces)
         assert_equal(np.block([[I.reshape(3, 3), E], [E.T, L.reshape(count, count)]]), mass)
         u, energies, rigid = np.array([*motion[:3], *v]), np.zeros(4), np.zeros(9)
@@ -285,7 +285,7 @@ def test_a_cube_of_shapes(count):
         matrix = np.zeros(size + count**2)
         spatial.inertia(p, 0, matrix, 0)
         spatial_shapes.shaped_inertia(p, 10, count, q, 0, matrix, 0, room, 0)
-        couples = matrix[36:size].reshape(6, count)
+        couples = matrix[36:size].reshape(count, 6).T
         whole = np.block([[matrix[:36].reshape(6, 6), couples], [couples.T, matrix[size:].reshape(count, count)]])
         forces, mass = cube_by_hand(dm, N, G, q, v, b, w.reshape(3, 3))
         forces[6:] += stiffness * q + damping @ v + np.einsum("jkl,k,l->j", cubic, q, q)

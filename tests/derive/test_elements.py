@@ -18,7 +18,6 @@ from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame
 import kaneflex
 from kaneflex.derive.elements import slice as beam_slice
 from kaneflex.derive.elements.beam import a_x, a_y, beam_element, epsilon, omega
-from kaneflex.derive.elements.parameters import SPATIAL_BEAMS
 from kaneflex.derive.elements.shapes import beam_section, beam_shape, integral, length, rho_A, x, x_0
 from kaneflex.support.contract import beam_module
 

@@ -159,7 +159,7 @@ def mass_matrix(shapes, q):
     matrix, room = np.zeros(36 + 6 * count + count**2), np.zeros(2 * count)
     spatial.inertia(p, 0, matrix, 0)
     spatial_shapes.shaped_inertia(p, 10, count, q, 0, matrix, 0, room, 0)
-    E = matrix[36 : 36 + 6 * count].reshape(6, count)
+    E = matrix[36 : 36 + 6 * count].reshape(count, 6).T
     return np.block([[matrix[:36].reshape(6, 6), E], [E.T, matrix[36 + 6 * count :].reshape(count, count)]])
 
 

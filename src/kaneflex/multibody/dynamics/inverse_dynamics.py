@@ -150,7 +150,7 @@ def inertias(m):
         _turn_rows(m, n, I)
         E = after(m.E, m.bodies[b, COUPLING])
         for j in range(shapes):
-            E[j] = to_global(m, n, _column(m, d * d + j, shapes))
+            E[j] = to_global(m, n, own[d + j])
         for j in range(shapes * shapes):
             m.L[m.bodies[b, SQUARE] + j] = x[d * (d + shapes) + j]
 
@@ -209,20 +209,8 @@ def _turn_rows_in_space(m, n, I):
             I[half + i] = axpy(c, rows[2], axpy(b, rows[1], scaled(a, rows[0])))
 
 
-@njit(**OPTIONS)
-def _column(m, k, step):
-    """Numbers at x[k], one for each component of a twist, so many apart."""
-    return m.x[k], m.x[k + step], m.x[k + 2 * step]
-
-
-@njit(**OPTIONS)
-def _column_in_space(m, k, step):
-    x = m.x
-    return x[k], x[k + step], x[k + 2 * step], x[k + 3 * step], x[k + 4 * step], x[k + 5 * step]
-
-
 rigid_inertia, _add_shapes = by_size(rigid_inertia, _rigid_inertia_in_space), by_size(_add_shapes, _add_shapes_in_space)
-_turn_rows, _column = by_size(_turn_rows, _turn_rows_in_space), by_size(_column, _column_in_space)
+_turn_rows = by_size(_turn_rows, _turn_rows_in_space)
 
 
 @njit(**OPTIONS)
