@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
-import math
 import platform
 import random
 import subprocess
@@ -74,7 +73,8 @@ RANDOM: dict[str, dict[str, tuple[float, str]]] = {
 }
 """Scenes with random numbers: entry -> number and unit, of which each case has a half to twice as much."""
 SECONDS = 20.0
-"""For the brute force of a scene: half of it for first runs, the rest for repeats."""
+"""For the brute force of a scene: half of it for first runs, the rest for repeats; as much for repeats of the fastest,
+of which there is one round at least."""
 LIMIT = 600.0
 NEAR = 1.3
 """Ratio of times up to which a chosen model is about as fast as the cheapest one."""
@@ -167,7 +167,7 @@ def _beside_brute_force(
     good = {of: [each for each in total if trials[of].tried[each].within] for of in chosen}
     # on a slow machine all have been repeated once: those between which a ratio decides are repeated together
     close = (each for found in good.values() for each in sorted(found, key=total.__getitem__)[:CLOSE])
-    total |= _medians(runs.repeats([*dict.fromkeys((*chosen.values(), *close))], math.inf))
+    total |= _medians(runs.repeats([*dict.fromkeys((*chosen.values(), *close))], clock() + SECONDS))
     rows = {}
     for tolerance, candidate in chosen.items():
         differences = trials[tolerance].tried[candidate].differences
