@@ -19,20 +19,21 @@ from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
-    BENDING, BORE, BOUNCE, CLOSED, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, LIMIT, MAY,
-    MODE, NODES, OPEN, RESISTING_MASS, ROUNDED, SLIP, SLIP_RATE, STICKING, TOUCH, UNSURE,
+    BENDING, BORE, BOUNCE, CLOSED, COLUMNS, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, KEPT, LIMIT,
+    MAY, MODE, NODES, OPEN, PIVOTS, REACTION, RESISTING_MASS, ROUNDED, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
+    UNSURE, VIRTUAL, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.chosen_motion import UNEVEN, nothing, settle
-from kaneflex.multibody.unilateral.factors import pressing
+from kaneflex.multibody.unilateral.factors import pressing, prescribe_now, row_in, turns
 from kaneflex.multibody.unilateral.frictions import (
     CLOSE, WRONG, dry, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
     LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, idle, is_second, law_at, magnitude, product,
-    row_at,
-    second, strikes, way,
+    row_at, second, strikes, way,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along, correct_drift, respond
 
@@ -42,10 +43,10 @@ STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
 TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
-_IMMOBILE = 1e-13
-"""Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
 _EASED = 0.9
 """Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
+_IMMOBILE = 1e-13
+"""Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
 _ALIGNED = 1e-10
 """Angle [rad] between the slip after an impact in space and the impulse against it."""
 _DIRECTIONS = 20
@@ -153,12 +154,42 @@ def _change(m, n, A):
     mode, force = m.w[at(m, n) + MODE], m.w[at(m, n) + FORCE]
     if n >= 0:
         m.w[at(m, n) + MODE] = CLOSED if mode == OPEN else OPEN
-    elif second(m, n):
+    elif second(m, n) and not strikes(m):
         return _stick_or_slip(m, n, A)
     elif mode == STICKING:
-        slip(m, n, -force, 0.0)
+        slip(m, n, -force, -across(m, n, FORCE))
+    elif second(m, n) and m.w[at(m, n) + SLIP] > 0.0:
+        return _turn_all(m, A)
     else:
         stick(m, n)
+    return True
+
+
+@njit(**OPTIONS)
+def _turn_all(m, A):
+    """Turn all frictions that slip in tangent planes after an impact to where they move (Newton's method); False:
+    singular.
+
+    One after the other they would converge slowly where they slip at a small share of the speeds before. For this step
+    the row across a slip is viscous: its force, a share of the limit, is that of its speed, a share of the slip's.
+    """
+    apart()
+    w, answer = m.w, m.plan[COLUMNS] + m.plan[COORDINATES] * m.plan[KEPT]
+    for n in range(-frictions(m), 0):
+        if second(m, n) and w[at(m, n) + MODE] == SLIPPING and w[at(m, n) + LIMIT] > nothing(m, n):
+            w[at(m, second(m, n)) + MODE] = STICKING
+    if not factorise_now(m, A):
+        return False
+    for i in range(m.plan[COORDINATES]):
+        A[answer + i] = 0.0
+    prescribe_now(m, A)
+    solve_closed(m, A, m.plan[PIVOTS])
+    for r in range(m.plan[KEPT] + m.plan[VIRTUAL], m.plan[KEPT] + m.pivots[YIELDING]):
+        if turns(m, row_in(m, r)):
+            w[at(m, row_in(m, r)) + FORCE] = A[m.plan[REACTION] + r]
+    for n in range(-frictions(m), 0):
+        if second(m, n) and w[at(m, n) + MODE] == SLIPPING:
+            slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
     return True
 
 

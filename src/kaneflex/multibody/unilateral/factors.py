@@ -20,21 +20,24 @@ from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.codes import NOTHING
 from kaneflex.multibody.model.layout import (
     ACROSS, ALONG, BENDING, BOUNCE, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, DECIDES, FLOWING, FORCE, GAP_ACCEL, KEPT,
-    LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING, STICKING, STIFF,
-    TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, RESISTING_MASS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING,
+    STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, dry, joint_wrench, normal_force, row_of, sliding_size
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
-    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contacts, frictions, idle, law_at, magnitude, on_contact, rests, rigid,
-    row_at, strikes, way,
+    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contacts, frictions, idle, is_second, law_at, magnitude, on_contact,
+    rests, rigid, row_at, strikes, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
 """Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
 _SOFTEST = 1e3
 """Factor on it at a small force limit."""
+_DISTRIBUTED = 1e-8
+"""Compliance of a rigid contact, as a share of its response without friction: rounding errors of redundant forces are
+those of speeds, divided by it."""
 
 
 @njit(**OPTIONS)
@@ -142,17 +145,28 @@ def largest_limit(m, rows, A):
 
 
 @njit(**OPTIONS)
+def turns(m, n):
+    """True for the row across the slip of a friction in a tangent plane that slips."""
+    return n < 0 and is_second(m, n) and m.w[at(m, int(m.w[law_at(m, n) + 1])) + MODE] == SLIPPING
+
+
+@njit(**OPTIONS)
 def compliance(m, n, h, r, size, A, largest):
     """Compliance of row n in the factors, their r-th of ``size``; ``largest``: see :func:`largest_limit`.
 
-    Almost zero for sticking friction, and without effect after iterative refinement. For redundant rows it determines
-    the distribution of force: in proportion to their limits. In a tangent plane it is the same in all directions.
+    Almost zero for rigid contacts and sticking friction, and without effect after iterative refinement. For redundant
+    rows it determines the distribution of force: of contacts whatever the modes of frictions, of these in proportion to
+    their limits. In a tangent plane it is the same in all directions.
     """
     k, own, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], m.plan[SCHUR]
     if n >= 0 and rigid(m, n):
-        return _SOFT * own + 0.0 * h
+        return _DISTRIBUTED / m.w[k + RESISTING_MASS] + 0.0 * h
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
+    if turns(m, n):
+        A[m.plan[WANTED] + frictions(m) - 1 - n] = 0.0 * h
+        along = int(m.w[law_at(m, n) + 1])
+        return magnitude(m, along, SLIP) / m.w[at(m, along) + LIMIT] + 0.0 * h
     for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
         if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
             own += A[diagonal + (size + 1) * q]
@@ -303,4 +317,3 @@ def _bearing_by_reaction(m, n, row):
     total = dot(one, one_by) / larger(math.sqrt(dot(one, one)), 1e-300)
     total += dot(two, two_by) / larger(math.sqrt(dot(two, two)), 1e-300)
     return m.w[law_at(m, n) + ARM] * total if m.acts[act_of(m, n), WHAT] == TURN else total
-

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _NONE = np.zeros(0)
 
+
 @dataclass(frozen=True)
 class Impact:
     """A contact from its closing to its opening.
