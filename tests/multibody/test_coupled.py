@@ -76,7 +76,7 @@ def test_joint_forces_balance_the_piston():
     motion = solution.motion.moving
     mass = solution.model.scene.bodies["piston"].mass
     a_x = motion.body("piston")[2][0]
-    gap = mass * a_x + solution.rigid["gas"] - motion.reactions["wrist.force_x"]
+    gap = mass * a_x + solution.rigid["gas"] - motion["wrist.force_x"]
     assert abs(gap).max() < 1e-6 * abs(mass * a_x).max()
 
 
@@ -168,7 +168,7 @@ def test_a_spring_and_its_damper_hold_the_cart():
     slide, speed, accel = (part[0] for part in motion.body("cart"))
     pull = solution.series["pull"].values
     assert pull == pytest.approx(2000 * slide + 4 * speed, abs=1e-9)
-    foot = motion.reactions["foot.force_x"]
+    foot = motion["foot.force_x"]
     assert 2.0 * accel == pytest.approx(3 * np.sin(20 * solution.times) - pull - foot, abs=1e-7)
     energy = solution.energy
     assert energy.dissipated[-1] > 1e-3 * energy.strain.max() > 0

@@ -100,7 +100,7 @@ def test_shear_does_not_jump_beside_a_joint():
     motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion.moving
     sections = balanced(motion)["strip"]
     c, s = np.cos(motion.body("strip")[0][2]), np.sin(motion.body("strip")[0][2])
-    force = [motion.reactions[f"hinge.force_{axis}"] for axis in "xy"]
+    force = [motion[f"hinge.force_{axis}"] for axis in "xy"]
     across = c * force[1] - s * force[0]
     beside, quiet = (found.section(1e-6)[1] for found in (sections, sections.quiet))
     assert abs(across + quiet).max() > 1e-4  # what rings has a share in it

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self, cast
 
 import numpy as np
@@ -16,15 +15,8 @@ from kaneflex.mechanism.body_frame import Rates, applied, turning
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import GROUND, BodyPoint, wrapped
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody.model.layout import FORCE_AT
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
-
-_FRAME = {
-    "x": (0, 0), "y": (0, 1), "phi": (0, 2), "v_x": (1, 0), "v_y": (1, 1), "omega": (1, 2), "a_x": (2, 0),
-    "a_y": (2, 1), "epsilon": (2, 2),
-}  # fmt: skip
-"""Scalar of a body's frame -> order of the rate, row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,42 +50,18 @@ class FloatingMotion(DeformingMotion):
     # ---- scalars by name --------------------------------------------------------------------------------------
 
     def __getitem__(self, name: str) -> np.ndarray:
-        (owner, _, key), mechanism = name.rpartition("."), self.mechanism
-        if name in self.reactions:
-            return self.reactions[name]
-        if owner in mechanism.springs:
-            return self._spring(owner, key)
-        if owner in mechanism.contacts:
-            row = len(self.system.engine.holds) + [*mechanism.contacts].index(owner)
-            return self.instants.touching[:, row, FORCE_AT if key == "force" else 0]
-        if name in mechanism.loads:
-            return self.instants.sizes[:, [*mechanism.loads].index(name)]
-        if owner in mechanism.bodies and key in _FRAME:
-            order, row = _FRAME[key]
-            return self.body(owner)[order][row]
-        if owner in mechanism.bodies and key in ("c", "s"):
-            return (np.cos if key == "c" else np.sin)(self.body(owner)[0][2])
+        owner, _, key = name.rpartition(".")
+        if name in self.system.scalars:
+            return self.record[:, self.system.scalars[name].column]
+        if key in ("c", "s") and owner in self.mechanism.bodies:
+            return (np.cos if key == "c" else np.sin)(self[f"{owner}.phi"])
+        if key == "drive":  # of a free one
+            return np.zeros(len(self.times))
         body, _, link = owner.rpartition(".")
         if link == "link" and key in ("a_x", "a_y"):
-            specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(mechanism.gravity)[:, None]
+            specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.mechanism.gravity)[:, None]
             return self.frame(body).to_body(specific_force)["xy".index(key[-1])]
         return self.rigid[name]
-
-    @cached_property
-    def reactions(self) -> dict[str, np.ndarray]:
-        """Reactions of all joints and forces or torques of drives, zero for free ones; series (n_times,)."""
-        system, frictions = self.system, self.mechanism.frictions
-        found = dict(zip(system.constraints, self.record[:, system.record.forces].T, strict=True))
-        first, none = len(system.engine.holds) - len(frictions), np.zeros(len(self.times))
-        rubbing = {f"{name}.friction": self.instants.touching[:, k, FORCE_AT]
-                   for k, name in enumerate(frictions, first)}  # fmt: skip
-        return {f"{name}.drive": none for name in self.mechanism.drives} | found | rubbing
-
-    def _spring(self, name: str, key: str) -> np.ndarray:
-        """Torque of a torsional spring, tension of another one, or a component of its force on its second point."""
-        springs = self.mechanism.springs
-        found = self.instants.springs[:, [*springs].index(name)]
-        return found[:, 1 if key == "tension" or not springs[name].ends else 2 + "xy".index(key[-1])]
 
     # ---- frames and sections ----------------------------------------------------------------------------------
 

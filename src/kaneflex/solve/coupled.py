@@ -17,7 +17,6 @@ from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_instant
 from kaneflex.multibody.model.independent_speeds import choose_for_all
-from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
@@ -93,10 +92,9 @@ def repeated(
 
 def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
     """Equations of a cycle, and the state that it is searched from."""
+    system, start = model.coupled_system, beginning(model) if near is None or model.scene.is_spatial else near
     if model.coupled is not None:
-        return prepare(model.coupled, near or beginning(model))
-    system = model.motion.module.system
-    start = start_of(system)
+        return prepare(system, start)
     equations = Equations(system, start.choice)
     if not equations.shapes.all():
         return equations, start
@@ -139,21 +137,20 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 
 
 def _beginning(model: Model) -> State:
-    from kaneflex.solve.engine_loading import given_state
-
-    system, scene, asked, in_plane = model.coupled_system, model.scene, model.options.start, model.coupled is not None
-    start = undeformed(model, np.zeros(1))[0] if in_plane else start_of(system)
-    if asked == "given":
-        start = _given(model, start) if in_plane else given_state(system, given_start(scene), start)
-    if in_plane:
-        _check_turns(model, start)
+    asked, in_space, duration = model.options.start, model.coupled_in_space, model.options.duration
+    if in_space is not None:
+        start = in_space.first
+        equations = Equations(model.coupled_system, start.choice)
+        return slow_state(equations, start, duration) if asked == "quasistatic" else start
+    start = undeformed(model, np.zeros(1))[0]
+    start = _given(model, start) if asked == "given" else start
+    _check_turns(model, start)
     if asked == "quasistatic":
-        if in_plane and scene.free_joints:
-            reason = f"{scene.free_joints[0]} is free and has no equilibrium"
+        if model.scene.free_joints:
+            reason = f"{model.scene.free_joints[0]} is free and has no equilibrium"
             raise SceneError("solve.start", asked, reason, "Start from zero")
-        found = prepare(system, start) if in_plane else (Equations(system, start.choice), start)
-        return slow_state(*found, model.options.duration)
-    if in_plane and asked != "given":
+        return slow_state(*prepare(model.coupled_system, start), duration)
+    if asked != "given":
         _check_speeds(model, start)
     return start
 

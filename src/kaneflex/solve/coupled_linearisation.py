@@ -14,9 +14,9 @@ from kaneflex.integrate.system import Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import no_modes
 from kaneflex.multibody.model.independent_speeds import choose
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
 from kaneflex.multibody.time.neighbours import Neighbours
+from kaneflex.multibody.time.spatial_motion import CoupledKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
 from kaneflex.response.sensors import sensor_values

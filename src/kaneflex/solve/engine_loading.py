@@ -33,14 +33,19 @@ from kaneflex.multibody.model.determinacy import (
 )  # fmt: skip
 from kaneflex.multibody.model.independent_speeds import choose
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.spatial_coupled import CoupledKinematics, before_run
 from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.curves import Followed, Standing
 from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
+from kaneflex.multibody.time.spatial_motion import (
+    CoupledKinematics,
+    SpatialKinematics,
+    SpatialModule,
+    SpatialMotion,
+    before_run,
+)  # fmt: skip
 from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting, limits_modes, modes_of, without_poses
@@ -68,7 +73,7 @@ def bind(scene: Scene, options: Options, progress: Progress) -> tuple[Model, tup
 
 def _in_space(scene: Scene, options: Options, progress: Progress) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     scene, coupled = acting(scene, options), options.dynamics == "coupled"
-    system, derived = (_coupled_system if coupled else _rigid_system)(scene, options, progress)
+    system, derived = _system(scene, options, progress)
     compiled = compiled_by(progress, system.engine.compile)
     motion = _bound(system, scene, options)
     if not motion.is_start:
@@ -92,7 +97,7 @@ def _in_the_plane(
     _check_poses(posed, mechanism.size, placement)
     if spare:
         check_held_twice(mechanism, placement, spare)
-    coupled, derived = _coupled_system(scene, options, progress)
+    coupled, derived = _system(scene, options, progress)
     motion = rigid_reference(coupled, placement)
     compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
     check_freedoms(coupled, placement)
@@ -109,14 +114,11 @@ def _in_the_plane(
     return replace(model, coupled=coupled), tuple(_all_modes(scene)), seconds
 
 
-def _coupled_system(scene: Scene, options: Options, progress: Progress) -> tuple[System, float]:
-    """System of deforming bodies, and the seconds of derivation; memory is checked before shapes are computed."""
-    check_memory(mechanism_of(scene), options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
-    return build_system(scene, progress, int(options.modes), options.elements)
-
-
-def _rigid_system(scene: Scene, options: Options, progress: Progress) -> tuple[System, float]:
-    """System of rigid bodies in space, and the seconds of derivation."""
+def _system(scene: Scene, options: Options, progress: Progress) -> tuple[System, float]:
+    """System, of deforming bodies under preset coupled, and the seconds of derivation."""
+    if options.dynamics == "coupled":  # memory is checked before shapes are computed
+        check_memory(mechanism_of(scene), options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
+        return build_system(scene, progress, int(options.modes), options.elements)
     found = build_system(scene, progress)
     check_memory(mechanism_of(scene), options, len(SpatialModule(found[0]).SCALARS))
     return found
@@ -210,8 +212,8 @@ def _bound(system: System, scene: Scene, options: Options) -> SpatialKinematics:
     module, start = SpatialModule(system), start_of(system)
     check_bearings(system, start)
     if options.dynamics == "coupled":
-        start = given_state(system, given_start(scene), start) if options.start == "given" else start
-        return with_open_reactions(before_run(module, start), scene.sensors, options)
+        first = _given_state(system, given_start(scene), start) if options.start == "given" else start
+        return with_open_reactions(before_run(module, start, first), scene.sensors, options)
     if module.FREE:
         return with_open_reactions(_standing(module, start), scene.sensors, options)
     motion = SpatialKinematics(module, system.parameters, Followed(system, start))
@@ -278,7 +280,7 @@ def _before(system: System, sensor: Sensor) -> Iterator[str]:
             yield from (f"{name}.force", f"{name}.moment")
 
 
-def given_state(system: System, tables: Start, start: State) -> State:
+def _given_state(system: System, tables: Start, start: State) -> State:
     """Initial state with the coordinates and rates that the scene gives; whole turns of drives are removed.
 
     Raises SceneError as :func:`kaneflex.solve.initial.closed_state`.

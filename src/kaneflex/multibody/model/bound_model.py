@@ -30,9 +30,8 @@ from kaneflex.support.sparse_rows import SparseRows
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
     from kaneflex.mechanism.kernels import Kernels
-    from kaneflex.multibody.model.spatial_coupled import CoupledKinematics
     from kaneflex.multibody.model.system import System
-    from kaneflex.multibody.time.spatial_motion import SpatialKinematics
+    from kaneflex.multibody.time.spatial_motion import CoupledKinematics, SpatialKinematics
 
 
 REACHED = {"rad": 1e-3, "m": 1e-5}

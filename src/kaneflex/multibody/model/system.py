@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType, ModuleType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.joints import course, drive_reaction, reactions
 from kaneflex.mechanism.planar import whole_turns
+from kaneflex.mechanism.spatial_frame import AXES
 from kaneflex.multibody.dynamics.arrays import Columns, Work
 from kaneflex.multibody.engine import Engine
 from kaneflex.multibody.model import layout as at
@@ -28,6 +29,22 @@ BODY = 3
 """Coordinates x, y, phi of every body in the plane, before its modal ones."""
 _STEP = 1e-30
 """Complex step [s] that gives rates: so small that it changes no position."""
+_MOTION = (
+    tuple(zip(("x", "y", "phi", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon"),
+              ("m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2"), strict=True)),
+    tuple((f"{part}{axis}", unit) for part, unit, axes in (
+        ("", "m", "xyz"), ("axes_", "1", AXES), ("v_", "m/s", "xyz"), ("omega_", "rad/s", "xyz"),
+        ("a_", "m/s^2", "xyz"), ("epsilon_", "rad/s^2", "xyz")) for axis in axes),
+)  # fmt: skip
+"""Names and units of the scalars of a body's start and axes, in the plane and in space, in the order of the record."""
+
+
+class Scalar(NamedTuple):
+    """Scalar of a motion: its unit, its meaning, and its column of the record."""
+
+    unit: str
+    meaning: str
+    column: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +171,41 @@ class System:
     def constraints(self) -> tuple[str, ...]:
         """Names of the reactions."""
         return tuple(name for name, *_ in self.reactions)
+
+    @cached_property
+    def scalars(self) -> dict[str, Scalar]:
+        """Scalars in the record by their names: of loads, bodies, joints, springs, contacts and friction."""
+        return {name: Scalar(unit, meaning, int(column)) for name, unit, meaning, column in self._scalars()}
+
+    def _scalars(self) -> Iterator[tuple[str, str, str, int]]:
+        mechanism, kept, held = self.mechanism, self.engine.numbered, len(self.engine.holds)
+        for (name, load), column in zip(mechanism.loads.items(), kept.sizes[0], strict=True):
+            yield name, load.unit, "magnitude of the load", column
+        parts = (kept.r, kept.R, kept.twist, kept.rate) if self.in_space else (kept.r, kept.twist, kept.rate)
+        for body in mechanism.bodies:
+            columns = np.concatenate([part[0, self.layout.node_of[body]].ravel() for part in parts])
+            for (name, unit), column in zip(_MOTION[self.in_space], columns, strict=True):
+                yield f"{body}.{name}", unit, "of the body's start and axes, global", column
+        for reaction, column in zip(self.reactions, self.record.forces, strict=True):
+            yield *reaction, column
+        rows = iter(kept.springs[0])
+        for name, spring in sorted(mechanism.springs.items(), key=lambda each: each[1].is_bushing):  # as in the record
+            for (part, unit), row in zip(spring.scalars, rows, strict=False):
+                yield f"{name}.{part}", unit, "of the spring and its damper", row[1]
+                for axis, column in zip("xy", row[2:4], strict=True) if spring.ends and not self.in_space else ():
+                    yield f"{name}.force_{axis}", "N", "of the spring on its second point, global", column
+        touching, own = kept.touching[0], held - len(mechanism.frictions)
+        for (name, contact), row in zip(mechanism.contacts.items(), touching[held:], strict=False):
+            units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
+            yield f"{name}.gap", units[0], "of the contact", row[0]
+            yield f"{name}.force", units[1], "of the contact", row[at.FORCE_AT]
+        for name, row in zip(mechanism.frictions, touching[own:held], strict=True):
+            unit = "N m" if mechanism.turns_at(name) else "N"
+            yield f"{name}.friction", unit, "of friction on its second body", row[at.FORCE_AT]
+        faces = [name for name in mechanism.frictions if name in mechanism.contacts]
+        for name, row in zip(faces, touching[:own], strict=False):  # in space alone
+            for axis, column in zip("xyz", row[:3], strict=True):
+                yield f"{name}.friction_{axis}", "N", "of friction on its second body, global", column
 
     # ---- in the plane: frames of the bodies -----------------------------------------------------------------------
 

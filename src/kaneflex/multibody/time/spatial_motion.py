@@ -1,4 +1,5 @@
-"""Rigid motion of a mechanism in space at any instants: prescribed, or integrated from its start."""
+"""Motion of a mechanism in space at any instants: prescribed, or integrated from its start; under preset coupled with
+its rigid reference."""
 
 from __future__ import annotations
 
@@ -11,25 +12,17 @@ import numpy as np
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint
-from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.model.independent_speeds import least_singular_values
-from kaneflex.multibody.model.layout import FORCE_AT
+from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.model.assembly import rigid_system
+from kaneflex.multibody.model.independent_speeds import choose, least_singular_values
+from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import ComputedModule, System
 from kaneflex.multibody.model.tree_layout import COORDINATE
-from kaneflex.multibody.time.curves import Curve, Standing
+from kaneflex.multibody.time.curves import Beside, Curve, Followed, Standing
 from kaneflex.multibody.time.revolutions import Counts
 from kaneflex.multibody.time.sections import DeformingMotion
 
-_XYZ = "xyz"
-_BODY = (
-    *(("", axis, "m", "place of the body's start, global") for axis in _XYZ),
-    *(("axes_", name, "1", "of the body's axes, global") for name in AXES),
-    *(("v_", axis, "m/s", "velocity of the body's start, global") for axis in _XYZ),
-    *(("omega_", axis, "rad/s", "angular velocity, global") for axis in _XYZ),
-    *(("a_", axis, "m/s^2", "acceleration of the body's start, global") for axis in _XYZ),
-    *(("epsilon_", axis, "rad/s^2", "angular acceleration, global") for axis in _XYZ),
-)
 _STEPS = 500
 """Least number of steps of a run in which turns are counted: a joint at rest at both ends may have turned between."""
 _AT_ONCE = 1024
@@ -63,26 +56,10 @@ class SpatialModule(ComputedModule):
     @cached_property
     def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
         """Name, unit and meaning of the tabulated scalars."""
-        mechanism = self.system.mechanism
-        found = []
-        for name in self.coordinates:
-            unit = "m" if mechanism.joints[name].kind == "prismatic" else "rad"
-            found.append((f"{name}.angle", unit, "coordinate of the joint"))
-        found += [(name, load.unit, "magnitude of the load") for name, load in mechanism.loads.items()]
-        for body in mechanism.bodies:
-            found += [(f"{body}.{head}{tail}", unit, meaning) for head, tail, unit, meaning in _BODY]
-        found += self.system.reactions
-        for name, spring in mechanism.springs.items():
-            found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
-        for name, contact in mechanism.contacts.items():
-            units = ("rad", "N m") if contact.kind == "angle" else ("m", "N")
-            found += [(f"{name}.gap", units[0], "of the contact"), (f"{name}.force", units[1], "of the contact")]
-        for name in mechanism.frictions:
-            unit = "N m" if mechanism.turns_at(name) else "N"
-            found.append((f"{name}.friction", unit, "of friction on its second body"))
-        for name in mechanism.frictions:
-            if name in mechanism.contacts:
-                found += [(f"{name}.friction_{axis}", "N", "of friction on its second body, global") for axis in _XYZ]
+        slides = [self.system.mechanism.joints[name].kind == "prismatic" for name in self.coordinates]
+        found = [(f"{name}.angle", "m" if slide else "rad", "coordinate of the joint")
+                 for name, slide in zip(self.coordinates, slides, strict=True)]  # fmt: skip
+        found += [(name, each.unit, each.meaning) for name, each in self.system.scalars.items()]
         return (*found, *self.more)
 
     @cached_property
@@ -147,7 +124,7 @@ class SpatialKinematics(RigidKinematics):
             record = self.curve.record(times)
         for first in range(0, len(times), _AT_ONCE):
             part = order[first : first + _AT_ONCE]
-            out[part] = self._scalars(times[part], self.curve.rows(times[part]) if record is None else record[part])
+            out[part] = self._scalars(self.curve.rows(times[part]) if record is None else record[part])
         return SpatialMotion(self, times, out, record)
 
     def _close(self, motion: SpatialMotion) -> None:
@@ -159,27 +136,14 @@ class SpatialKinematics(RigidKinematics):
             columns = [self.column[f"{name}.angle"] for name in self._turning]
             motion.values[:, columns] = self._counts.over(motion.times, *self._angles(motion))
 
-    def _scalars(self, times: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Scalars of rows at ascending ``times`` [s], without coordinates of joints that close loops."""
-        system, module, count = self.module.system, self.module, len(times)
-        found, mechanism = system.engine.instants(rows), system.mechanism
-        nodes = [system.layout.node_of[name] for name in mechanism.bodies]
-        bodies = (found.r[:, nodes], found.R[:, nodes].reshape(count, len(nodes), 9),
-                  *(part[:, nodes] for part in (found.v, found.omega, found.a, found.e)))  # fmt: skip
-        columns = [self._coordinate(name, found.q) for name in module.coordinates]
-        tensions = found.springs[:, :, 1].T
-        straight = sum(not spring.is_bushing for spring in mechanism.springs.values())
-        springs, bushings = iter(tensions[:straight, None]), iter(tensions[straight:].reshape(-1, 6, count))
-        pulls = [row for spring in mechanism.springs.values()
-                 for row in next(bushings if spring.is_bushing else springs)]  # fmt: skip
-        held, own = len(system.engine.holds), len(system.engine.holds) - len(mechanism.frictions)
-        rows = found.touching[:, held : held + len(mechanism.contacts)]
-        return np.hstack([
-            _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1),
-            found.exerted.reshape(count, -1), found.along[:, system.engine.prescribed], _side_by_side(pulls, count),
-            rows[:, :, [0, FORCE_AT]].reshape(count, -1), found.touching[:, own:held, FORCE_AT],
-            found.touching[:, :own, :3].reshape(count, -1),
-        ])  # fmt: skip
+    def _scalars(self, rows: np.ndarray) -> np.ndarray:
+        """Scalars of records, without coordinates of joints that close loops."""
+        system, found = self.module.system, np.zeros((len(rows), len(self.column) - len(self.module.more)))
+        q, coordinates = system.engine.instants(rows).q, self.module.coordinates
+        for k, name in enumerate(coordinates):
+            found[:, k] = self._coordinate(name, q)
+        found[:, len(coordinates) :] = rows[:, [each.column for each in system.scalars.values()]]
+        return found
 
     @cached_property
     def _turning(self) -> list[str]:
@@ -258,6 +222,63 @@ class SpatialKinematics(RigidKinematics):
 
 
 @dataclass(frozen=True, eq=False)
+class CoupledKinematics(SpatialKinematics):
+    """Motion of deforming bodies: their axes and shapes. Before a run bodies are undeformed, and follow the drives or,
+    with free joints, are at their start.
+
+    Attributes
+    ----------
+    first : State
+        Initial state of a run, as the scene gives it.
+    rigid : SpatialKinematics
+        Motion of the rigid mechanism with the same positions of free joints.
+    """
+
+    first: State
+    rigid: SpatialKinematics
+
+    def along(self, curve: Curve) -> CoupledKinematics:
+        """This mechanism with another motion."""
+        engine, rigid = self.module.system.engine, self.rigid
+        counts = len(engine.layout.positions), engine.size
+        q, u = (np.setdiff1d(np.arange(count), modal) for count, modal in zip(counts, engine.modal, strict=True))
+
+        def near(times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            found = engine.instants(curve.rows(times))
+            return found.q[:, q], found.u[:, u], found.du[:, u]
+
+        beside = Beside(rigid.module.system, replace(rigid.curve.start, t=curve.start.t), near)
+        beside.turned = curve.turned
+        return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
+
+    def states(self, system: System, times: np.ndarray) -> list[State]:
+        """States at ``times`` [s] with zero shapes at rest: by the drives if these prescribe them, else by the motion.
+        """
+        if not self.module.FREE:
+            return list(map(Followed(system, start_of(system)), times.tolist()))
+        return [self._at_rest(system, self.curve(t)) for t in times.tolist()]
+
+    def _at_rest(self, system: System, found: State) -> State:
+        """State with zero shapes at rest."""
+        q, u = found.q.copy(), found.u.copy()
+        coordinates, speeds = system.engine.modal
+        q[coordinates] = u[speeds] = 0.0
+        return system.project(found.t, q, u, choose(system, q, prefer=True))
+
+
+def before_run(module: SpatialModule, start: State, first: State) -> CoupledKinematics:
+    """Motion of a coupled system as far as it is known before a run, from its undeformed ``start`` and its ``first``
+    state."""
+    system, p = module.system, module.system.parameters
+    alone = rigid_system(system.mechanism, system.module, p, coupled=True)
+    rigid = SpatialKinematics(SpatialModule(alone), p, Followed(alone, start_of(alone)))
+    if not module.FREE:
+        return CoupledKinematics(module, p, Followed(system, start), first, rigid)
+    found = CoupledKinematics(module, p, Standing(system, first), first, rigid)
+    return found.along(found.curve)
+
+
+@dataclass(frozen=True, eq=False)
 class SpatialMotion(DeformingMotion):
     """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
 
@@ -309,8 +330,3 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
     at = motion.bare.at(times[[values.argmin()]])
     told = {name: float(at[f"{name}.angle"][0]) for name in system.mechanism.drives if f"{name}.angle" in motion.column}
     return [Closing(", ".join(system.layout.cuts), False, values, system.mechanism.written(told))]
-
-
-def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:
-    """Series as columns, (count, n)."""
-    return np.array(columns).reshape(-1, count).T
