@@ -23,8 +23,8 @@ from kaneflex.generated import shapes
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.compile.types import N, Z
+from kaneflex.multibody.model.initial_state import start_of
 from kaneflex.multibody.model.layout import STICKING, Kind
-from kaneflex.multibody.model.spatial_initial_state import start_of
 
 COUPLED = "solve.preset=coupled"
 # A motor by a law of its speed; a chain; one free axis; a table of gas over a cycle that is found first; a clearance;

@@ -22,8 +22,8 @@ from kaneflex.mechanism.spatial import SpatialBody
 from kaneflex.mechanism.spatial_frame import at_point
 from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.bound_model import keep_terms
+from kaneflex.multibody.model.initial_state import start_of
 from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_module
-from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.tree_layout import COORDINATE, SPEED
 from kaneflex.plots.sensors import grouped
 

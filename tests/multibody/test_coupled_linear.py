@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import kaneflex
 from kaneflex import SceneError, modes, read_scene, scene_of, with_settings
 from kaneflex.mechanism.spatial_frame import rotation_rates
-from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.initial_state import start_of
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time import linearisation
 from kaneflex.multibody.time.linearisation import Equations, spin_of

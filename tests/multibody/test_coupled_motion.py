@@ -14,8 +14,8 @@ from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import by_themselves
+from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.response.dalembert import Balance, balanced
-from kaneflex.response.floating_motion import FloatingMotion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_result

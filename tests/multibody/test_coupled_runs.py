@@ -19,8 +19,7 @@ import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.time.dense_output import Pieces
-from kaneflex.multibody.time.trajectory import by_themselves
+from kaneflex.multibody.time.trajectory import Pieces, by_themselves
 from kaneflex.report.summary import summarise
 from kaneflex.solve.coupled import beginning
 from kaneflex.solve.simulation import solve

@@ -8,7 +8,7 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from kaneflex.multibody.dynamics.rotation_vectors import spin
-from kaneflex.multibody.time.dense_output import rates_of_turns
+from kaneflex.multibody.time.trajectory import rates_of_turns
 
 Record = namedtuple("Record", "y u du")
 STENCIL, STEP = np.array([1, -8, 0, 8, -1]) / 12.0, 2e-3

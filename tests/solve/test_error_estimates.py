@@ -14,7 +14,7 @@ import kaneflex
 from kaneflex import load, with_settings
 from kaneflex.cli import main
 from kaneflex.multibody.model import assembly
-from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.initial_state import choose
 from kaneflex.multibody.time import shooting
 from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections
 from kaneflex.solve.error_stages import Read

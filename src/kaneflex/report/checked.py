@@ -98,8 +98,7 @@ def _times(model: Model) -> np.ndarray:
 def _mobility(model: Model) -> Blocks:
     if model.in_space is not None:
         from kaneflex.multibody.model.assembly import rigid_system
-        from kaneflex.multibody.model.independent_speeds import choose
-        from kaneflex.multibody.model.spatial_initial_state import start_of
+        from kaneflex.multibody.model.initial_state import choose, start_of
 
         system = model.in_space.module.system
         if system.engine.shapes.any():  # shapes are no freedoms of joints

@@ -16,7 +16,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_instant
-from kaneflex.multibody.model.independent_speeds import choose_for_all
+from kaneflex.multibody.model.initial_state import choose_for_all
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
@@ -27,7 +27,7 @@ from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.response.floating_motion import FloatingMotion
+from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import SavedState, closed_state, given_start, laid_state, state_after
 from kaneflex.solve.quasistatic import slow_state
@@ -93,10 +93,8 @@ def repeated(
 def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
     """Equations of a cycle, and the state that it is searched from."""
     system, start = model.coupled_system, beginning(model) if near is None or model.scene.is_spatial else near
-    if model.coupled is not None:
-        return prepare(system, start)
-    equations = Equations(system, start.choice)
-    if not equations.shapes.all():
+    equations, start = prepare(system, start)
+    if model.coupled is not None or not equations.shapes.all():
         return equations, start
     times = (near or start).t + np.linspace(0.0, model.options.duration, _POSITIONS)
     choice = choose_for_all(system, np.array([state.q for state in undeformed(model, times)]))
@@ -137,21 +135,20 @@ _BEGINNINGS: Kept[Model, State] = Kept()
 
 
 def _beginning(model: Model) -> State:
-    asked, in_space, duration = model.options.start, model.coupled_in_space, model.options.duration
+    asked, in_space = model.options.start, model.coupled_in_space
     if in_space is not None:
         start = in_space.first
-        equations = Equations(model.coupled_system, start.choice)
-        return slow_state(equations, start, duration) if asked == "quasistatic" else start
-    start = undeformed(model, np.zeros(1))[0]
-    start = _given(model, start) if asked == "given" else start
-    _check_turns(model, start)
-    if asked == "quasistatic":
-        if model.scene.free_joints:
+    else:
+        start = undeformed(model, np.zeros(1))[0]
+        start = _given(model, start) if asked == "given" else start
+        _check_turns(model, start)
+        if asked == "quasistatic" and model.scene.free_joints:
             reason = f"{model.scene.free_joints[0]} is free and has no equilibrium"
             raise SceneError("solve.start", asked, reason, "Start from zero")
-        return slow_state(*prepare(model.coupled_system, start), duration)
-    if asked != "given":
-        _check_speeds(model, start)
+        if asked not in ("given", "quasistatic"):
+            _check_speeds(model, start)
+    if asked == "quasistatic":
+        return slow_state(*prepare(model.coupled_system, start), model.options.duration)
     return start
 
 

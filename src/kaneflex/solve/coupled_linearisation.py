@@ -13,9 +13,9 @@ from kaneflex.fem.modes import symmetric_modes
 from kaneflex.integrate.system import Trajectory
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import no_modes
-from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.initial_state import choose
+from kaneflex.multibody.time.curves import Neighbours
 from kaneflex.multibody.time.linearisation import Equations, Linear, prepare, state_matrix
-from kaneflex.multibody.time.neighbours import Neighbours
 from kaneflex.multibody.time.spatial_motion import CoupledKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, by_themselves
 from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
@@ -63,11 +63,10 @@ def _undeformed(model: Model, t: float, moves: bool = True) -> tuple[Equations, 
         reason = f"the motion of {free[0]} is computed from 0 to {end:.6g} s only"
         raise SceneError("t", t, reason, "Choose an instant of the run, or a longer solve.duration")
     state = undeformed(model, np.array([float(t)]))[0]
-    if model.coupled is not None:
-        return prepare(system, replace(state, u=moves * state.u))
-    if not moves:
-        state = replace(state, u=0.0 * state.u, choice=choose(system, state.q, prefer=True))
-    return Equations(system, state.choice), state
+    state = replace(state, u=moves * state.u)
+    if system.in_space and not moves:
+        state = replace(state, choice=choose(system, state.q, prefer=True))
+    return prepare(system, state)
 
 
 def fastest_decay(model: Model, trajectory: CoupledTrajectory) -> float:

@@ -31,9 +31,8 @@ from kaneflex.multibody.model.determinacy import (
     check_sensors,
     undetermined,
 )  # fmt: skip
-from kaneflex.multibody.model.independent_speeds import choose
+from kaneflex.multibody.model.initial_state import choose, start_of
 from kaneflex.multibody.model.module_loading import bind_parameters
-from kaneflex.multibody.model.spatial_initial_state import start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE

@@ -23,10 +23,9 @@ from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import BODY, System
-from kaneflex.multibody.time.dense_output import CURE
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.time.trajectory import CURE, CoupledTrajectory
 from kaneflex.solve.coupled import along, method_of
 from kaneflex.solve.engine_loading import check_stage
 from kaneflex.solve.run_checks import check_laws

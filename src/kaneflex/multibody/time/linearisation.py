@@ -343,11 +343,11 @@ class Equations:
 
 
 def prepare(system: Any, state: State) -> tuple[Equations, State]:
-    """Equations of a planar system at a state, and that state; free drives are independent if possible."""
-    engine = system.engine
-    engine.set(state)
-    engine.choose(state.t, engine.free_drives)
-    return Equations(system, engine.choice), replace(state, choice=engine.choice)
+    """Equations of a system at a state, and that state: by its choice of speeds; in the plane by another one, of which
+    free drives are independent if possible."""
+    if not system.in_space:
+        state = replace(state, choice=system.engine.chosen_at(state, system.engine.free_drives))
+    return Equations(system, state.choice), state
 
 
 def spin_of(engine: Engine, u: np.ndarray) -> np.ndarray:

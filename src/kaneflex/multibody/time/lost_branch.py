@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.energy import LARGEST_JUMP
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.independent_speeds import least_singular_values
+from kaneflex.multibody.model.initial_state import least_singular_values
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 

@@ -23,9 +23,8 @@ from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.state import NONE, State
 from kaneflex.multibody.model.system import BODY, ComputedModule, System
 from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
-from kaneflex.multibody.time.dense_output import Pieces
 from kaneflex.multibody.time.revolutions import unwrapped
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, Pieces
 
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")

@@ -20,10 +20,9 @@ from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.coefficients import GAUSS, RADAU
-from kaneflex.multibody.time.dense_output import RunCurve
 from kaneflex.multibody.time.error_bounds import ErrorBounds, Method
 from kaneflex.multibody.time.spring_displacements import overturned
-from kaneflex.multibody.time.trajectory import CoupledTrajectory
+from kaneflex.multibody.time.trajectory import CoupledTrajectory, RunCurve
 from kaneflex.multibody.unilateral import results
 
 _PATIENCE = 5_000_000

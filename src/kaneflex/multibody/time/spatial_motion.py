@@ -14,8 +14,7 @@ from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidM
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.model.assembly import rigid_system
-from kaneflex.multibody.model.independent_speeds import choose, least_singular_values
-from kaneflex.multibody.model.spatial_initial_state import start_of
+from kaneflex.multibody.model.initial_state import choose, least_singular_values, start_of
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import ComputedModule, System
 from kaneflex.multibody.model.tree_layout import COORDINATE

@@ -208,10 +208,7 @@ class Replay:
 
     @cached_property
     def _equations(self) -> Equations:
-        own, system = self.own, self.solution.model.coupled
-        if system is None:
-            return Equations(own.curve.system, own.curve.start.choice)
-        return prepare(system, next(own.curve.states(own.times[:1])))[0]
+        return prepare(self.solution.model.coupled_system, next(self.own.curve.states(self.own.times[:1])))[0]
 
     @cached_property
     def _cycles(self) -> Cycles:
