@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 TOPICS = {
     "Links and bodies": r"scene/(beams|bodies|sections|shapes|poses)|multibody/model/shape",
     "Joints, drives and loops": r"scene/(drive|parts)|mechanism/|fem/(freedom|mobility)"
-    r"|multibody/(model/(determin|massless|rigid_ref|spatial)|time/(revolutions|initial))",
+    r"|multibody/(model/(determin|initial|spatial)|time/(rigid_ref|spatial))",
     "Loads, laws and springs": r"scene/(law|load|springs|tables)|support/units",
     "Contacts and friction": r"scene/(contact|friction)|solve/(contact|touching)",
     "Links from finite elements": r"fem/imported|cli/importing|scene/modal",

@@ -7,7 +7,7 @@ import sys
 import warnings
 
 import kaneflex
-from kaneflex.multibody.compile.callables import library
+from kaneflex.multibody.engine import library
 from kaneflex.multibody.model.layout import Kind
 
 

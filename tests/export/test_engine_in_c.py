@@ -14,11 +14,11 @@ from kaneflex.derive.printers.c_printer import Printer
 from kaneflex.export.coupled_in_c import begun
 from kaneflex.multibody.compile import entries as of_library
 from kaneflex.multibody.compile import library
-from kaneflex.multibody.compile.callables import kernel_addresses
 from kaneflex.multibody.compile.mechanisms import HANDED, typed
 from kaneflex.multibody.compile.types import ENTRY, OUTER
 from kaneflex.multibody.compile.values import Vectors
 from kaneflex.multibody.dynamics import entries as of_instants
+from kaneflex.multibody.engine import kernel_addresses
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time import collocation
 from kaneflex.multibody.time.coefficients import RADAU

@@ -17,7 +17,7 @@ from runs import alike, solved
 import kaneflex
 from kaneflex import SceneError, scene_of, shipped_scenes, with_settings
 from kaneflex.multibody.model.system import System
-from kaneflex.multibody.time.revolutions import Counts
+from kaneflex.multibody.time.spatial_motion import Counts
 from kaneflex.report.checked import description
 from kaneflex.scene.shapes import torsion_constant
 

@@ -8,14 +8,15 @@ from runs import alike
 
 from kaneflex import load, read_scene, simulate, with_settings
 from kaneflex.integrate import stepping
-from kaneflex.multibody.compile import callables, entries
+from kaneflex.multibody import engine
+from kaneflex.multibody.compile import entries
 from kaneflex.multibody.model.layout import Kind
 from kaneflex.support import c_library
 
 
 def addresses():
     kind = Kind.RIGID_SPACE
-    return c_library.c_addresses("prescribed", entries.sources(), lambda: callables._typed(kind, entries.PRESCRIBED))
+    return c_library.c_addresses("prescribed", entries.sources(), lambda: engine._typed(kind, entries.PRESCRIBED))
 
 
 @pytest.fixture
@@ -29,8 +30,8 @@ def cache(tmp_path, monkeypatch):
 @contextmanager
 def without_c(monkeypatch):
     """Functions that numba compiles, as where there is no C compiler."""
-    caches = callables.library, stepping.stepper
-    for module, cache in zip((callables, c_library), caches, strict=True):
+    caches = engine.library, stepping.stepper
+    for module, cache in zip((engine, c_library), caches, strict=True):
         monkeypatch.setattr(module, "c_addresses", lambda *of: [])
         cache.cache_clear()
     yield
@@ -70,9 +71,9 @@ def test_a_library_of_c_calls_kernels_of_numba(compiler, monkeypatch):
     """A wheel brings libraries of C to machines without a C compiler, which derive scenes of their own."""
     settings = with_settings(read_scene("four-bar-motor"), ["solve.duration=0.05 s"])
     in_c = simulate(load(settings))
-    monkeypatch.setattr(callables, "_kernels_in_c", lambda kernels: [])
+    monkeypatch.setattr(engine, "_kernels_in_c", lambda kernels: [])
     by_numba = simulate(load(settings))
-    assert callables.library(Kind.PLAIN).in_c
+    assert engine.library(Kind.PLAIN).in_c
     for name, series in by_numba.series.items():
         np.testing.assert_allclose(in_c.series[name].values, series.values, rtol=1e-9, atol=1e-9, err_msg=name)
 
@@ -81,7 +82,7 @@ def test_kernels_of_other_modules_have_other_libraries(compiler, cache):
     """Two structures share the kernels of generated.laws."""
     laws = [load(read_scene(name)).coupled.engine.kernels for name in ("four-bar-motor", "slider-crank-150-coupled")]
     for kernels in laws:
-        assert len(callables.kernel_addresses(kernels, in_c=True)) == 2
+        assert len(engine.kernel_addresses(kernels, in_c=True)) == 2
     assert len([*cache.iterdir()]) == len({tuple(each.py_func.__code__.co_filename for each in of) for of in laws})
 
 

@@ -21,8 +21,7 @@ from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
-from kaneflex.multibody.time.revolutions import check_turns_kept, unwrapped
-from kaneflex.multibody.time.rigid_reference import ReferenceKinematics
+from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule

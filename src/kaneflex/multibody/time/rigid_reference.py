@@ -1,4 +1,5 @@
-"""Rigid reference of a coupled mechanism in the plane, computed by the engine without derived equations.
+"""Rigid reference of a coupled mechanism in the plane, computed by the engine without derived equations, and the full
+turns with which its bodies start.
 
 Bodies without shapes use the engine, too. Its drives follow their laws, or its free joints and bodies move as those of
 the coupled mechanism: the loops then place the bodies.
@@ -6,7 +7,8 @@ the coupled mechanism: the loops then place the bodies.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,6 +17,7 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import floating_coordinates
+from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
 from kaneflex.multibody.engine import Engine
@@ -23,8 +26,9 @@ from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.state import NONE, State
 from kaneflex.multibody.model.system import BODY, ComputedModule, System
 from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
-from kaneflex.multibody.time.revolutions import unwrapped
 from kaneflex.multibody.time.trajectory import CoupledTrajectory, Pieces
+from kaneflex.scene.laws import Law
+from kaneflex.support.errors import SceneError
 
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
@@ -227,3 +231,80 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     given = np.array([places[name] for name in mechanism.free], float).reshape(-1, 3).T[:, None]
     first = reference.beside(np.zeros(1), frames[None], 0.0 * frames[None], given)
     return ReferenceKinematics(replace(reference, first=first), undeformed.engine.p, first)
+
+
+def unwrapped(
+    system: System, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
+) -> np.ndarray:
+    """State q with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
+
+    Joints with springs, laws or free drives start within half a turn of their rest or start; between bodies with
+    ``given`` angles they keep their turns.
+    """
+    before = {name: float(q[k + 2]) for name, k in system.start.items()}
+    angles = _counted(system, before, drives, _between(system, before, given))
+    q = q.copy()
+    for name, k in system.start.items():
+        q[k + 2] = angles[name]
+    return q
+
+
+def check_turns_kept(system: System, laws: Collection[Law], before: np.ndarray, q: np.ndarray) -> None:
+    """Raise SceneError if springs and laws of loads have other turns in q than in the given state ``before``."""
+    was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
+    now = _between(system, now, system.start)
+    sprung = {spring.joint for spring in system.mechanism.springs.values()}
+    for name, turned in _between(system, was, system.start).items():
+        knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
+        if knows and round((turned - now[name]) / math.tau):
+            raise SceneError(
+                "solve.start", "a table of a state",
+                f"the state has {name} at {math.degrees(turned):.6g} deg, but by drives, welds and guides it starts at "
+                f"{math.degrees(now[name]):.6g} deg, and {knows} depends on these whole turns",
+                "Continue with --after, or simulate(model, after=...), which also continues drives, or add turns to "
+                "the drives' angles",
+            )  # fmt: skip
+
+
+def _between(system: System, angles: Mapping[str, float], given: Collection[str]) -> dict[str, float]:
+    """Coordinates [rad] of pins between ``given`` bodies whose turns a spring, a law or a free drive counts."""
+    mechanism = system.mechanism
+    sprung = [spring.joint for spring in mechanism.springs.values() if spring.joint is not None]
+    known, found = {"ground": 0.0, **{name: angles[name] for name in given}}, {}
+    for name in dict.fromkeys([*sprung, *mechanism.observed, *mechanism.free_joints]):
+        first, second = mechanism.joints[name].bodies
+        if mechanism.joints[name].kind == "revolute" and first in known and second in known:
+            found[name] = known[second] - known[first]
+    return found
+
+
+def _counted(
+    system: System, angles: Mapping[str, float], drives: Mapping[str, float], kept: Mapping[str, float]
+) -> dict[str, float]:
+    """Angles of the bodies [rad] with the turns prescribed by joints, or ``kept`` between them.
+
+    ``drives``: coordinates of the drives.
+    """
+    mechanism = system.mechanism
+    counted, angle = {"ground"}, {"ground": 0.0, **angles}
+    pins = {name for name, joint in mechanism.joints.items() if joint.kind == "revolute"}
+    turns = {name: joint.angle for name, joint in mechanism.joints.items() if name not in pins}
+    turning = {name: drive.kind for name, drive in mechanism.drives.items() if name in pins}
+    turns |= {name: drives[name] for name, kind in turning.items() if kind != "free"}
+    near = {name: 0.0 for name in mechanism.observed if name in pins}
+    near |= {spring.joint: spring.free for spring in mechanism.springs.values() if spring.joint is not None}
+    near |= mechanism.backlash
+    near = {name: drives[name] for name in turning} | {name: at for name, at in near.items() if name not in turning}
+    near |= kept
+    turns |= {name: angle for name, angle in near.items() if name not in turns}  # prescribed ones take precedence
+    ends = [(*mechanism.joints[name].bodies, turn) for name, turn in turns.items()]
+    ways = [way for first, second, turn in ends for way in ((first, second, turn), (second, first, -turn))]
+    while len(counted) < len(angle):
+        leading = [way for way in ways if way[0] in counted and way[1] not in counted]
+        if not leading:  # no joint determines the remaining turns
+            counted.add(next(name for name in angle if name not in counted))
+            continue
+        base, other, turn = leading[0]
+        angle[other] += float(whole_turns(angle[base] + turn - angle[other]))
+        counted.add(other)
+    return angle
