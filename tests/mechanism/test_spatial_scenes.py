@@ -53,7 +53,7 @@ def pendulum(*changes, text=PENDULUM):
     ("", 'contacts.stop = {between = ["ground", "bar.end"], kind = "point-line"}', r"contacts"),
     ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
      r"sensors.gauge.fibre = '5 mm'.*Give both, like"),
-    ("", "bodies.loose.mass = 1", r"bodies.loose: it has neither a joint nor a position"),
+    ("", "bodies.loose.mass = 1", r"bodies.loose: no joint without clearance connects it to the ground"),
     ("joints.hinge", "joints.other = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}\njoints.hinge",
      r"drives.hinge = 'free': joints and drives leave the mechanism no degree of freedom"),
     # no steps lead over a pole: each is shorter than the one before

@@ -200,6 +200,7 @@ def test_a_study_that_is_no_toml_is_answered_like_a_scene(tmp_path):
 
 BROKEN = {
     "[bodies.crank]\n[bodies.crank]\n": ("line 2 defines bodies.crank a second time", "Rename one"),
+    "bodies.crank = {}\n[bodies.crank.points]\n": ("line 2 defines bodies.crank.points a second", "be continued"),
     "a = 1\na = 2\n": ("line 2 is not TOML: a = 2 (the key already has a value)", "Give each key once"),
     "a = 50 mm\n": ("line 1 is not TOML: a = 50 mm", 'in quotes, like "50 mm"'),
     "a = 4,5\n": ("line 1 is not TOML: a = 4,5", "a decimal point"),

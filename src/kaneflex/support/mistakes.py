@@ -37,7 +37,8 @@ def toml_advice(problem: str, text: str) -> tuple[str, str]:
     twice = re.search(r"Cannot declare \((.*?),?\) twice", problem)
     if twice:
         name = ".".join(re.findall(r"'(.*?)'", twice[1]))
-        return f"line {number} defines {name} a second time", "Rename one of them, or write their keys under one header"
+        cure = "Rename one of them, or write their keys in one place: a table in braces can't be continued"
+        return f"line {number} defines {name} a second time", cure
     if "Cannot overwrite a value" in problem:
         return f"{reason} (the key already has a value)", "Give each key once"
     if re.search(rf"[=\[,]\s*{_NUMBER}\s*(?:[^\W\d_]|%)", line):

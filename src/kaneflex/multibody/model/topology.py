@@ -130,7 +130,8 @@ def _check_hanging(mechanism: SpatialMechanism) -> None:
         roots[body] = body if name is None else roots[mechanism.joints[name].sides[1 - child].body]
         if name is None and body not in mechanism.floating:
             cure = "Join it to the ground, or let it move freely, like free = {at = [0, 0, 0]}"
-            raise SceneError(f"bodies.{body}", None, "it has neither a joint nor a position", cure)
+            reason = "no joint without clearance connects it to the ground, and it has no position"
+            raise SceneError(f"bodies.{body}", None, reason, cure)
     for body in mechanism.floating:
         if roots[body] == GROUND:
             reason = "joints to the ground already determine its position"
