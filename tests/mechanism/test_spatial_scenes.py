@@ -80,6 +80,7 @@ PLANAR = (
     ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
      r"sensors.gauge.fibre.*a planar beam bends in one plane"),
     ("free = true", "free = true, initial_speeds = [1, 2]", r"initial_speeds.*: a planar joint has one speed"),
+    ('component = "angle"', 'component = "z"', r"component = 'z': a planar scene .*Write x, y or angle, or"),
     ("bodies.bar", "bodies.rod = {length = 1, "
      "beam = {material = 'steel', A = 1e-4, I_y = 1e-9, I_z = 1e-9, J = 2e-9}}\nbodies.bar",
      r"^bodies.rod.beam.J = 2e-09: planar beams don't twist. Give I, or give vectors three components"),

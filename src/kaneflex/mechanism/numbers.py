@@ -60,7 +60,7 @@ class Numbers:
     def written_coordinate(self: Any, joint: str, value: float) -> str:
         """Text of the coordinate of a joint [rad or m], like "90 deg" or "12.5 mm"."""
         slides = self.joints[joint].kind == "prismatic"
-        scaled = round(1e3 * value if slides else math.degrees(value), 9) + 0.0  # rounding errors of zero are zero
+        scaled = round(1e3 * value if slides else math.degrees(value), 7) + 0.0  # rounding errors of zero are zero
         return f"{scaled:.6g} mm" if slides else f"{scaled:.6g} deg"
 
     def written(self, drives: Mapping[str, float]) -> str:

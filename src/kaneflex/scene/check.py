@@ -84,7 +84,7 @@ _SPATIAL_ONLY: tuple[Rule, ...] = (
     ("sensors", "torsional_moment", given, "planar beams don't twist", "Leave it out"),
     ("sensors", "fibre", is_tuple, "a planar beam bends in one plane", "Give its height above the axis"),
     ("sensors", "component", ("z", "angle_x", "angle_y", "angle_z").__contains__,
-     "a planar scene has no such component", _CURE),
+     "a planar scene has no such component", "Write x, y or angle, or give vectors three components"),
 )  # fmt: skip
 """Entries that only scenes in space have."""
 

@@ -205,8 +205,7 @@ class Model:
     @property
     def reference_position(self) -> str:
         """Text of :attr:`reference_coordinates`, like "main = 90 deg"; empty without a drive."""
-        rounded = {name: 0.0 if abs(at) < 1e-9 else at for name, at in self.reference_coordinates.items()}
-        return mechanism_of(self.scene).written(rounded)
+        return mechanism_of(self.scene).written(self.reference_coordinates)
 
     @property
     def module(self) -> ModuleType:
