@@ -8,6 +8,7 @@ from machines import WEIGHT, block, machine, pendulum, slider_crank
 
 from kaneflex import SceneError, linearise, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.system import Outcome
+from kaneflex.report.presentation import friction_line
 from kaneflex.report.summary import summarise
 from kaneflex.scene.contact_check import FRICTION_RESULTS
 from kaneflex.solve.simulation import solve
@@ -313,6 +314,7 @@ def test_a_block_wears_its_guide_by_its_normal_force_and_path():
     """Archard's law, V = k N s; a pin's torque N and angle s give the same."""
     block = BLOCK.replace("mu = 0.3", "mu = 0.3, wear = '2e-6 mm^3/(N m)'")
     slid = solved(block)
+    assert friction_line(slid.model.scene.frictions["slide"]) == "coulomb, mu 0.3, wear 2e-15 m^2/N"
     path = slid.series["x"].values[-1] - slid.series["x"].values[0]
     assert friction_summaries(slid)["slide"].worn == pytest.approx(2e-15 * 2 * G * math.cos(SLOPE) * path, rel=1e-9)
     hinge = HINGE.replace('preload = "0.005 N m"', "wear = 1e-15").replace("mu = 0.2", "mu = 0.02")

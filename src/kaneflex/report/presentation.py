@@ -335,4 +335,5 @@ def friction_line(friction: Friction) -> str:
     """A friction's law with its numbers."""
     keys = ("mu", "mu_static", "preload", "viscous", "bristle_stiffness", "bristle_damping", "wear")
     found = {key: getattr(friction, key) for key in keys}
-    return f"{friction.law}, " + ", ".join(f"{key} {value:.4g}" for key, value in found.items() if value)
+    numbers = ", ".join(f"{key} {value:.4g}" for key, value in found.items() if value)
+    return f"{friction.law}, {numbers}" + " m^2/N" * (friction.wear is not None)
