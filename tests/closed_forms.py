@@ -141,46 +141,10 @@ def viscous(mu, L):
     return mass(mu, L)
 
 
-def lumped_mass(m):
-    """M of a point mass at the second node."""
-    return m * np.diag([0, 0, 0, 1, 1, 0])
-
-
-def lumped_gyration(m):
-    """G of a point mass at the second node."""
-    full = np.zeros((6, 6), dtype=int)
-    full[3, 4], full[4, 3] = -1, 1
-    return m * full
-
-
 def rotation_to_local(c, s):
     """T of q = T Q for the frame's angle with cosine c and sine s, paper (66)."""
     block = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     return np.block([[block, np.zeros((3, 3), dtype=int)], [np.zeros((3, 3), dtype=int), block]])
-
-
-def spin_bracket(rhoA, L):
-    """-M + M S^ S^ - 2 G S^: all that w^2 does in global components, paper (57), (93) corrected."""
-    return (rhoA * L / 420) * np.array(
-        [[14, 0, 0, -14, 0, 0],
-         [0, -18, -22 * L, 0, 18, 13 * L],
-         [0, -2 * L, -4 * L**2, 0, 2 * L, 3 * L**2],
-         [-14, 0, 0, 14, 0, 0],
-         [0, 18, -13 * L, 0, -18, 22 * L],
-         [0, -2 * L, 3 * L**2, 0, 2 * L, -4 * L**2]]
-    )
-
-
-def euler_bracket(rhoA, L):
-    """G - M S^: the whole e effect, and half of the 2 w effect, in global components."""
-    return (rhoA * L / 420) * np.array(
-        [[0, -7, -21 * L, 0, 7, 14 * L],
-         [-9, 0, 0, 9, 0, 0],
-         [-L, 0, 0, L, 0, 0],
-         [0, 7, -14 * L, 0, -7, 21 * L],
-         [9, 0, 0, -9, 0, 0],
-         [-L, 0, 0, L, 0, 0]]
-    )
 
 
 def slider_crank(r, L, phi, w, e=0.0):

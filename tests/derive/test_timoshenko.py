@@ -1,4 +1,4 @@
-"""Rayleigh and Timoshenko elements: exact statics, no locking, frequencies and their order."""
+"""Rayleigh and Timoshenko elements: interpolation, frequencies of deep beams, balance of rotary inertia."""
 
 import re
 
@@ -7,18 +7,14 @@ import numpy as np
 import pytest
 from machines import machine, on_supports
 from runs import derived_on_the_fly
-from scipy.linalg import eigh
 from sympy import Matrix
 
-from kaneflex.derive.elements.beam import beam_element
 from kaneflex.derive.elements.shapes import (
     E_I,
     beam_section,
     beam_shape,
     length,
     phi_s,
-    rho_A,
-    rho_I,
     without_beta,
     x,
 )
@@ -26,11 +22,6 @@ from kaneflex.fem.element_terms import shape_functions
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.modes import mesh_hint, modes
 from kaneflex.solve.simulation import solve
-
-
-@pytest.fixture(scope="module")
-def shear() -> dict[str, Matrix]:
-    return {term.name: term.matrix for term in beam_element(rotary=True, shear=True).terms}
 
 
 @pytest.mark.parametrize("growth", [0.0, 0.4])
@@ -43,83 +34,6 @@ def test_the_runtime_interpolates_by_the_derived_shape_functions(phi, growth):
     values = {length: 0.3, phi_s: phi, E_I: 2.0, stiff["E_I_rise"]: 2.0 * growth}
     derived = np.array(rows.subs(values | {x: 0.11}).tolist(), float)
     assert shape_functions(0.11, 0.3, phi, growth) == pytest.approx(derived, abs=1e-14)
-
-
-def chain(shear: dict[str, Matrix], names: tuple[str, ...], elements: int, values: dict) -> np.ndarray:
-    """The bending rows of a uniform chain of elements of unit length in all."""
-    total = sum((shear[name] for name in names), Matrix.zeros(6))
-    h = 1.0 / elements
-    block = total.extract(by_hand.BENDING, by_hand.BENDING).subs(values | {length: h})
-    block = np.array(block.tolist(), float)
-    full = np.zeros((2 * elements + 2,) * 2)
-    for e in range(elements):
-        full[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += block
-    return full
-
-
-STIFFNESS = ("bending_stiffness", "shear_stiffness")
-
-
-@pytest.mark.parametrize("elements", [1, 3])
-@pytest.mark.parametrize("flexibility", [0.0, 1e-8, 0.01, 1.0, 1e4])
-def test_a_loaded_tip_is_exact_for_any_slenderness(shear, elements, flexibility):
-    """P L^3/(3 E I) + P L/(kappa G A): nothing locks. flexibility = 12 E I/(kappa G A L^2)."""
-    values = {E_I: 1.0, phi_s: flexibility * elements**2}
-    K = chain(shear, STIFFNESS, elements, values)[2:, 2:]
-    load = np.zeros(2 * elements)
-    load[-2] = 1.0
-    assert np.linalg.solve(K, load)[-2] == pytest.approx(1 / 3 + flexibility / 12, rel=1e-9)
-
-
-def pinned(shear, elements: int, names: tuple[str, ...], slenderness: float = 5.0) -> np.ndarray:
-    """Lowest frequencies, times L^2 sqrt(rho A/(E I)), of a pinned square beam with L/h = slenderness, kappa = 5/6."""
-    gyration = 1 / (12 * slenderness**2)
-    flexibility = 12 * gyration * 2.6 * 6 / 5
-    values = {E_I: 1.0, rho_A: 1.0, rho_I: gyration, phi_s: flexibility * elements**2}
-    keep = [k for k in range(2 * elements + 2) if k not in (0, 2 * elements)]
-    K, M = (chain(shear, chosen, elements, values)[np.ix_(keep, keep)] for chosen in (STIFFNESS, names))
-    assert eigh(M, eigvals_only=True)[0] > 0
-    return np.sqrt(eigh(K, M, eigvals_only=True))[:3]
-
-
-def exact_pinned(slenderness: float = 5.0) -> np.ndarray:
-    """Timoshenko (1921): r s w^4 - (1 + (r + s) k^2) w^2 + k^4 = 0 for k = n pi.
-
-    r = I/(A L^2), s = E I/(kappa G A L^2), with w in units of sqrt(E I/(rho A))/L^2.
-    """
-    r = 1 / (12 * slenderness**2)
-    s = r * 2.6 * 6 / 5
-    k = np.pi * np.arange(1, 4)
-    middle = 1 + (r + s) * k**2
-    return np.sqrt((middle - np.sqrt(middle**2 - 4 * r * s * k**4)) / (2 * r * s))
-
-
-def test_the_corrected_mass_is_an_order_better(shear):
-    """A consistent mass is wrong as h^2; the correction takes nine tenths of that away, and more of the lowest."""
-    exact = exact_pinned()
-    consistent = [pinned(shear, elements, ("mass",)) / exact - 1 for elements in (16, 32)]
-    corrected = pinned(shear, 16, ("mass", "mass_correction")) / exact - 1
-    assert np.log2(consistent[0] / consistent[1]) == pytest.approx([2, 2, 2], abs=0.02)
-    assert (np.abs(corrected) < np.array([0.02, 0.05, 0.1]) * consistent[0]).all()
-    assert (np.abs(corrected) < 5e-4).all()
-
-
-def test_a_lumped_tip_mass_does_not_spoil_the_corrected_mass(shear):
-    """Its inertia isn't the element's own, so less is gained: within 1e-3 with eight elements, for three modes."""
-
-    def lowest(elements: int) -> np.ndarray:
-        values = {E_I: 1.0, rho_A: 1.0, rho_I: 1 / 300, phi_s: 12 / 300 * 3.12 * elements**2}
-        K = chain(shear, STIFFNESS, elements, values)[2:, 2:]
-        M = chain(shear, ("mass", "mass_correction"), elements, values)[2:, 2:]
-        M[-2, -2] += 1.0
-        return np.sqrt(eigh(K, M, eigvals_only=True))[:3]
-
-    assert lowest(8) == pytest.approx(lowest(128), rel=1e-3)
-
-
-def test_slender_beams_are_euler_bernoulli_beams(shear):
-    exact = (np.pi * np.arange(1, 4)) ** 2
-    assert pinned(shear, 16, ("mass", "mass_correction"), slenderness=1e4) == pytest.approx(exact, rel=1e-4)
 
 
 # ---- whole scenes -----------------------------------------------------------------------------------------------

@@ -165,16 +165,6 @@ def test_rayleigh_damping_is_formed_in_each_links_own_axes():
         assert (alpha / w + beta * w) / 2 == pytest.approx(0.02)
 
 
-def test_symmetries():
-    """M, K_s, K_g symmetric; C_d alone isn't: its work is that of the apparent forces."""
-    found = model("engine-elastic-crank", "crank.elements=2", "rod.elements=3")
-    for degrees in (10.0, 200.0):
-        t = np.radians(degrees) / SPEED
-        for matrix in (found.M(t), found.K_s(t), found.K_g(t)):
-            assert matrix == pytest.approx(matrix.T, abs=1e-12 * np.abs(matrix).max())
-        assert (np.linalg.eigvalsh(found.M(t)) > 0).all() and (np.linalg.eigvalsh(found.K_s(t)) > 0).all()
-
-
 # ---- one free link with both nodes in global components ---------------------------------------------------------
 
 SCALARS = {"rod.c": np.cos(0.7), "rod.s": np.sin(0.7), "rod.omega": 123.0, "rod.epsilon": 4.5e4}
@@ -196,33 +186,6 @@ def in_global_components(matrices: dict[str, Affine]):
     empty = {key: Affine.zero(6, 6) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g")} | {"F": Affine.zero(6, 1)}
     part = Part("rod", GLOBAL, empty | matrices, {0: (0, 1, 2), 1: (3, 4, 5)})
     return assemble([(part, T)], GLOBAL)
-
-
-def inertia(M: np.ndarray, G: np.ndarray) -> dict[str, Affine]:
-    """M, C_d = 2 omega G, K_d = -omega^2 M + epsilon G in link axes."""
-    w, e = "rod.omega", "rod.epsilon"
-    K_d = Affine.term((w, w), -M.astype(float)) + Affine.term((e,), G.astype(float))
-    return {"M": Affine.constant(M.astype(float)), "C_d": Affine.term((w,), 2.0 * G), "K_d": K_d}
-
-
-def test_isotropic_inertia_leaves_no_trace_in_global_components():
-    """A rod that is a point mass at its tip: spin, Euler and Coriolis terms cancel exactly against T' and T''."""
-    equations = in_global_components(inertia(by_hand.lumped_mass(0.214), by_hand.lumped_gyration(0.214)))
-    assert np.abs(equations.C_d.value(SCALARS)).max() < 1e-12 * 0.214 * SCALARS["rod.omega"]
-    assert np.abs(equations.K_d.value(SCALARS)).max() < 1e-12 * 0.214 * SCALARS["rod.omega"] ** 2
-    assert equations.M.value(SCALARS) == pytest.approx(by_hand.lumped_mass(0.214), abs=1e-15)
-
-
-def test_beam_in_global_components():
-    """T^T [w^2 (-M + M S^S^ - 2 G S^) + e (G - M S^)] T and T^T 2 w (G - M S^) T: the closed brackets."""
-    rhoA, l = 1.117, 0.137
-    equations = in_global_components(inertia(by_hand.mass(rhoA, l), by_hand.gyration(rhoA, l)))
-    T = by_hand.rotation_to_local(SCALARS["rod.c"], SCALARS["rod.s"]).astype(float)
-    w, e = SCALARS["rod.omega"], SCALARS["rod.epsilon"]
-    K_d = T.T @ (w**2 * by_hand.spin_bracket(rhoA, l) + e * by_hand.euler_bracket(rhoA, l)) @ T
-    C_d = T.T @ (2 * w * by_hand.euler_bracket(rhoA, l)) @ T
-    assert equations.K_d.value(SCALARS) == pytest.approx(K_d, abs=1e-12 * np.abs(K_d).max())
-    assert equations.C_d.value(SCALARS) == pytest.approx(C_d, abs=1e-12 * np.abs(C_d).max())
 
 
 def test_damping_of_the_material_turns_with_the_link():

@@ -35,14 +35,6 @@ def frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("degrees", CORRECTED)
-def test_corrected_mechanism(degrees):
-    engine = model(*ONE_EACH)
-    assert len(engine.coordinates) == 6
-    t = np.radians(degrees) / SPEED
-    assert frequencies(engine.M(t), engine.K_s(t)) == pytest.approx(CORRECTED[degrees], rel=1e-5)
-
-
-@pytest.mark.parametrize("degrees", CORRECTED)
 def test_reference_modes_are_those_of_the_angle_asked_for(degrees):
     engine = model(*ONE_EACH, f"solve.mode_angle={degrees} deg")
     omega, shapes = reference_modes(engine, "all")

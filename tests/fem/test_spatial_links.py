@@ -1,9 +1,8 @@
-"""Elastic links in space: the planar link contained, closed forms of rods, blades, a helical spring, a swept blade."""
+"""Elastic links in space: the planar link contained, closed forms of blades, a swept blade."""
 
 import importlib
 import json
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -131,20 +130,6 @@ def test_mass_and_pull_of_a_taper():
 # ---- rods and blades --------------------------------------------------------------------------------------------
 
 
-def test_torsional_frequencies_of_a_clamped_rod():
-    """(2k - 1)/4 sqrt(G J/(rho I_p))/l [Hz], by linear elements: the discrete ones in closed form to rounding."""
-    for count in (10, 40):
-        of = link(count)
-        chosen = rows(of, "theta_x")
-        found = frequencies(matrix(of, "K_s", chosen), matrix(of, "M", chosen))[:4] / (2 * np.pi)
-        speed = np.sqrt(FLAT.G_J / (FLAT.rho_I_y + FLAT.rho_I_z))
-        odd = np.arange(1, 9, 2)
-        cosine = np.cos(odd * np.pi / (2 * count))
-        discrete = speed * count / 1.5 * np.sqrt(6 * (1 - cosine) / (2 + cosine)) / (2 * np.pi)
-        assert found == pytest.approx(discrete, rel=1e-10)
-        assert found == pytest.approx(odd / 4 * speed / 1.5, rel=(odd[-1] * np.pi / 2 / count) ** 2 / 20)
-
-
 def rotating(of: SpatialLink, plane: tuple[str, str], eta: float) -> np.ndarray:
     """Frequencies of a clamped blade that turns about its z at eta, in units of sqrt(E I/(rho A))/l^2."""
     unit = np.sqrt(ROUND.E_I_z / ROUND.rho_A) / of.length**2
@@ -201,35 +186,6 @@ def test_shapes_at_the_nodes():
 
 
 # ---- welded links -----------------------------------------------------------------------------------------------
-
-
-def test_helical_spring():
-    """Straight beams along a helix, 72 a turn: the compliance 8 D^3 n/(G d^4) of a close-coiled spring."""
-    radius, wire, turns, each, pitch = 0.05, 0.004, 4, 72, 0.005
-    E, G = 2e11, 8e10
-    shape = Shape.model_validate({"circle": wire})
-    section = properties_of(shape.numbers_of(shape.dimensions, 0.25), E, G, 7800.0)
-    angle = np.linspace(0.0, 2 * np.pi * turns, turns * each + 1)
-    points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)])
-    size = 6 * len(angle)
-    K = np.zeros((size, size))
-    nodes = np.array([0.0, np.linalg.norm(points[1] - points[0])])
-    piece = built("beam", nodes, lambda x: section, module("euler_bernoulli"))
-    stiffness = as_array(piece.part.matrices["K_s"].value({}))
-    for k, (a, b) in enumerate(pairwise(points)):
-        along = (b - a) / np.linalg.norm(b - a)
-        across = np.cross([0.0, 0.0, 1.0], along)
-        across /= np.linalg.norm(across)
-        axes = np.array([along, across, np.cross(along, across)])
-        own, turn = slice(6 * k, 6 * k + 12), np.kron(np.eye(4), axes)
-        K[own, own] += turn.T @ stiffness @ turn
-    # a unit force along the spring's axis, carried to the wire's end by a rigid arm; the other end is clamped
-    arm = np.array([0.0, 0.0, points[-1, 2]]) - points[-1]
-    load = np.concatenate([[0.0, 0.0, 1.0], np.cross(arm, [0.0, 0.0, 1.0])])
-    force = np.zeros(size - 6)
-    force[-6:] = load
-    compliance = force @ np.linalg.solve(K[6:, 6:], force)
-    assert compliance == pytest.approx(8 * (2 * radius) ** 3 * turns / (G * wire**4), rel=2e-3)
 
 
 INCH, PSI, POUND = 0.0254, 6894.757293168361, 4.4482216152605

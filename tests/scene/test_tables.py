@@ -22,15 +22,6 @@ def knots():
     return np.cumsum(random.uniform(0.1, 1.0, 30)), random.normal(size=30)
 
 
-def test_natural_spline_agrees_with_scipy_and_keeps_its_end_values(knots):
-    x, y = knots
-    block = Table(x, y).coefficients()
-    inside = np.linspace(x[0], x[-1], 501)
-    expected = CubicSpline(x, y, bc_type="natural")(inside)
-    assert evaluate_block(block, inside) == pytest.approx(expected, abs=1e-13)
-    assert evaluate_block(block, [x[0] - 7.3, x[-1] + 7.3]) == pytest.approx([y[0], y[-1]], abs=1e-15)
-
-
 @pytest.mark.parametrize("rows", [3, 4, 5, 10, 30])
 def test_splines_of_any_number_of_rows_agree_with_scipy(knots, rows):
     """Cyclic reduction halves the rows again and again, with one over or none."""
@@ -40,16 +31,6 @@ def test_splines_of_any_number_of_rows_agree_with_scipy(knots, rows):
     y = np.append(y[:-1], y[0])
     around = CubicSpline(x, y, bc_type="periodic").c[::-1].T
     np.testing.assert_allclose(cubics_through(x, y, "spline", periodic=True), around, rtol=1e-12, atol=1e-11)
-
-
-def test_periodic_spline_agrees_with_scipy_in_every_period(knots):
-    x, y = knots
-    y[-1] = y[0]
-    period = x[-1] - x[0]
-    block = Table(x, y).coefficients(period)
-    everywhere = np.linspace(-3, 4, 501) * period
-    expected = CubicSpline(x, y, bc_type="periodic")(everywhere)
-    assert evaluate_block(block, everywhere) == pytest.approx(expected, abs=1e-12)
 
 
 def through(interpolation, x, y):
@@ -85,7 +66,9 @@ def test_a_table_that_repeats_has_no_ends(knots, interpolation, count):
     inside = np.linspace(x[0], x[-1], 501)
     tolerance = 1e-5 if interpolation == "spline" else 1e-12  # what is left of a spline's ends after six rounds
     block = Table(x, y).coefficients(period, interpolation)
-    assert evaluate_block(block, inside) == pytest.approx(expected(inside), abs=tolerance)
+    for turn in (0, 3, -3):
+        at = inside + turn * period
+        assert evaluate_block(block, at) == pytest.approx(expected(inside), abs=tolerance)
 
 
 FLANK = (np.radians([0.0, 130, 170, 180, 190, 230, 360]), np.array([0.0, 0, 0, 12e3, 0, 0, 0]))
@@ -164,16 +147,6 @@ def test_the_largest_value_of_a_straight_line_and_of_zeros_is_at_a_knot():
     x = np.arange(5.0)
     assert largest_of_block(Table(x, -2.0 * x).coefficients()) == 8.0
     assert largest_of_block(Table(x, 0.0 * x).coefficients(4.0)) == 0.0
-
-
-def test_periodic_spline_is_fourth_order():
-    errors = []
-    for n in (20, 40, 80):
-        x = np.linspace(0, 2 * math.pi, n + 1)
-        block = Table(x, np.exp(np.sin(x))).coefficients(2 * math.pi)
-        fine = np.linspace(0, 2 * math.pi, 1001)
-        errors.append(np.abs(evaluate_block(block, fine) - np.exp(np.sin(fine))).max())
-    assert np.log2(errors[0] / errors[1]) > 3.7 and np.log2(errors[1] / errors[2]) > 3.8
 
 
 def test_block_layout():
