@@ -151,7 +151,7 @@ def test_a_spatial_slider_crank_with_a_loose_ball():
 @pytest.mark.parametrize(("settings", "message"), [
     (("joints.ball.clearance.width=9 mm",), r"joints\.ball\.clearance\.width = '9 mm': a ball has no width"),
     (("joints.ball.clearance.friction={law='lugre', mu=0.1, bristle_stiffness='1e6 N/m'}",),
-     r"joints\.ball\.clearance\.friction\.law = 'lugre': only planar .* so far"),
+     r"joints\.ball\.clearance\.friction\.law = 'lugre': in space contacts .* so far"),
     (("joints.ball.friction={mu=0.1}",), r"joints\.ball\.friction: .*Give clearance\.friction"),
     (("joints.ball.clearance.radial=0",), r"joints\.ball\.clearance\.radial = 0: "),
     (("drives.bore.position=0.16",), r"joints\.ball\.clearance: at the start .* penetrate each other by 9\.9 mm"),
@@ -212,7 +212,7 @@ def test_the_restitution_asked_for_in_space(e):
 
 @pytest.mark.parametrize(("settings", "message"), [
     (("contacts.floor.friction={law='lugre', mu=0.1, bristle_stiffness='1e6 N/m'}",),
-     r"contacts\.floor\.friction\.law = 'lugre': only planar scenes have this law so far"),
+     r"contacts\.floor\.friction\.law = 'lugre': in space contacts don't have this law so far"),
     (("contacts.floor.point_on_plane=none", "contacts.floor.point_on_line=['ball', 'ground.foot']"),
      r"contacts\.floor\.point_on_line = \['ball', 'ground\.foot'\]: only planar .* Use point_on_plane"),
     (("ground.foot=[0.2, 0.1, 0.4]",), r"contacts\.floor: at the start its sides penetrate each other by 488.2 mm"),
@@ -263,6 +263,10 @@ RUBBING = {
     "stops": (BLOCK, ("drives.slide.initial_speed=-1", "slide.friction.mu=0.8")),
     "stribeck": (BLOCK, ("slide.friction={law='stribeck', mu=0.1, mu_static=0.6, stribeck_speed='0.2 m/s'}",
                          "drives.slide.initial_speed=-1")),
+    "bristles": (BLOCK, ("slide.friction={law='lugre', mu=0.8, bristle_stiffness=1e5, bristle_damping=300}",
+                         "drives.slide.initial_speed=-1")),
+    "bristles of a pin": (HINGE, ("hinge.friction={law='lugre', bristle_stiffness=20, bristle_damping=0.02}",
+                                  "wheel.centre=['0.1 m', 0]")),
     "flywheel": (HINGE, ()), "viscous": (HINGE.replace('mu = 0.2, radius = "10 mm", preload = "0.005 N m"',
                               'law = "viscous", viscous = "0.01 N m s/rad"'), ()),
     "pendulum": (HINGE, ("wheel.centre=['0.1 m', 0]", "drives.hinge.angle=-20 deg", "solve.duration=6 s")),
@@ -276,7 +280,7 @@ RUBBING = {
 def test_joints_rub_as_in_the_plane(name):
     text, settings = RUBBING[name]
     plane, space = rubs(with_settings(scene_of(text), [*settings, "solve.tolerance=1e-10"]), name)
-    for key in ("gap", "speed", "force", "pressed", "lost"):
+    for key in ("gap", "speed", "force", "pressed", "lost", "bristles"):
         one, other = (getattr(each.trajectory.frictions, key) for each in (plane, space))
         assert other == pytest.approx(one, abs=1e-6 * abs(one).max() + 1e-9)
     for sensor in space:
@@ -337,8 +341,6 @@ def test_other_joints_don_t_have_the_friction_of_one():
 
 @pytest.mark.parametrize(("text", "changes", "message"), [
     (LOOP, {}, r"joints\.bore\.friction: redundant constraints leave .* statically indeterminate"),
-    (HINGE, {"joints.hinge.friction": {"law": "lugre", "preload": "1 N m", "bristle_stiffness": "9 N m/rad"}},
-     r"joints\.hinge\.friction\.law = 'lugre': only planar scenes"),
     (HINGE, {"drives.hinge": {"speed": 3}}, r"joints\.hinge\.friction: .*Make the drive free"),
     (HINGE, {"springs": {"coil": {"torsional_at": "hinge", "stiffness": "1 N m/rad"}}},
      r"joints\.hinge\.friction: in space a joint with a torsional spring"),

@@ -10,7 +10,6 @@ from kaneflex.scene.parts import SEVERAL_FREEDOMS, START_SPEEDS
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import Fault, Problem, taken
 
-_NO_BRISTLES = "only planar scenes have this law so far"
 _ALONG = math.cos(math.radians(10.0))
 """Smallest cosine of the angle to a body's x axis at which a sliding direction is along the body."""
 _SO_FAR = "only planar scenes have this so far"
@@ -54,7 +53,8 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
         yield from _friction(scene, name)
     for name, contact in scene.with_clearances().contacts.items():
         if contact.friction is not None and contact.friction.law == "lugre":
-            yield Problem(f"{contact.stands(name)}.friction.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
+            key, reason = f"{contact.stands(name)}.friction.law", "in space contacts don't have this law so far"
+            yield Problem(key, "lugre", reason, "Use coulomb or stribeck")
         base = scene.bodies.get(contact.sides[0].body)
         if contact.joint is None and contact.kind == "point-plane" and base is not None and base.deforms:
             right = "Weld a rigid body to it that has the plane"
@@ -76,8 +76,6 @@ def _friction(scene: Scene, name: str) -> Iterator[Problem]:
     key, drive = f"joints.{name}.friction", scene.drives.get(name)
     if joint.kind not in ("revolute", "prismatic"):
         yield Problem(key, None, f"a {joint.kind} joint has none in space so far", "Leave it out")
-    elif joint.friction.law == "lugre":
-        yield Problem(f"{key}.law", "lugre", _NO_BRISTLES, "Use coulomb or stribeck")
     elif drive is not None and drive.kind != "free":
         yield Problem(key, None, "in space its drive prescribes the motion of the joint", "Make the drive free")
     elif joint.has_backlash or any(spring.torsional_at == name for spring in scene.springs.values()):

@@ -259,7 +259,7 @@ def _error(m, table, h, here, A):
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, h, step, A, answer))
+        error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, table, h, here, step, A, answer))
     return error
 
 

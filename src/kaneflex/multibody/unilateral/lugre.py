@@ -8,7 +8,7 @@ additional unknown of the stages, like a sticking force. Its row of the factors 
 
 dF = ((sigma_1 + h sigma_0) / (1 + h sigma_0 |v| / g)) dz' + sigma_2 dv
 
-with h the step times an eigenvalue of the method. No event is needed: slipping and sticking are one law.
+with h the step times an eigenvalue of the method. No event is needed: slipping and sticking are one law. Where the slip turns, only the rate's slope changes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
 from kaneflex.multibody.model.layout import BY_PRESS, BY_SPEED, DECAY, FIRMEST, MEMORY, NODES, NORMAL, SLIP, VISCOUS
 
 VISCOUS_AT, STIFFNESS_AT, DAMPING_AT = 7, 12, 13
@@ -119,3 +119,26 @@ def minds(w, k, j, step):
         bends = abs(laws.bristle_by_speed(w, j, g, 0.0, v, way, z)) / (1.0 + step * laws.bristle_decay(w, j, g, v))
         most = larger(most, bends * w[j + STIFFNESS_AT] / larger(g, w[k + FIRMEST]))
     return most
+
+
+@njit(**OPTIONS)
+def turned(table, h, step, w, k, j, before):
+    """Error of the deflection at the end of a step in which the slip turns, as a share of the largest; otherwise 0.
+
+    The rate then has a kink: its error is the defect of the rate at the start, or, where the slip turns after the last
+    node, what is missed from there on. ``before``: deflection at the start.
+    """
+    one, last, c = k + NODES, k + NODES + 12, table.nodes
+    v, g = w[last], w[last + 1]
+    least = larger(g, w[k + FIRMEST]) / w[j + STIFFNESS_AT]
+    end = basis(c, 1.0, 0) * w[one + 4] + basis(c, 1.0, 1) * w[one + 8] + basis(c, 1.0, 2) * v
+    if end * v < 0.0:
+        since = h * (1.0 - c[2]) * end / (end - v)
+        return since * laws.bristle_decay(w, j, g, end) * abs(w[last + 2]) / least
+    if w[one] * v >= 0.0:
+        return 0.0
+    defect = -laws.bristle_rate(w, j, w[one + 1], w[one], before)
+    for n in range(3):
+        i = one + 4 + 4 * n
+        defect += basis(c, 0.0, n) * laws.bristle_rate(w, j, w[i + 1], w[i], w[i + 2])
+    return h * abs(defect) / (1.0 + step * laws.bristle_decay(w, j, g, v)) / least
