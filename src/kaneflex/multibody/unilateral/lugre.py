@@ -8,7 +8,8 @@ additional unknown of the stages, like a sticking force. Its row of the factors 
 
 dF = ((sigma_1 + h sigma_0) / (1 + h sigma_0 |v| / g)) dz' + sigma_2 dv
 
-with h the step times an eigenvalue of the method. No event is needed: slipping and sticking are one law. Where the slip turns, only the rate's slope changes.
+with h the step times an eigenvalue of the method. No event is needed: slipping and sticking are one law. Where the slip
+turns, only the rate's slope changes.
 """
 
 from __future__ import annotations
