@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from lifting import TURN, lifted
 from machines import changed, machine
 from places import DATA
 from runs import solved
@@ -20,7 +19,6 @@ from kaneflex.multibody.model.module_loading import bind_parameters, find_laws_m
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_layout import ANGLES, RIGID
 from kaneflex.multibody.time import curves
-from kaneflex.solve.engine_loading import spatial_start
 from kaneflex.solve.loading import integrated
 
 SEED = 20261122
@@ -241,21 +239,6 @@ def test_second_rates_of_constraints_by_hand():
             assert not np.allclose(wrong, expected, rtol=1e-11, atol=1e-13)
 
 
-def test_rows_of_a_loop_move_as_their_jacobian_says():
-    scene = read_scene("spatial-slider-crank")
-    system, start, _ = spatial_start(scene)
-    q, h = start.q.copy(), 1e-6
-    system.place(q)
-    J, before = system.work.J.copy(), system.work.rows[:, 0].copy()
-    scalars = [k for k, name in enumerate(system.layout.speeds) if ".omega" not in name]
-    assert len(scalars) == system.engine.size == len(q)  # no ball in this tree
-    for k in scalars:
-        moved = q.copy()
-        moved[k] += h
-        system.place(moved)
-        assert (system.work.rows[:, 0] - before) / h == pytest.approx(J[:, k], abs=1e-6)
-
-
 def test_bricard_against_the_reference():
     """IFToMM A04, solved by Exudyn with a step of 5e-4 s, whose own step error may be 1e-4: both agree to 1e-6."""
     solution = solved(read_scene("bricard"))
@@ -411,30 +394,3 @@ def test_a_free_body_flips_and_keeps_its_momentum():
     assert solution.energy.drift == 0.0 or np.ptp(solution.energy.kinetic) < 1e-7
     there = np.array([[1.0], [2.0], [3.0]]) + np.array([[0.1], [0.2], [0.3]]) * solution.times
     assert frame.place([0, 0, 0]) == pytest.approx(there, abs=1e-9)
-
-
-@pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize("name", ["four-bar", "engine-3", "quick-return", "six-bar"])
-def test_a_planar_mechanism_moves_the_same_in_space(name):
-    """Lifted into space and turned by any rotation, where redundant constraints hold it: places, rates, drive."""
-    planar = read_scene(name)
-    planar = planar.model_copy(update={"loads": {}, "masses": {}, "sensors": {}, "damping": None, "events": {}})
-    model = load(scene_of(lifted(planar) | {"solve": {"preset": "rigid"}}))
-    flat = load(planar.model_copy(update={"solve": planar.solve.model_copy(update={"preset": "rigid"})}))
-    times = np.linspace(0.0, 0.7 * planar.horizon, 23)
-    here, there = model.motion.at(times), flat.motion.at(times)
-    size = mechanism_of(model.scene).size
-    for body in planar.bodies:
-        mine, plane = here.frame(body), there.frame(body)
-        point = np.array([0.3, 0.1]) * size
-        pairs = [(mine.place([*point, 0.0]), plane.place(point))]
-        pairs += [(mine.velocity([*point, 0.0]), plane.velocity(point))]
-        pairs += [(mine.acceleration([*point, 0.0]), plane.acceleration(point))]
-        for space, flat_one in pairs:
-            back = TURN.T @ space
-            assert back[:2] == pytest.approx(flat_one, abs=1e-9 * max(abs(flat_one).max(), size))
-            assert abs(back[2]).max() < 1e-9 * max(abs(flat_one).max(), size)
-    for drive in planar.drives:
-        if f"{drive}.drive" not in model.module.open_reactions:
-            wanted = there[f"{drive}.drive"]
-            assert here[f"{drive}.drive"] == pytest.approx(wanted, abs=1e-9 * abs(wanted).max())

@@ -54,61 +54,6 @@ def own(solution, name):
     return contact.LAWS.index(found.law), np.array(numbers_of(found))
 
 
-def flights(solution):
-    """Instants and heights of the tops of a ball's flights, each from any state of it."""
-    y, v = solution.series["height"].values, solution.trajectory.v[:, 1]
-    found = []
-    for top, height in np.transpose([solution.times + v / G, y + v**2 / (2 * G)])[y > 1e-3]:
-        if not found or abs(top - found[-1][0]) > 1e-4:
-            found.append((top, height))
-    return np.array(found)
-
-
-def bounces(law, p, count, mass=1.0):
-    """The same of a ball from 1 m by the law of its contact, each impact integrated in its own depth and time."""
-    K, n, t, height, found = p[3], p[4], 0.0, 1.0, [(0.0, 1.0)]
-    for _ in range(count):
-        v_0 = math.sqrt(2 * G * height)
-        deep = ((n + 1) * mass * v_0**2 / (2 * K)) ** (1 / (n + 1))
-
-        def rhs(s, y, v_0=v_0, deep=deep):
-            force = contact.normal_force(law, p, 0, v_0, -y[0] * deep, -y[1] * v_0)
-            return y[1], (G - force / mass) * deep / v_0**2
-
-        def apart(s, y):
-            return y[0] if s > 1e-3 else 1.0
-
-        apart.terminal, apart.direction = True, -1
-        end = solve_ivp(rhs, (0, 1e4), (0.0, 1.0), "DOP853", events=apart, rtol=1e-13, atol=1e-14)
-        back = -end.y_events[0][0, 1] * v_0
-        t += v_0 / G + end.t_events[0][0] * deep / v_0 + back / G
-        height = back**2 / (2 * G)
-        found.append((t, height))
-    return np.array(found)
-
-
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
-def test_a_ball_bounces_as_its_law_says(tolerance):
-    """Instants and heights of the tops, with the weight that acts during an impact, too."""
-    solution = solved(BALL, f"solve.tolerance={tolerance}")
-    tops = flights(solution)
-    assert len(tops) == 5
-    assert tops == pytest.approx(bounces(*own(solution, "floor"), 4), abs=100 * tolerance)
-    assert solution.trajectory.energy.drift < 1e-7
-
-
-def test_a_stiff_ball_bounces_as_in_textbooks():
-    """Heights e^2k h and instants of a rigid ball; what is missed is the impact's duration, K^(-2/5) for n = 1.5."""
-    first, missed = math.sqrt(2 / G), []
-    k = np.arange(5)
-    tops = np.append(0.0, first * (1 + 2 * np.cumsum(0.7 ** k[1:]) - 0.7 ** k[1:]))
-    for stiffness in (1e7, 1e12):
-        found = flights(solved(BALL, f"floor.contact.stiffness={stiffness}"))
-        missed.append([abs(found[:, 0] - tops).max(), abs(found[:, 1] - 0.7 ** (2 * k)).max()])
-    assert np.log10(np.divide(*missed)) / 5 == pytest.approx([0.4, 0.4], abs=0.01)
-    assert max(missed[1]) < 1e-4
-
-
 def loose_slider_crank(law, p, times):
     """Slide of LOOSE and its number of impacts by its own two equations, from contact to contact."""
 

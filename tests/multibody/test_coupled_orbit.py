@@ -196,23 +196,6 @@ def test_harmonics_begin_on_the_cycle(monkeypatch, count):
     alike(shot, found, 1e-4, shot.series)
 
 
-@pytest.mark.exhaustive(group="cycles", share=2)
-def test_what_nothing_damps_is_found_and_not_called_unstable(count):
-    plane, space = map(solved, _lifted("rotating-cantilever", "solve.modes=2", "damping=none"))
-    assert space.outcome is Outcome.COMPLETED and "multiplier is 1 within" in space.message and len(count) == 1
-    expected = plane.series["tip_transverse"].values
-    assert abs(space.series["tip_transverse"].values - expected).max() < 1e-5 * abs(expected).max()
-
-
-@pytest.mark.exhaustive(group="cycles", share=2)
-def test_a_cycle_in_space_whose_disturbances_grow_says_so():
-    """In the first tongue of its pulsating force a strut would leave its motion, by the planar multiplier."""
-    flat, deep = _lifted("pulsating-strut", "solve.modes=1", "drives.clock.speed=2517 rpm")
-    plane, space = solved(flat), solved(deep)
-    assert space.outcome is Outcome.UNSTABLE and "unstable periodic motion" in space.message
-    assert space.multipliers[0] == pytest.approx(plane.multipliers[0], rel=1e-3)
-
-
 PENDULUM = machine(
     gravity=[0, 0, "-9.81 m/s^2"],
     bodies=dict(rod='length = "0.5 m", rotation = {x = [0.1, 0.05, -1]}, '
@@ -232,24 +215,6 @@ PENDULUM = machine(
 
 def _pendulum(text=PENDULUM):
     return scene_of(text)
-
-
-@pytest.mark.exhaustive(group="cycles", share=2)
-def test_waiting_leads_to_the_same_motion_in_space(monkeypatch, count):
-    """A pendulum on a ball that is pushed around: Newton's method has its cycle, and so has cycle after cycle."""
-    found = solved(_pendulum())
-    assert found.outcome is Outcome.COMPLETED and len(count) <= 5
-
-    def unknown(*_):
-        raise ArithmeticError
-
-    monkeypatch.setattr(Cycles, "monodromy", unknown)
-    count.clear()
-    waited = solved(_pendulum())
-    assert len(count) > 8
-    for name in ("x", "y", "bend"):
-        expected = waited.series[name].values
-        assert abs(found.series[name].values - expected).max() < 1e-4 * np.ptp(expected), name
 
 
 def test_richer_models_continue_the_cycle(count):
@@ -304,12 +269,6 @@ def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start():
     assert abs(end.du[:3]).max() > 3.0 and abs(begin.du[:3]).max() > 3.0
     for part, expected in zip(found, (y, rate), strict=True):
         assert part[:3] == pytest.approx(expected[:3], abs=1e-3 * abs(expected[:3]).max())
-
-
-def test_what_does_not_repeat_in_space_is_named():
-    text = PENDULUM.replace("1.5 * cos(clock)", "1.5 * cos(clock) + 0.1 * t")
-    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': push is 1.5 at first and 1.60472 a cycle later"):
-        solved(_pendulum(text))
 
 
 class Halving(Cycles):

@@ -72,17 +72,6 @@ def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(mu, speed, in
 LEVEL = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
 
 
-def test_what_slides_on_the_level_stops_in_time_and_place():
-    """v^2 / (2 mu g) and v / (mu g); what is lost is its energy."""
-    found = solved(LEVEL, "drives.slide.initial_speed=2")
-    stop, last = 2 / (0.3 * G), 4 / (2 * 0.3 * G)
-    assert found.series["x"].values[-1] == pytest.approx(last, rel=1e-12)
-    moving = found.times < stop
-    assert found.series["drag"].values[moving] == pytest.approx(-2 * 0.3 * G, rel=1e-12)
-    assert found.series["drag"].values[~moving] == pytest.approx(0.0, abs=1e-12)
-    assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(4.0, rel=1e-12)
-
-
 def test_a_drive_supplies_what_friction_at_its_own_joint_takes():
     """Work of the prescribed drive, between stored instants by its power: mu m g times the distance, and m v^2 / 2."""
     driven = LEVEL.replace("slide = {free = true, initial_speed = 0}", 'slide = {law = "0.2 * t**2 + 0.1 * t"}')

@@ -201,15 +201,6 @@ def test_a_ball_is_thrown_back_by_a_tilted_plane():
     assert solution.statistics("push").max == pytest.approx(impact.peak)
 
 
-@pytest.mark.parametrize("e", [0.05, 0.5, 0.99])
-def test_the_restitution_asked_for_in_space(e):
-    """Without weight."""
-    thrown = "gravity=[0, 0, 0]", "bodies.ball.free.velocity=[0.3, -0.2, -4]"
-    impact = solved(ball(f'{{stiffness = "1e6 N/m^1.5", restitution = {e}}}', *thrown)).impacts[0]
-    assert impact.separation == pytest.approx(e * impact.approach, rel=1e-6)
-    assert impact.lost == pytest.approx(impact.approach**2 - impact.separation**2, rel=1e-6)
-
-
 @pytest.mark.parametrize(("settings", "message"), [
     (("contacts.floor.friction={law='lugre', mu=0.1, bristle_stiffness='1e6 N/m'}",),
      r"contacts\.floor\.friction\.law = 'lugre': in space contacts don't have this law so far"),
@@ -286,15 +277,6 @@ def test_joints_rub_as_in_the_plane(name):
     for sensor in space:
         bound = max(estimated(plane, space, sensor), 1e-9 * abs(plane[sensor].values).max())
         assert abs(space[sensor].values - plane[sensor].values).max() <= bound
-
-
-@pytest.mark.parametrize("turn", range(5))
-def test_a_block_on_a_belt_sticks_and_slips_whichever_way_it_is_turned(turn):
-    plane, space = rubs(read_scene("stick-slip"), f"belt {turn}")
-    instants = [[row[0] for row in changes(each)] for each in (plane, space)]
-    assert len(instants[1]) > 20
-    assert instants[1] == pytest.approx(instants[0], rel=1e-9)
-    assert space["drag"].values == pytest.approx(plane["drag"].values, abs=1e-9)
 
 
 LOOP = changed(

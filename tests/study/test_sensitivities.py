@@ -140,10 +140,6 @@ def test_statistics_are_those_of_neighbouring_runs():
             np.testing.assert_allclose(getattr(derivative, f"log_{key}"), logarithmic)
 
 
-def test_one_number_of_a_list():
-    check("four-bar", ("solve.steps=120",), "ground.right.0")
-
-
 @pytest.mark.parametrize(("scene", "name", "written", "settings"), [
     ("engine", "bore.direction", (10.0, 1.0), ("loads.gas=none", "solve.steps=60")),
     ("rotating-blade", "push.direction", (0.0, 3.0, 4.0), ("solve.steps=24",)),
