@@ -24,7 +24,7 @@ from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
-from kaneflex.response.dalembert import Balance, Balanced, balanced
+from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.motion import Motion, Section
 
 
@@ -164,7 +164,7 @@ class CoupledMotion(Motion):
         return self._balances[link].section(x, after) if elastic else super().section(link, x, after)
 
     @cached_property
-    def _balances(self) -> Mapping[str, Balance | Balanced]:
+    def _balances(self) -> Mapping[str, Balanced]:
         return balanced(self.moving)
 
     def place(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:

@@ -4,24 +4,63 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from kaneflex.fem.links import Link
-from kaneflex.mechanism.body_frame import Rates, acceleration, applied
+from kaneflex.mechanism.body_frame import Rates, applied
 from kaneflex.mechanism.spatial_frame import rotation_matrix
 from kaneflex.mechanism.wrenches import Wrench, moment_of
-from kaneflex.multibody.time.sections import Deformed, deformed
-from kaneflex.response.section_forces import LinkForces, carried, rate_of_momentum, spread_loads
+from kaneflex.multibody.model.shapes import Shapes
+from kaneflex.multibody.time.sections import turn_in_space
+from kaneflex.response.section_forces import (
+    LinkForces,
+    MassIntegrals,
+    Slices,
+    carried,
+    rate_of_momentum,
+    spread_loads,
+)
+from kaneflex.support.kept import Kept
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.sections import DeformingMotion
 
 _SAME = 1e-9
 """Distance of points, as a share of the link's length, that counts as zero."""
+
+
+class ShapedMass:
+    """Integrals over the parts of a link before its sections, by products of its shapes' amplitudes."""
+
+    def __init__(self, shapes: Shapes) -> None:
+        self.shapes, self.link, self.size = shapes, shapes.link, (len(shapes.link.names) + 1) // 2
+        self.pairs = np.nonzero(np.triu(shapes.shortened))
+        self.slices = cache(lambda e, x: Slices.up_to(x, self.link, e, self.places))
+        self.elements = [self.slices(e, x) for e, x in enumerate(self.link.nodes[1:])]
+        parts = map(MassIntegrals.of, (self.slices(0, 0.0), *self.elements))
+        self.before = list(accumulate(parts, MassIntegrals.plus))
+
+    def places(self, x: float) -> np.ndarray:
+        """Place of the axis at x [m] in the link's axes and rotation of its section by :meth:`amplitudes`, (D + 1 or 3,
+        size)."""
+        (rows, G), n, (j, k) = self.shapes.at((x, 0.0, 0.0)), self.size, self.pairs
+        found = np.zeros((len(rows), len(j) + 1 + rows.shape[1]))
+        found[:n, : len(j)] = np.where(j == k, 0.5, 1.0) * G[:n, j, k]
+        found[0, len(j)], found[:, len(j) + 1 :] = x, rows
+        return found
+
+    def amplitudes(self, q: np.ndarray, u: np.ndarray, b: np.ndarray) -> Rates:
+        """Products of every two amplitudes that shorten the link, 1, and the amplitudes, with their rates."""
+        (j, k), one = self.pairs, np.ones((1, q.shape[1]))
+        rate, accel = u[j] * q[k] + q[j] * u[k], b[j] * q[k] + 2.0 * u[j] * u[k] + q[j] * b[k]
+        return np.vstack([q[j] * q[k], one, q]), np.vstack([rate, 0.0 * one, u]), np.vstack([accel, 0.0 * one, b])
+
+
+_MASSES: Kept[Any, dict[str, ShapedMass]] = Kept()
+"""System -> link -> its integrals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,29 +87,32 @@ class Balance:
 
         At the start always after them, at the end before them.
         """
-        inside = _SAME < x / self._link.length < 1 - _SAME
-        at_x = float(after if inside else x < 0.5 * self._link.length)
-        e, _ = self._link.locate(x)
-        total = self._elements_before[e] + self._sums(e, x) - self._pushes(x, at_x)
+        inside = _SAME < x / self._mass.link.length < 1 - _SAME
+        at_x = float(after if inside else x < 0.5 * self._mass.link.length)
+        total = self._momentum(x) - self._pushes(x, at_x)
         # the whole link balances up to terms of third order, shared by both sides of a section
-        total -= x / self._link.length * self._gap
+        total -= x / self._mass.link.length * self._gap
         return total
 
     @cached_property
     def _gap(self) -> np.ndarray:
         """Rate of momentum of the whole link less all forces on it."""
-        return self._elements_before[-1] - self._pushes(self._link.length, 1.0)
+        return self._momentum(self._mass.link.length) - self._pushes(self._mass.link.length, 1.0)
 
-    @cached_property
-    def _elements_before(self) -> list[np.ndarray]:
-        """Sums over the elements before every node."""
-        return list(accumulate(self._sums(max(k - 1, 0), x) for k, x in enumerate(self._link.nodes)))
+    def _momentum(self, x: float) -> np.ndarray:
+        """Rate of momentum of the part before x [m], less its distributed loads."""
+        own, e = self._mass, self._mass.link.locate(x)[0]
+        last = own.slices(e, x)
+        part = own.before[e].plus(MassIntegrals.of(last))
+        total = rate_of_momentum(part, self._places, self._carried, self._spread)
+        total[own.size :] += self._turned_before[e] + self._turning(last)
+        return total
 
     def _pushes(self, x: float, at_x: float) -> np.ndarray:
         """Sum of the loads before x, and of the share ``at_x`` of those at x."""
-        total = np.zeros_like(self._elements_before[-1])
+        total = np.zeros((len(self._mass.link.names), len(self.motion.times)))
         for at, push in self._acting:
-            total += (at_x if abs(x - at) <= _SAME * self._link.length else float(at < x)) * push
+            total += (at_x if abs(x - at) <= _SAME * self._mass.link.length else float(at < x)) * push
         return total
 
     @cached_property
@@ -79,55 +121,55 @@ class Balance:
         return [(each.on[0], each.about_start) for each in self.wrenches()]
 
     @cached_property
-    def _link(self) -> Link:
-        return cast(Link, self.motion.link(self.link))
-
-    def _at(self, x: float) -> Deformed:
-        """Motion of the axis at x [m] from the start."""
-        at = np.array([x, 0.0, 0.0][: len(self.motion.mechanism.gravity)])
-        return deformed(self.motion.shapes[self.link], at, self._amplitudes)
+    def _mass(self) -> ShapedMass:
+        made = _MASSES.of(self.motion.system, dict)
+        if self.link not in made:
+            made[self.link] = ShapedMass(self.motion.shapes[self.link])
+        return made[self.link]
 
     @cached_property
-    def _amplitudes(self) -> Rates:
-        q, u, b = map(np.ascontiguousarray, self.motion.modal(self.link))
-        return q, u, b
+    def _places(self) -> Rates:
+        """Amplitudes of :class:`ShapedMass`."""
+        return self._mass.amplitudes(*self.motion.modal(self.link))
 
     @cached_property
     def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return carried(self.motion.mechanism, self.motion, self.link)
 
-    def _slice(self, e: int, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Slice of an element at x [m] from the start: place, acceleration less gravity, and rate of the moment of
-        momentum about its own centre per length."""
-        part, own, (force, omega, epsilon) = self._at(x), self._link, self._carried
-        (place, rate, accel), (turning, faster) = part.moved, part.turning
-        place = np.vstack([x + place[0], place[1:]])
-        force = force + acceleration(omega, epsilon, place, rate, accel)
-        if len(place) == 2:
-            share = (x - own.nodes[e]) / own.length_of(e) - 0.5
-            rotary = own.parameters["rho_I"][e] + share * own.parameters["rho_I_rise"][e]
-            return place, force, rotary * (epsilon + faster)
-        profile = self.motion.mechanism.deforming[self.link].profile
-        about_y, about_z = profile.at(x)[1:3]
-        I = np.array([[about_y + about_z], [about_y * profile.rotary], [about_z * profile.rotary]])
-        to_section = part.turned.swapaxes(0, 1)
-        own_omega = applied(to_section, omega + turning)
-        own_epsilon = applied(to_section, epsilon + moment_of(omega, turning) + faster)
-        return place, force, applied(part.turned, I * own_epsilon + moment_of(own_omega, I * own_omega))
+    @cached_property
+    def _turned_before(self) -> list[np.ndarray]:
+        """Rate of the moment of momentum of the sections before every node about their own centres."""
+        return list(accumulate(map(self._turning, (self._mass.slices(0, 0.0), *self._mass.elements))))
+
+    def _turning(self, slices: Slices) -> np.ndarray:
+        """Rate of the moment of momentum of an element's sections about their own centres, (1 or 3, n_times)."""
+        (_, omega, epsilon), n, total = self._carried, self._mass.size, np.zeros(())
+        if n == 2:
+            rotary = slices.weights * slices.densities[1]
+            return cast(np.ndarray, rotary.sum() * epsilon + rotary @ slices.R[:, 2] @ self._places[2])[None]
+        profile, amplitudes = self.motion.mechanism.deforming[self.link].profile, self.motion.modal(self.link)
+        for x, weight, rows in zip(slices.x, slices.weights, slices.R[:, n:, -len(amplitudes[0]) :], strict=True):
+            about_y, about_z = profile.at(x)[1:3]
+            I = weight * np.array([[about_y + about_z], [about_y * profile.rotary], [about_z * profile.rotary]])
+            turned, turning, faster = turn_in_space(*(rows @ of for of in amplitudes))
+            to_section = turned.swapaxes(0, 1)
+            own_omega = applied(to_section, omega + turning)
+            own_epsilon = applied(to_section, epsilon + moment_of(omega, turning) + faster)
+            total = total + applied(turned, I * own_epsilon + moment_of(own_omega, I * own_omega))
+        return total
 
     @cached_property
     def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Distributed loads in the link's axes: load at its start [N/m], and its slope [N/m^2]."""
-        to_body = partial(applied, self._at(0.0).turned)
-        return list(spread_loads(self.motion.mechanism, self.motion, self.link, to_body))
+        start = self.motion.deformed(self.link, np.zeros(self._mass.size))
+        return list(spread_loads(self.motion.mechanism, self.motion, self.link, partial(applied, start.turned)))
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Section forces: axial force N [N, tension positive], shear force V [N] and bending moment M [N m], or N, V_y,
         V_z, T, M_y, M_z; (3 or 6, n_times). Components are those along the floating frame's axes, in space along those
         of the tangent, the chord or the mean rotation, as in the plane."""
-        total = self.before(x, after)
-        n = len(total) // 2 + len(total) % 2
-        total[n:] -= moment_of(self._slice(self._link.locate(x)[0], x)[0], total[:n])
+        total, n = self.before(x, after), self._mass.size
+        total[n:] -= moment_of(self._mass.places(x)[:n] @ self._places[0], total[:n])
         if n == 2:
             return total
         return cast(np.ndarray, np.einsum("jit,kjt->kit", self._turned, total.reshape(2, 3, -1)).reshape(6, -1))
@@ -135,13 +177,9 @@ class Balance:
     @cached_property
     def _turned(self) -> np.ndarray:
         """Axes of the components in the body's axes, columns (3, 3, n_times)."""
-        q, *_ = self._amplitudes
+        q, *_ = self.motion.modal(self.link)
         turn = self.motion.shapes[self.link].turn
         return cast(np.ndarray, rotation_matrix((turn @ q).T).transpose(1, 2, 0))
-
-    def _sums(self, e: int, x: float) -> np.ndarray:
-        """Rate of momentum of an element up to x [m], less its distributed loads."""
-        return rate_of_momentum(self._link, e, x, partial(self._slice, e), self._spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,12 +193,15 @@ class Balanced:
     """
 
     loud: Balance
-    quiet: Balance
+
+    @cached_property
+    def quiet(self) -> Balance:
+        return _balance(self.loud.motion.quiet, self.loud.link)
 
     def section(self, x: float, after: bool = False) -> np.ndarray:
         """Section forces at x [m] from the start, as :meth:`Balance.section`."""
         found, stops = self.loud.section(x, after), self._stops
-        if np.min(abs(stops - x)) > _SAME * stops[-1]:
+        if np.min(abs(stops - x)) > _SAME * stops[-1] and self.loud.motion.quiet is not self.loud.motion:
             last = int(np.searchsorted(stops, x))
             a, b = stops[last - 1], stops[last]
             at_a, at_b = self._differences[last - 1]
@@ -185,16 +226,12 @@ class Balanced:
         return self.loud.section(x, after) - self.quiet.section(x, after)
 
 
-def balanced(motion: DeformingMotion) -> dict[str, Balance] | dict[str, Balanced]:
-    """Section forces of every link of a coupled motion."""
-    loud = _balances(motion)
-    if motion.quiet is motion:
-        return loud
-    return {name: Balanced(loud[name], quiet) for name, quiet in _balances(motion.quiet).items()}
-
-
-def _balances(motion: DeformingMotion) -> dict[str, Balance]:
-    """Equilibria of the elastic links with all forces on them."""
-    forces = LinkForces(motion.mechanism, motion)
+def balanced(motion: DeformingMotion) -> dict[str, Balanced]:
+    """Section forces of every elastic link of a coupled motion."""
     links = [name for name in motion.shapes if motion.mechanism.deforming[name].elastic]
-    return {name: Balance(motion, name, partial(forces.wrenches, name)) for name in links}
+    return {name: Balanced(_balance(motion, name)) for name in links}
+
+
+def _balance(motion: DeformingMotion, link: str) -> Balance:
+    """Equilibrium of a link with all forces on it."""
+    return Balance(motion, link, partial(LinkForces(motion.mechanism, motion).wrenches, link))

@@ -13,12 +13,13 @@ from kaneflex.fem.assembly import in_own_axes, load_on_link, spin_or_euler
 from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Link, Part, node_coordinates
 from kaneflex.mechanism.affine import Affine, Monomial, solve
-from kaneflex.mechanism.body_frame import Rates, acceleration
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.wrenches import moment_of
 from kaneflex.multibody.model.bound_model import Model, keep_terms
-from kaneflex.response.section_forces import carried, rate_of_momentum, spread_loads
+from kaneflex.response.section_forces import MassIntegrals, Slices, carried, rate_of_momentum, spread_loads
 from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
@@ -149,15 +150,14 @@ class Deformation:
 
     def _needed(self, e: int, reach: float) -> np.ndarray:
         """Force, and moment about its end, that an element of the rigid link needs up to `reach` [m] from its node."""
-        specific_force, omega, epsilon = carried(mechanism_of(self.model.scene), self.rigid, self.link.name)
-        along = np.eye(len(specific_force))[0]
-        grows = acceleration(omega, epsilon, along[:, None])
-        spread = list(spread_loads(mechanism_of(self.model.scene), self.rigid, self.link.name))
-
-        def sliced(x: float) -> tuple[np.ndarray, np.ndarray]:
-            return (x - self.link.nodes[e] - reach) * along, specific_force + grows * x
-
-        return rate_of_momentum(self.link, e, self.link.nodes[e] + reach, sliced, spread)
+        mechanism, name, end = mechanism_of(self.model.scene), self.link.name, self.link.nodes[e] + reach
+        moved = carried(mechanism, self.rigid, name)
+        along = np.eye(len(moved[0]))[:, :1]
+        part = MassIntegrals.of(Slices.up_to(end, self.link, e, lambda x: x * along))
+        still = np.zeros((1, self.q.shape[1]))
+        found = rate_of_momentum(part, (still + 1.0, still, still), moved, spread_loads(mechanism, self.rigid, name))
+        found[len(along) :] -= moment_of(end * along, found[: len(along)])
+        return found
 
     def _ends(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Section forces inside the first and the second end of an element."""

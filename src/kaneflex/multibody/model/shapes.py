@@ -93,6 +93,11 @@ class Shapes:
         apart = np.einsum("g,gjk->jk", weight, self._start - H)
         return float(weight.sum()), float(weight @ x), np.einsum("g,gaj->aj", weight, rows), _along(apart)
 
+    @property
+    def shortened(self) -> np.ndarray:
+        """True for every two shapes whose amplitudes together shorten the axis, (count, count)."""
+        return (self._squares != 0.0).any(axis=(0, 1))
+
     @cached_property
     def turn(self) -> np.ndarray:
         """Rotation of the axes of the planar model about the body's x, y, z by each shape, (3, count) [rad/m]."""

@@ -54,7 +54,7 @@ def deformed(shapes: Any, at: np.ndarray, amplitudes: Rates) -> Deformed:
         d_rate[k] += np.einsum("jt,jt->t", u, by_q)
         d_accel[k] += np.einsum("jt,jt->t", b, by_q) + np.einsum("jt,jt->t", u, G[k] @ u)
     theta, rate, accel = (rows[n:] @ of for of in (q, u, b))
-    turned, omega, epsilon = _turn_in_space(theta, rate, accel) if n == 3 else (turning(theta[0]), rate[0], accel[0])
+    turned, omega, epsilon = turn_in_space(theta, rate, accel) if n == 3 else (turning(theta[0]), rate[0], accel[0])
     if arm.any():
         carried = applied(turned, arm)
         d += carried - arm[:, None]
@@ -63,7 +63,7 @@ def deformed(shapes: Any, at: np.ndarray, amplitudes: Rates) -> Deformed:
     return Deformed((d, d_rate, d_accel), theta, turned, (omega, epsilon))
 
 
-def _turn_in_space(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
+def turn_in_space(theta: np.ndarray, rate: np.ndarray, accel: np.ndarray) -> list[np.ndarray]:
     """Axes of a section, its angular velocity and acceleration."""
     turned, T, gamma = (np.ascontiguousarray(np.moveaxis(part, 0, -1)) for part in sections(theta.T, rate.T))
     return [turned, applied(T, rate), applied(T, accel) + gamma]
