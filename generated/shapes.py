@@ -169,54 +169,29 @@ def shaped_inertia(p, o, count, q, i, out, n):
 
 
 @njit(**WITHIN)
-def shaped_energy(p, o, count, w, k, q, v, i, out, n):
-    """Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of
-    the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
-    v_x, v_y, omega_z = w[k], w[k + 1], w[k + 2]
+def shaped_strain(p, o, count, q, i):
+    """Return the strain energy of a body's shapes [J]."""
     to_u = int(p[o])
     to_v = count
     o += 1
-    kinetic = strain = S_x = I_zz = S_y = 0.0
+    strain = 0.0
     for j in range(to_u):
-        q_j, v_j, P_x_0, J_zz_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
+        q_j, K_0 = q[i + j], p[o + 2]
         o += 3
-        J_zz_uq = J_zz_uv = H_z_vq = 0.0
         for l in range(to_u):
-            J_zz_l = p[o]
-            J_zz_uq += J_zz_l * q[i + l]
-            J_zz_uv += J_zz_l * v[i + l]
             o += 2
         for l in range(to_u, to_v):
-            H_z_vq += p[o] * q[i + l]
             o += 2
-        J_zz = J_zz_0 + J_zz_uq
-        kinetic += v_j * (H_z_vq * omega_z + 0.5 * J_zz_uv + P_x_0 * v_x)
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += P_x_0 * q_j
-        I_zz += q_j * (J_zz + J_zz_0)
     for j in range(to_u, to_v):
-        q_j, v_j, P_y_0, H_z_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
+        q_j, K_0 = q[i + j], p[o + 2]
         o += 3
-        H_z_uq = P_x_vq = J_zz_vq = M_vv = 0.0
         for l in range(to_u):
-            H_z_uq += p[o] * q[i + l]
             o += 2
         for l in range(to_u, to_v):
-            P_x_vq += p[o] * q[i + l]
-            J_zz_vq += p[o + 1] * q[i + l]
-            M_vv += p[o + 2] * v[i + l]
             o += 4
-        H_z = H_z_0 + H_z_uq
-        kinetic += v_j * (H_z * omega_z + 0.5 * M_vv + P_x_vq * v_x + P_y_0 * v_y)
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += 0.5 * P_x_vq * q_j
-        S_y += P_y_0 * q_j
-        I_zz += J_zz_vq * q_j
-    kinetic += 0.5 * I_zz * (omega_z * omega_z) + S_x * omega_z * v_y - S_y * omega_z * v_x
-    out[n] += kinetic
-    out[n + 1] += strain
-    out[n + 2] += S_x
-    out[n + 3] += S_y
+    return strain
 
 
 @njit(**WITHIN)

@@ -738,212 +738,65 @@ def shaped_inertia(p, o, count, q, i, out, n, room, z):
 
 
 @njit(**IN_ORDER)
-def shaped_energy(p, o, count, w, k, q, v, i, out, n):
-    """Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of
-    the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
-    v_x, v_y, v_z, omega_x, omega_y, omega_z = w[k], w[k + 1], w[k + 2], w[k + 3], w[k + 4], w[k + 5]
+def shaped_strain(p, o, count, q, i):
+    """Return the strain energy of a body's shapes [J]."""
     to_u = int(p[o])
     to_v = to_u + int(p[o + 1])
     to_w = to_v + int(p[o + 2])
     to_t = to_w + int(p[o + 3])
     to_g = count
     o += 4
-    kinetic = strain = S_x = I_yy = I_zz = I_zx = I_xy = S_y = 0.0
-    I_xx = I_yz = T_y = W_y = scale = scale_1 = S_z = T_z = 0.0
-    W_z = 0.0
+    strain = 0.0
     for j in range(to_u):
-        q_j, v_j, P_x_0, J_yy_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
+        q_j, K_0 = q[i + j], p[o + 2]
         o += 3
-        J_yy_uq = J_yy_uv = H_z_vq = H_y_wq = 0.0
         for l in range(to_u):
-            J_yy_l = p[o]
-            J_yy_uq += J_yy_l * q[i + l]
-            J_yy_uv += J_yy_l * v[i + l]
             o += 2
         for l in range(to_u, to_v):
-            H_z_vq += p[o] * q[i + l]
             o += 1
         for l in range(to_v, to_w):
-            H_y_wq += p[o] * q[i + l]
             o += 1
-        J_yy = J_yy_0 + J_yy_uq
-        J_zx = -0.5 * H_y_wq
-        J_xy = 0.5 * H_z_vq
-        kinetic += v_j * (H_y_wq * omega_y + H_z_vq * omega_z + 0.5 * J_yy_uv + P_x_0 * v_x)
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += P_x_0 * q_j
-        I_yy += q_j * (J_yy + J_yy_0)
-        I_zz += q_j * (J_yy + J_yy_0)
-        I_zx += J_zx * q_j
-        I_xy += J_xy * q_j
     for j in range(to_u, to_v):
-        q_j, v_j, P_y_0, H_z_0, J_xy_0, Q_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
-        K_0 = p[o + 4]
+        q_j, K_0 = q[i + j], p[o + 4]
         o += 5
-        H_z_uq = P_x_vq = J_xx_vq = J_yy_vq = M_vv = scale_vq = H_x_wq = J_yz_wq = 0.0
-        H_y_tq = 0.0
         for l in range(to_u):
-            H_z_uq += p[o] * q[i + l]
             o += 1
         for l in range(to_u, to_v):
-            P_x_vq += p[o] * q[i + l]
-            J_xx_vq += p[o + 1] * q[i + l]
-            J_yy_vq += p[o + 2] * q[i + l]
-            M_vv += p[o + 3] * v[i + l]
-            scale_vq += p[o + 4] * q[i + l]
             o += 6
         for l in range(to_v, to_w):
-            H_x_wq += p[o] * q[i + l]
-            J_yz_wq += p[o + 2] * q[i + l]
             o += 3
         for l in range(to_w, to_t):
-            H_y_tq += p[o] * q[i + l]
             o += 2
-        H_z = H_z_0 + H_z_uq
-        J_zz = J_xx_vq + J_yy_vq
-        J_zx = -0.5 * H_y_tq
-        J_xy = -0.5 * H_z_uq + J_xy_0
-        kinetic += (
-            v_j * (H_x_wq * omega_x + H_y_tq * omega_y + H_z * omega_z + 0.5 * M_vv + P_x_vq * v_x + P_y_0 * v_y)
-        )
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += 0.5 * P_x_vq * q_j
-        S_y += P_y_0 * q_j
-        I_xx += J_xx_vq * q_j
-        I_yy += J_yy_vq * q_j
-        I_zz += J_zz * q_j
-        I_yz += J_yz_wq * q_j
-        I_zx += J_zx * q_j
-        I_xy += q_j * (J_xy + J_xy_0)
-        T_y += Q_0 * q_j
-        W_y += Q_0 * v_j
-        scale += 0.5 * q_j * scale_vq
-        scale_1 += scale_vq * v_j
     for j in range(to_v, to_w):
-        q_j, v_j, P_z_0, H_y_0, J_zx_0, Q_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
-        K_0 = p[o + 4]
+        q_j, K_0 = q[i + j], p[o + 4]
         o += 5
-        H_y_uq = H_x_vq = J_yz_vq = P_x_wq = J_xx_wq = J_yy_wq = M_wv = scale_wq = 0.0
-        H_z_tq = 0.0
         for l in range(to_u):
-            H_y_uq += p[o] * q[i + l]
             o += 1
         for l in range(to_u, to_v):
-            H_x_vq += p[o] * q[i + l]
-            J_yz_vq += p[o + 2] * q[i + l]
             o += 3
         for l in range(to_v, to_w):
-            P_x_wq += p[o] * q[i + l]
-            J_xx_wq += p[o + 1] * q[i + l]
-            J_yy_wq += p[o + 2] * q[i + l]
-            M_wv += p[o + 3] * v[i + l]
-            scale_wq += p[o + 4] * q[i + l]
             o += 6
         for l in range(to_w, to_t):
-            H_z_tq += p[o] * q[i + l]
             o += 2
-        H_y = H_y_0 + H_y_uq
-        J_zz = -J_xx_wq + J_yy_wq
-        J_zx = 0.5 * H_y_uq + J_zx_0
-        J_xy = 0.5 * H_z_tq
-        kinetic += (
-            v_j * (H_x_vq * omega_x + H_y * omega_y + H_z_tq * omega_z + 0.5 * M_wv + P_x_wq * v_x + P_z_0 * v_z)
-        )
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += 0.5 * P_x_wq * q_j
-        S_z += P_z_0 * q_j
-        I_xx += J_xx_wq * q_j
-        I_yy += J_yy_wq * q_j
-        I_zz += J_zz * q_j
-        I_yz += J_yz_vq * q_j
-        I_zx += q_j * (J_zx + J_zx_0)
-        I_xy += J_xy * q_j
-        T_z += Q_0 * q_j
-        W_z += Q_0 * v_j
-        scale += 0.5 * q_j * scale_wq
-        scale_1 += scale_wq * v_j
     for j in range(to_w, to_t):
-        q_j, v_j, H_x_0, J_yz_0, K_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2]
+        q_j, K_0 = q[i + j], p[o + 2]
         o += 3
-        H_y_vq = X_y_vq = H_z_wq = X_z_wq = P_x_tq = J_yy_tq = J_zz_tq = M_tv = 0.0
-        scale_tq = 0.0
         for l in range(to_u, to_v):
-            H_y_vq += p[o] * q[i + l]
-            X_y_vq += p[o + 1] * q[i + l]
             o += 2
         for l in range(to_v, to_w):
-            H_z_wq += p[o] * q[i + l]
-            X_z_wq += p[o + 1] * q[i + l]
             o += 2
         for l in range(to_w, to_t):
-            P_x_tq += p[o] * q[i + l]
-            J_yy_tq += p[o + 1] * q[i + l]
-            J_zz_tq += p[o + 2] * q[i + l]
-            M_tv += p[o + 3] * v[i + l]
-            scale_tq += p[o + 4] * q[i + l]
             o += 6
-        J_zx = -0.5 * H_y_vq + X_y_vq
-        J_xy = 0.5 * H_z_wq - X_z_wq
-        kinetic += v_j * (H_x_0 * omega_x + H_y_vq * omega_y + H_z_wq * omega_z + 0.5 * M_tv + P_x_tq * v_x)
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += 0.5 * P_x_tq * q_j
-        I_yy += J_yy_tq * q_j
-        I_zz += J_zz_tq * q_j
-        I_yz += 2.0 * J_yz_0 * q_j
-        I_zx += J_zx * q_j
-        I_xy += J_xy * q_j
-        scale += 0.5 * q_j * scale_tq
-        scale_1 += scale_tq * v_j
     for j in range(to_t, to_g):
-        q_j, v_j, P_x_0, P_y_0, P_z_0, H_x_0 = q[i + j], v[i + j], p[o], p[o + 1], p[o + 2], p[o + 3]
-        H_y_0, H_z_0, J_xx_0, J_yy_0, J_zz_0, J_yz_0 = p[o + 4], p[o + 5], p[o + 6], p[o + 7], p[o + 8], p[o + 9]
-        J_zx_0, J_xy_0, K_0 = p[o + 10], p[o + 11], p[o + 12]
+        q_j, K_0 = q[i + j], p[o + 12]
         o += 13
-        P_x_gq = P_y_gq = P_z_gq = H_x_gq = H_y_gq = H_z_gq = J_xx_gq = J_yy_gq = 0.0
-        J_zz_gq = J_yz_gq = J_zx_gq = J_xy_gq = M_gv = 0.0
         for l in range(to_t, to_g):
-            P_x_gq += p[o] * q[i + l]
-            P_y_gq += p[o + 1] * q[i + l]
-            P_z_gq += p[o + 2] * q[i + l]
-            H_x_gq += p[o + 3] * q[i + l]
-            H_y_gq += p[o + 4] * q[i + l]
-            H_z_gq += p[o + 5] * q[i + l]
-            J_xx_gq += p[o + 9] * q[i + l]
-            J_yy_gq += p[o + 10] * q[i + l]
-            J_zz_gq += p[o + 11] * q[i + l]
-            J_yz_gq += p[o + 12] * q[i + l]
-            J_zx_gq += p[o + 13] * q[i + l]
-            J_xy_gq += p[o + 14] * q[i + l]
-            M_gv += p[o + 15] * v[i + l]
             o += 17
-        P_x = P_x_0 + P_x_gq
-        P_y = P_y_0 + P_y_gq
-        P_z = P_z_0 + P_z_gq
-        H_x = H_x_0 + H_x_gq
-        H_y = H_y_0 + H_y_gq
-        H_z = H_z_0 + H_z_gq
-        J_xx = J_xx_0 + J_xx_gq
-        J_yy = J_yy_0 + J_yy_gq
-        J_zz = J_zz_0 + J_zz_gq
-        J_yz = J_yz_0 + J_yz_gq
-        J_zx = J_zx_0 + J_zx_gq
-        J_xy = J_xy_0 + J_xy_gq
-        kinetic += (
-            v_j * (H_x * omega_x + H_y * omega_y + H_z * omega_z + 0.5 * M_gv + P_x * v_x + P_y * v_y + P_z * v_z)
-        )
         strain += 0.5 * K_0 * (q_j * q_j)
-        S_x += 0.5 * q_j * (P_x + P_x_0)
-        S_y += 0.5 * q_j * (P_y + P_y_0)
-        S_z += 0.5 * q_j * (P_z + P_z_0)
-        I_xx += q_j * (J_xx + J_xx_0)
-        I_yy += q_j * (J_yy + J_yy_0)
-        I_zz += q_j * (J_zz + J_zz_0)
-        I_yz += q_j * (J_yz + J_yz_0)
-        I_zx += q_j * (J_zx + J_zx_0)
-        I_xy += q_j * (J_xy + J_xy_0)
-    kinetic += omega_y * (T_z * scale_1 - W_z * scale) - omega_z * (T_y * scale_1 - W_y * scale)
-    I_xy -= T_y * scale
-    I_zx -= T_z * scale
     for j in range(to_u, to_v):
         for k in range(to_v, to_w):
             for l in range(to_w, to_t):
@@ -954,12 +807,7 @@ def shaped_energy(p, o, count, w, k, q, v, i, out, n):
         j, k, l, c = int(p[o + 1]), int(p[o + 2]), int(p[o + 3]), p[o + 4]
         strain += c * q[i + j] * q[i + k] * q[i + l]
         o += 4
-    kinetic += 0.5 * I_xx * (omega_x * omega_x) + I_xy * omega_x * omega_y + 0.5 * I_yy * (omega_y * omega_y) + I_yz * omega_y * omega_z + I_zx * omega_x * omega_z + 0.5 * I_zz * (omega_z * omega_z) - S_x * omega_y * v_z + S_x * omega_z * v_y + S_y * omega_x * v_z - S_y * omega_z * v_x - S_z * omega_x * v_y + S_z * omega_y * v_x
-    out[n] += kinetic
-    out[n + 1] += strain
-    out[n + 2] += S_x
-    out[n + 3] += S_y
-    out[n + 4] += S_z
+    return strain
 
 
 @njit(**OPTIONS)

@@ -24,12 +24,12 @@ from functools import cache
 
 import sympy as sm
 
-from kaneflex.derive.bodies.kane import ACCEL, EPSILON, MOTION, OMEGA, RATE, TWIST, VELOCITY, XYZ, still
+from kaneflex.derive.bodies.kane import ACCEL, EPSILON, MOTION, OMEGA, RATE, XYZ, still
 from kaneflex.derive.bodies.kinds import CUBIC, MOMENTS, PLANE, SPACE, Kinds, numbers, section_motion, tables
 from kaneflex.derive.bodies.loops import INDENT, Shape, bounds, code, ends, grow, loops, named, zeroed
 from kaneflex.derive.bodies.point import point_kernels, point_table
 from kaneflex.derive.bodies.proof import prove
-from kaneflex.derive.bodies.shortening import increments, kept, of_demand, of_energy, of_inertia
+from kaneflex.derive.bodies.shortening import increments, kept, of_demand, of_inertia
 from kaneflex.derive.ir.names import Names
 from kaneflex.derive.printers import module_text
 from kaneflex.derive.printers import numba_printer as emit
@@ -48,7 +48,7 @@ _SPIN = _components("s", MOMENTS)
 """-omega_x^2, ..., -2 omega_y omega_z, ...: factors of J in a row."""
 _SUMS = sm.symbols([name for letter in "SVhfm" for name in _components(letter)]
                    + [name for letter in "ID" for name in _components(letter, MOMENTS)])  # fmt: skip
-"""Sums over all shapes that force, moment and energies consist of."""
+"""Sums over all shapes that force and moment consist of."""
 
 
 @cache
@@ -99,7 +99,7 @@ def _tables(kinds: Kinds) -> list[str]:
 
 def kernels_text(kinds: Kinds) -> str:
     """Text of the kernels that loop over shapes, which has not been proved."""
-    return "\n\n".join([_demand(kinds), _inertia(kinds), _energy(kinds), *point_kernels(kinds)])
+    return "\n\n".join([_demand(kinds), _inertia(kinds), _strain(kinds), *point_kernels(kinds)])
 
 
 def _matrix(letter: str) -> sm.Matrix:
@@ -153,7 +153,7 @@ def _demand(kinds: Kinds) -> str:
     def of_shape(shape: Shape) -> tuple[list[str], Values]:
         lines, total = _demanded(shape, "h[i + j]")
         total = {name: value for name, value in total.items() if name in needed}
-        return [*lines, *kept(shape)], total | increments(shape, rates=True, accelerations=True)
+        return [*lines, *kept(shape)], total | increments(shape, rates=True)
 
     body, zero = _summed(kinds, of_shape)
     whole, adds = _wrench(kinds, zero)
@@ -210,7 +210,7 @@ def _inertia(kinds: Kinds) -> str:
         lines, of = _grown(shape)
         stores = [f"out[{emit.offset(f'coupling + {size} * j', k)}] = {code(of.get(name, sm.S.Zero))}"
                   for k, name in enumerate(momenta)]  # fmt: skip
-        total = _first_and_second(shape, of) | increments(shape, rates=False, accelerations=False)
+        total = _first_and_second(shape, of) | increments(shape, rates=False)
         return [*lines, *stores, *kept(shape)], total
 
     def of_pair(a: str, b: str) -> list[str]:
@@ -229,29 +229,17 @@ def _inertia(kinds: Kinds) -> str:
     ])  # fmt: skip
 
 
-def _energy(kinds: Kinds) -> str:
-    def of_shape(shape: Shape) -> tuple[list[str], Values]:
-        q, v = sm.symbols("q_j v_j")
-        lines, of = _grown(shape)
-        speed = sum(of.get(name, 0) * x for name, x in zip((*P, *H), TWIST, strict=True))
-        total = {"kinetic": v * (speed + shape.total("M", "v") / 2), "strain": shape.single("K") * q**2 / 2}
-        return lines, total | _first_and_second(shape, of) | increments(shape, rates=True, accelerations=False)
-
-    body, zero = _summed(kinds, of_shape)
-    velocity, omega, S = sm.Matrix(VELOCITY), sm.Matrix(OMEGA), _vector("S")
-    of_frame = ((omega.T * _matrix("I") * omega)[0] / 2 + velocity.dot(omega.cross(S))).expand().xreplace(zero)
-    first = [S[k] for k in kinds.twist if k < len(XYZ)]
-    return _kernel(kinds, "shaped_energy(p, o, count, w, k, q, v, i, out, n", _ENERGY, [
-        *_reads(TWIST, zero), *ends(kinds), *body, *_beyond(kinds, of_energy), *_cubic(kinds, ""),
-        f"kinetic += {code(of_frame)}", *_added([*sm.symbols("kinetic strain"), *first]),
-    ])  # fmt: skip
+def _strain(kinds: Kinds) -> str:
+    body, _ = _summed(kinds, lambda shape: ([], {"strain": shape.single("K") * sm.Symbol("q_j") ** 2 / 2}))
+    lines = [*ends(kinds), *body, *_cubic(kinds, ""), "return strain"]
+    return _kernel(kinds, "shaped_strain(p, o, count, q, i", _STRAIN, lines)
 
 
 def _kernel(kinds: Kinds, head: str, doc: str, lines: Iterable[str]) -> str:
     """Text of a kernel; in space shaped_demand and shaped_inertia have room for what their second loops need."""
     if not kinds.in_space:
         return module_text.function(f"{head})", doc, lines, "**WITHIN")
-    if "energy" not in head:
+    if "strain" not in head:
         head, doc = f"{head}, room, z", f"{doc}\n\nRoom at room[z]: two numbers for each shape."
     return module_text.function(f"{head})", doc, lines, "**IN_ORDER")
 
@@ -337,6 +325,4 @@ at q[i], their rates at v[i], accelerations at b[i], their rows at h[i]."""
 _INERTIA = """\
 Add what shapes change of a body's mass matrix at out[n], which is symmetric; store behind it what couples them to
 it, a momentum per rate of each shape, and their own, (count, count), all row by row."""
-_ENERGY = """\
-Add kinetic energy beyond that of the rigid body, strain energy [J] and the first moment of mass beyond that of
-the rigid body; w[k]: velocity of the origin and omega in the body's axes."""
+_STRAIN = "Return the strain energy of a body's shapes [J]."

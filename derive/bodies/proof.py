@@ -21,7 +21,7 @@ from functools import cache
 from itertools import combinations_with_replacement, product
 
 import sympy as sm
-from sympy.polys.rings import PolyElement, PolyRing
+from sympy.polys.rings import PolyRing
 
 from kaneflex.derive.bodies import kane
 from kaneflex.derive.bodies.kane import MOTION, RATE, TWIST, coordinates, pair, single, still
@@ -123,11 +123,6 @@ class _Body:
         inside = [K * q + C[0] * self.v[0] + C[1] * self.v[1] for K, q, C in zip(self.K, self.q, self.C, strict=True)]
         return [*forces[:6], *(forces[6 + j] + inside[j] for j in range(2))], M
 
-    def energies(self, M: Sequence[Sequence]) -> list:
-        """Kinetic energy and strain energy."""
-        strain = (self.K[0] * self.q[0] ** 2 + self.K[1] * self.q[1] ** 2) / 2
-        return [_product([*(self.x[symbol] for symbol in TWIST), *self.v], M) / 2, strain]
-
 
 def _of_body(text: str, kinds: Kinds, shapes: tuple[str, str]) -> Comparisons:
     kernels, body = functions(text), _Body(kinds, shapes)
@@ -147,10 +142,8 @@ def _of_body(text: str, kinds: Kinds, shapes: tuple[str, str]) -> Comparisons:
     whole = [M[kept[j]][kept[k]] for rows, columns in blocks for j in rows for k in columns]
     yield "shaped_inertia", out[: len(whole)], whole
 
-    first = [M[1][5], M[2][3], M[0][4]][: sum(k < 3 for k in kinds.twist)]  # force per angular acceleration
-    out = [zero] * (2 + len(first))
-    kernels["shaped_energy"](p, 0, 2, [body.x[symbol] for symbol in twist], 0, q, v, 0, out, 0)
-    yield "shaped_energy", out, [*body.energies(M), *first]
+    strain = sum(K * x**2 for K, x in zip(body.K, q, strict=True)) / 2
+    yield "shaped_strain", [kernels["shaped_strain"](p, 0, 2, q, 0)], [strain]
 
 
 def _cubic(text: str) -> Comparisons:
@@ -165,8 +158,7 @@ def _cubic(text: str) -> Comparisons:
         out, rows, nothing = [sm.S.Zero] * 6, [sm.S.Zero] * 3, [0] * 9
         kernels["shaped_demand"](p, 0, 3, nothing, 0, q, nothing, nothing, 0, out, 0, rows, [0] * 6, 0)
         yield "shaped_demand", [*map(sm.expand, rows)], [energy.diff(x) for x in q]
-        kernels["shaped_energy"](p, 0, 3, nothing, 0, q, nothing, 0, out, 0)
-        yield "shaped_energy", [sm.expand(out[1])], [energy]
+        yield "shaped_strain", [sm.expand(kernels["shaped_strain"](p, 0, 3, q, 0))], [energy]
 
 
 def _of_point(text: str, shapes: tuple[str, str]) -> Comparisons:
@@ -208,10 +200,6 @@ def _along(slopes: list, numbers: Sequence) -> list:
     """Numbers of the body and of two shapes, from those of three whose last one moves with the others."""
     *body, one, other, third = numbers
     return [*body, one + slopes[0] * third, other + slopes[1] * third]
-
-
-def _product(u: list[PolyElement], M: list[list[PolyElement]]) -> PolyElement:
-    return sum(one * M[j][k] * other for j, one in enumerate(u) for k, other in enumerate(u))
 
 
 @cache

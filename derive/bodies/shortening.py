@@ -23,18 +23,17 @@ T, W, g = (sm.symbols(f"{letter}_y {letter}_z") for letter in "TWg")
 Sums = dict[str, sm.Expr]
 
 
-def increments(shape: Shape, rates: bool, accelerations: bool) -> Sums:
-    """Increments of scale and T by the j-th shape, and, where they are wanted, of their rates and accelerations."""
+def increments(shape: Shape, rates: bool) -> Sums:
+    """Increments of scale and T by the j-th shape, and, where they are wanted, of their rates."""
     q, v, b = sm.symbols("q_j v_j b_j")
     found = Sums()
     if shape.kind in _ACROSS:
-        orders = [("T", q), *[("W", v)] * rates, *[("g", b)] * accelerations]
+        orders = [("T", q), *[("W", v), ("g", b)] * rates]
         found |= {f"{letter}_{_ACROSS[shape.kind]}": shape.single("Q") * x for letter, x in orders}
     if shape.kind in SHORTENING:
         by = shape.total("scale", "q")
         found["scale"] = q * by / 2
-        found |= {"scale_1": v * by} if rates else {}
-        found |= {"scale_2": b * by + v * shape.total("scale", "v")} if accelerations else {}
+        found |= {"scale_1": v * by, "scale_2": b * by + v * shape.total("scale", "v")} if rates else {}
     return found
 
 
@@ -77,10 +76,3 @@ def of_inertia() -> list[str]:
     y, z = "out[coupling + 6 * j + 4]", "out[coupling + 6 * j + 5]"
     rows = {"v": f"{z} += scale * {_Q}", "w": f"{y} -= scale * {_Q}"}
     return _loops(rows, [f"{y} += {_BY} * T_z", f"{z} -= {_BY} * T_y"]) + grow(_of_inertia())
-
-
-def of_energy() -> list[str]:
-    """Statements of shaped_energy behind its loops."""
-    _, w_y, w_z = OMEGA
-    kinetic = w_y * (_RATE * T[1] - _SCALE * W[1]) - w_z * (_RATE * T[0] - _SCALE * W[0])
-    return grow({"kinetic": kinetic} | _of_inertia())

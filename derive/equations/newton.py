@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import sympy as sm
 
@@ -70,10 +69,10 @@ def close_group(
 
     ``against`` is what the seeds' tables are read at.
     """
-    found = _group(mechanism, poses)
-    if found is None:
+    group = mechanism.smallest_group(poses, [name for name in mechanism.bodies if name not in poses])
+    if not group:
         return None
-    group, joints = found
+    joints = [joint.name for joint in mechanism.joints_of(poses, group)]
     tree = _Tree(mechanism, drive_angle, poses, group)
     closing = [name for name in joints if mechanism.joints[name].closes_loop] or joints
     loop = Loop(group, tuple(joints), closing[-1], tuple(tree.turning), tuple(tree.sliding))
@@ -113,19 +112,6 @@ def close_group(
         c, s = now(f"c_{name}", pose.c), now(f"s_{name}", pose.s)
         found[name] = Pose(now(f"x_{name}", pose.x), now(f"y_{name}", pose.y), c, s)
     return Closed(loop, found, margin, gap)
-
-
-def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, ...], list[str]] | None:
-    """The fewest waiting bodies with as many constraints, drives counted, as coordinates; and their joints."""
-    waiting = [name for name in mechanism.bodies if name not in poses]
-    for size in range(1, len(waiting) + 1):
-        for group in combinations(waiting, size):
-            held = {name: {*joint.bodies} for name, joint in mechanism.joints.items()}
-            joints = [name for name, bodies in held.items() if bodies <= {*poses, *group} and bodies & {*group}]
-            count = sum(len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in joints)
-            if count == 3 * size:
-                return group, joints
-    return None
 
 
 def hung(

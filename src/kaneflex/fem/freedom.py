@@ -13,7 +13,6 @@ from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError, counted
 
 if TYPE_CHECKING:
-    from kaneflex.fem.links import Link
     from kaneflex.mechanism.closure import Courses
     from kaneflex.mechanism.position_analysis import Placement
 
@@ -144,7 +143,9 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
         If the elastic stage can't be set up for the scene.
     """
     from kaneflex.fem.coordinate_map import Sites, find_interfaces
+    from kaneflex.fem.links import Link, build_link
     from kaneflex.mechanism.floating_frames import shapes_given
+    from kaneflex.mechanism.numbers import mesh
     from kaneflex.mechanism.rigid_bodies import check_elastic
     from kaneflex.scene.options import resolve_options
 
@@ -153,21 +154,10 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
         return ()
     check_elastic(scene)
     given = shapes_given(mechanism.deforming) if options.dynamics == "coupled" else ()
-    links = {
-        name: _mesh_of(mechanism, name, options.elements or body.beam.elements)
-        for name, body in mechanism.deforming.items()
-        if body.elastic
-    }
+    beams = {name: body.beam for name, body in mechanism.deforming.items() if body.elastic}
+    # with only nodes and coordinates, since matrices need the derived element
+    links = {name: build_link(mechanism, Link, name, mesh(mechanism, name, options.elements or beam.elements), {}, (),
+                              axially_rigid=beam.axially_rigid) for name, beam in beams.items()}  # fmt: skip
     interfaces = find_interfaces(mechanism, links, options.weld_pins, options.free_drives)
     sites = Sites(mechanism, links, {name: link.part for name, link in links.items()}, interfaces)
     return (*sites.names, *given)
-
-
-def _mesh_of(mechanism: NumericMechanism, name: str, elements: int) -> Link:
-    """Link with only nodes and coordinates, since matrices need the derived element."""
-    from kaneflex.fem.links import Link, Part, node_coordinates
-    from kaneflex.mechanism.numbers import mesh
-
-    nodes = mesh(mechanism, name, elements)
-    coordinates, place = node_coordinates(name, len(nodes), mechanism.deforming[name].beam.axially_rigid)
-    return Link(mechanism, name, nodes, {}, (), Part(name, coordinates, {}, place))

@@ -140,7 +140,7 @@ def inertias(m):
     for b in range(m.counts[BODIES]):
         n, shapes = m.frames[b, 0], m.bodies[b, COUNTED]
         if m.nodes[n, BODY] >= 0:
-            _own_inertia(m, n)
+            own_inertia(m, n)
         else:
             for i in range(d * d):
                 x[i] = 0.0
@@ -156,7 +156,7 @@ def inertias(m):
 
 
 @njit(**OPTIONS)
-def _own_inertia(m, n):
+def own_inertia(m, n):
     """Mass matrix of a node's body in its axes at x: (d, d), coupling to its shapes, and the shapes' own."""
     rigid_inertia(m, n)
     if m.nodes[n, KIND] == SHAPES:

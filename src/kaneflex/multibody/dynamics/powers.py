@@ -6,12 +6,12 @@ from numba import njit
 
 from kaneflex.generated import shapes, spatial_shapes
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import by_size, twists
+from kaneflex.multibody.compile.values import after, by_size, twists, width
 from kaneflex.multibody.unilateral import frictions, rows
-from kaneflex.multibody.dynamics.algebra import dot, plus, times
-from kaneflex.multibody.dynamics.axes import to_axes, to_global
+from kaneflex.multibody.dynamics.algebra import dot, times
+from kaneflex.multibody.dynamics.axes import to_axes
 from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.inverse_dynamics import RIGID, RIGID_PLANAR, rigid_inertia
+from kaneflex.multibody.dynamics.inverse_dynamics import RIGID, RIGID_PLANAR, own_inertia
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.compile.types import OPTIONS, apart
@@ -25,44 +25,53 @@ from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, SHAPES, SPEE
 
 @njit(**OPTIONS)
 def _energies_of_body(m, n):
-    """Add those of a node's body; in the plane gravity has no third component."""
-    rigid_inertia(m, n)
-    o, energies, block = m.nodes[n, BODY], m.energies, m.block
-    twist, centre = to_axes(m, n, m.twist[n]), (block[o + 1], block[o + 2], block[o + 3])
+    """Add those of a node's body by its mass matrix, whose first moments are about the node's origin."""
+    own_inertia(m, n)
+    energies, twist = m.energies, to_axes(m, n, m.twist[n])
     energies[0] += 0.5 * dot(twist, times(twists(m, m.x), twist))
-    energies[2] -= block[o] * dot(m.gravity[0], plus(m.r[n], to_global(m, n, centre)))
+    energies[2] -= m.block[m.nodes[n, BODY]] * dot(m.gravity[0], m.r[n])
+    energies[2] -= dot(to_axes(m, n, m.gravity[0]), _first_moments(m, n))
     if m.nodes[n, KIND] == SHAPES:
-        _energies_of_shapes(m, n)
+        _energies_of_shapes(m, n, twist)
 
 
-_SUMS = 10
-"""Place in x of energies and first moment of a body's shapes."""
+@njit(**OPTIONS)
+def _first_moments(m, n):
+    """First moments of mass [kg m] in a mass matrix at x; in the plane gravity has no third component."""
+    return m.x[5], -m.x[2], 0.0
+
+
+@njit(**OPTIONS)
+def _first_moments_in_space(m, n):
+    return m.x[11], m.x[15], m.x[4]
 
 
 @of_stiffness(None)
 @njit(**OPTIONS)
-def _energies_of_shapes(m, n):
-    x = m.x
-    twists(m, x)[0] = to_axes(m, n, m.twist[n])
-    for k in range(_SUMS, _SUMS + 5):
-        x[k] = 0.0
-    _shaped_energy(m, n, m.nodes[n, COUNT], m.nodes[n, SPEED])
-    m.energies[0] += x[_SUMS]
-    m.energies[1] += x[_SUMS + 1]
-    m.energies[2] -= dot(to_axes(m, n, m.gravity[0]), (x[_SUMS + 2], x[_SUMS + 3], x[_SUMS + 4]))
+def _energies_of_shapes(m, n, twist):
+    """Kinetic energy of a body's shapes, and with its motion, by its mass matrix at x; strain energy."""
+    d, count, i, total = width(m), m.nodes[n, COUNT], m.nodes[n, SPEED], 0.0
+    E, L = after(twists(m, m.x), d), after(m.x, d * (d + count))
+    for j in range(count):
+        along = dot(E[j], twist)
+        for k in range(count):
+            along += 0.5 * L[count * j + k] * m.u[i + k]
+        total += along * m.u[i + j]
+    m.energies[0] += total
+    m.energies[1] += _strain(m, n, count, i)
 
 
 @njit(**OPTIONS)
-def _shaped_energy(m, n, count, i):
-    shapes.shaped_energy(m.block, m.nodes[n, BODY] + RIGID_PLANAR, count, m.x, 0, m.y, m.u, i, m.x, _SUMS)
+def _strain(m, n, count, i):
+    return shapes.shaped_strain(m.block, m.nodes[n, BODY] + RIGID_PLANAR, count, m.y, i)
 
 
 @njit(**OPTIONS)
-def _shaped_energy_in_space(m, n, count, i):
-    spatial_shapes.shaped_energy(m.block, m.nodes[n, BODY] + RIGID, count, m.x, 0, m.y, m.u, i, m.x, _SUMS)
+def _strain_in_space(m, n, count, i):
+    return spatial_shapes.shaped_strain(m.block, m.nodes[n, BODY] + RIGID, count, m.y, i)
 
 
-_shaped_energy = by_size(_shaped_energy, _shaped_energy_in_space)
+_strain, _first_moments = by_size(_strain, _strain_in_space), by_size(_first_moments, _first_moments_in_space)
 
 
 @njit(**OPTIONS)
