@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 1,
-    "fem": 13,
+    "fem": 12,
     "integrate": 10,
     "mechanism": 1,
     "multibody": 28,

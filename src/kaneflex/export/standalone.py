@@ -22,8 +22,6 @@ from kaneflex.support.escaping import visible
 
 MOST_LINES = 400
 """Largest number of lines of a readable file."""
-_FEW = 3
-"""Largest number of coordinate ranges that are listed one by one."""
 
 
 def standalone(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> str:

@@ -20,32 +20,32 @@ from kaneflex.support.files import check_file, check_size, write_bytes
 
 FORMAT = 1
 """Version of the file format."""
-ARRAYS: dict[str, tuple[str, str, str]] = {
-    "mass": ("", "{}", "kg"),
-    "mass_X": ("", "{}", "kg m"),
-    "mass_X_X": ("", "{}", "kg m^2"),
-    "inertia": ("", "{}", "kg m^2"),
-    "mass_s": ("s", "mass_s_{}", "kg"),
-    "mass_w": ("w", "mass_w_{}", "kg"),
-    "mass_X_s": ("s", "mass_X_s_{}", "kg m"),
-    "mass_X_w": ("w", "mass_X_w_{}", "kg m"),
-    "mass_s_s": ("ss", "mass_s_{}_s_{}", "kg"),
-    "mass_w_w": ("ww", "mass_w_{}_w_{}", "kg"),
-    "mass_s_w": ("sw", "mass_s_{}_w_{}", "kg"),
-    "mass_H": ("ww", "mass_H_{}_{}", "kg/m"),
-    "mass_X_H": ("ww", "mass_X_H_{}_{}", "kg"),
-    "inertia_psi": ("w", "inertia_psi_{}", "kg m"),
-    "inertia_psi_psi": ("ww", "inertia_psi_{}_psi_{}", "kg"),
-    "stiffness": ("a", "stiffness_{}", "N/m"),
-    "damping": ("aa", "damping_{}_{}", "N s/m"),
+ARRAYS: dict[str, tuple[str, str]] = {
+    "mass": ("", "kg"),
+    "mass_X": ("", "kg m"),
+    "mass_X_X": ("", "kg m^2"),
+    "inertia": ("", "kg m^2"),
+    "mass_s": ("s", "kg"),
+    "mass_w": ("w", "kg"),
+    "mass_X_s": ("s", "kg m"),
+    "mass_X_w": ("w", "kg m"),
+    "mass_s_s": ("ss", "kg"),
+    "mass_w_w": ("ww", "kg"),
+    "mass_s_w": ("sw", "kg"),
+    "mass_H": ("ww", "kg/m"),
+    "mass_X_H": ("ww", "kg"),
+    "inertia_psi": ("w", "kg m"),
+    "inertia_psi_psi": ("ww", "kg"),
+    "stiffness": ("a", "N/m"),
+    "damping": ("aa", "N s/m"),
 }
-"""Array -> its axes (s axial shapes, w transverse ones, a all), symbols of its numbers in the equations, unit."""
-POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
-    "X": ("", "X", "m"),
-    "s": ("s", "s_{}", "1"),
-    "w": ("w", "w_{}", "1"),
-    "psi": ("w", "psi_{}", "1/m"),
-    "H": ("ww", "H_{}_{}", "1/m"),
+"""Array -> its axes (s axial shapes, w transverse ones, a all), unit."""
+POINT_ARRAYS: dict[str, tuple[str, str]] = {
+    "X": ("", "m"),
+    "s": ("s", "1"),
+    "w": ("w", "1"),
+    "psi": ("w", "1/m"),
+    "H": ("ww", "1/m"),
 }
 """Arrays of the points, which are the first axis."""
 
@@ -174,6 +174,28 @@ def spatial_modal_data(length: float, points: Sequence[str], arrays: Mapping[str
     return checked_data(ModalData(length, tuple(points), found).file)
 
 
+def planar_arrays(
+    of: Mapping[str, np.ndarray], energy: np.ndarray, axial: int, shorter: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Arrays of a link in the plane, whose axial shapes come first, by those in space; symmetric up to rounding.
+
+    ``energy`` (n, n): mass matrix of the shapes [kg], which may know more than the sums of particles; ``shorter``: H,
+    mass_H and mass_X_H.
+    """
+    s, w, both = slice(axial), slice(axial, None), ARRAYS | POINT_ARRAYS
+    N, r_N, N_N = (of[f"mass_{name}"] for name in ("N", "r_N", "N_N"))
+    found = {
+        "mass": of["mass"], "mass_X": of["mass_r"][0], "mass_X_X": of["mass_r_r"][0, 0],
+        "inertia": of["mass_r_r"][1, 1], "mass_s": N[0, s], "mass_w": N[1, w],
+        "mass_X_s": r_N[0, 0, s] + r_N[1, 1, s], "mass_X_w": r_N[0, 1, w], "mass_s_s": energy[s, s],
+        "mass_w_w": N_N[1, 1, w, w], "mass_s_w": N_N[0, 1, s, w] - N_N[1, 0, s, w],
+        "inertia_psi": -r_N[1, 0, w], "inertia_psi_psi": energy[w, w] - N_N[1, 1, w, w],
+        "stiffness": of["stiffness"], "damping": of["damping"], **shorter,
+        "X": of["r"][:, 0], "s": of["N"][:, 0, s], "w": of["N"][:, 1, w], "psi": of["psi"][:, 2, w],
+    }  # fmt: skip
+    return {name: symmetrised(np.asarray(array, float), both[name][0]) for name, array in found.items()}
+
+
 def _mirrors(name: str, axes: str) -> list[list[tuple[int, int]]]:
     """Exchanges of axes, counted from the last, under which an array is symmetric: of any two shapes, or of two
     components without shapes."""
@@ -228,7 +250,7 @@ def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
         sizes = {"s": np.size(found["mass_s"]), "w": np.size(found["mass_w"])}
         sizes["a"] = sizes["s"] + sizes["w"]
     arrays = {}
-    for name, (axes, *_, unit) in (whole | of_points).items():
+    for name, (axes, unit) in (whole | of_points).items():
         shape = ((len(points),) if name in of_points else ()) + tuple(sizes[axis] for axis in axes)
         arrays[name] = _checked(name, found[name], shape, axes, unit)
     length = float(_checked("length", found["length"], (), "", "m"))

@@ -176,7 +176,13 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
     system, rigid = model.coupled, model.motion
     if system is None:
-        return _in_space(model, trajectory, trajectory.curve, seconds)
+        curve = trajectory.curve
+        model = replace(model, motion=along(model, curve))
+        if curve.turned is not None:
+            model = replace(model, reference_time=curve.start.t)
+        elif model.module.FREE and len(trajectory.times) == len(curve.times):
+            model = replace(model, reference_time=reference_instant(model)[0])
+        return RunResult(model, trajectory, seconds)
     assert isinstance(rigid, ReferenceKinematics)
     bare = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory.record)
     frames = [k + j for k in system.start.values() for j in range(BODY)]
@@ -184,15 +190,6 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
     run = None if system.engine.shapes.any() else trajectory
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
-
-
-def _in_space(model: Model, trajectory: CoupledTrajectory, run: Run, seconds: float) -> RunResult:
-    model = replace(model, motion=along(model, run))
-    if run.turned is not None:
-        model = replace(model, reference_time=run.start.t)
-    elif model.module.FREE and len(trajectory.times) == len(run.times):
-        model = replace(model, reference_time=reference_instant(model)[0])
-    return RunResult(model, trajectory, seconds)
 
 
 def longest(model: Model) -> float:

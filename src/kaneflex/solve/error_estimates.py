@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.integrate.system import Outcome
-from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown, apart
 from kaneflex.solve.run_result import RunResult, nominal_seconds
@@ -148,7 +147,11 @@ def _impossible(solution: RunResult) -> str:
         return ": the run has too few instants"
     if options.dynamics == "coupled" or (model.module.FREE and not model.scene.is_elastic):
         return _too_long(solution)
-    return _impossible_one_way(model)
+    if not model.scene.is_elastic:
+        return ": no body is elastic, and drives prescribe the motion"
+    if model.module.FREE and options.errors != "all":
+        return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'
+    return ""
 
 
 def _too_long(solution: RunResult) -> str:
@@ -162,11 +165,3 @@ def _too_long(solution: RunResult) -> str:
     if richer <= _RICHER * LONGEST:
         return ""
     return f": the run takes about {seconds:.2g} s, and a richer one about {richer:.2g} s; {REQUEST}"
-
-
-def _impossible_one_way(model: Model) -> str:
-    if not model.scene.is_elastic:
-        return ": no body is elastic, and drives prescribe the motion"
-    if model.module.FREE and model.options.errors != "all":
-        return ': the effect of the deformation on free joints is not known; request it by solve.errors = "all"'
-    return ""

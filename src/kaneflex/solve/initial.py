@@ -70,26 +70,17 @@ def given_start(scene: Scene) -> Start:
     return start
 
 
-def laid_over(
-    start: Start, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of z and v, (n,) in the order of ``dimensions``, with the values of ``solve.start``.
+def laid_over(table: str, start: Start, dimensions: Mapping[str, Dimension], base: np.ndarray) -> np.ndarray:
+    """Copy of ``base`` (n,), in the order of the coordinates' ``dimensions``, with values of a table of a start.
 
     Raises
     ------
     SceneError
         For unknown coordinates and wrong dimensions; names every problem.
     """
-    rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
-    return (
-        _filled(STATE[0], start.displacements, dimensions, z),
-        _filled(STATE[1], start.velocities, rates, v),
-    )
-
-
-def _filled(
-    table: str, given: Mapping[str, float | str], dimensions: Mapping[str, Dimension], base: np.ndarray
-) -> np.ndarray:
+    given: Mapping[str, float | str] = getattr(start, table)
+    if table == STATE[1]:
+        dimensions = {name: _RATES[dimension] for name, dimension in dimensions.items()}
     row, values, problems = {name: k for k, name in enumerate(dimensions)}, base.copy(), []
     for name, value in given.items():
         key = f"solve.start.{table}.{name}"
@@ -125,7 +116,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
         As :func:`laid_over`.
     """
     none = np.zeros(len(model.coordinates))
-    z, v = laid_over(given_start(model.scene), start_dimensions(model), none, none)
+    z, v = (laid_over(table, given_start(model.scene), start_dimensions(model), none) for table in STATE)
     basis = model.modal_basis
     if basis is None:
         return z, v
@@ -216,9 +207,9 @@ def laid_state(given: Start, system: System, start: State) -> State:
     Raises SceneError as :func:`laid_over`, and for a quaternion that is not of unit length.
     """
     dimensions, engine = state_dimensions(system), system.engine
-    q = laid_over(given, dimensions, start.q, np.zeros(len(dimensions)))[0]
+    q = laid_over(STATE[0], given, dimensions, start.q)
     _normalise(system, q, "solve.start", _TABLE)
-    v = laid_over(given, dimensions, q, engine.rates_of(q[None], start.u[None])[0])[1]
+    v = laid_over(STATE[1], given, dimensions, engine.rates_of(q[None], start.u[None])[0])
     return replace(start, q=q, u=engine.speeds_of(q[None], v[None])[0])
 
 

@@ -19,7 +19,7 @@ from scipy.sparse import bmat, csc_array, diags_array
 from kaneflex.fem.imported.craig_bampton import reduced
 from kaneflex.fem.imported.elements import TURNS, ImportedMesh, Motion, rigid_motions
 from kaneflex.fem.imported.recovery import IN_PLANE, padded, with_recovery
-from kaneflex.scene.modal_data import CROSS, FORMAT, ModalData, checked_data, spatial_modal_data, symmetrised
+from kaneflex.scene.modal_data import CROSS, ModalData, checked_data, planar_arrays, spatial_modal_data
 
 DEGREE, _PIECES = 5, 12
 """Degree of the spline of the mean line."""
@@ -69,31 +69,10 @@ def imported_data(link: ImportedMesh, modes: int, rigid: bool = True, damping: f
         whole |= {"mass_G": G[0], "mass_r_G": G[1:], "cubic": np.zeros((len(mass),) * 3)}
         at_points["G"] = np.stack([sections.second(place[None], np.ones(1)) for place in at_points["r"]])
         return with_recovery(link, shapes, spatial_modal_data(link.length, names, whole | at_points))
-    data = {"format": np.array(FORMAT), "length": np.array(link.length), "points": np.array(names)}
     axial = len(each[0].mass)
-    data |= _in_the_plane(whole, at_points, mass, axial)
-    data |= shortening(sections.slope(axial), r[:, 0], carried, at_points["r"][:, 0])
-    return with_recovery(link, shapes, checked_data(data))
-
-
-def _in_the_plane(
-    whole: Mapping[str, np.ndarray], of_points: Mapping[str, np.ndarray], mass: np.ndarray, axial: int
-) -> dict[str, np.ndarray]:
-    """Arrays of a link in the plane, whose axial shapes come first, but for what bending shortens it by; ``mass`` (n,)
-    [kg] of the shapes."""
-    s, w = slice(axial), slice(axial, None)
-    N, r_N, N_N = (whole[f"mass_{of}"] for of in ("N", "r_N", "N_N"))
-    across = symmetrised(N_N[1, 1, w, w], "ww")
-    return {
-        "mass": whole["mass"], "mass_X": whole["mass_r"][0], "mass_X_X": whole["mass_r_r"][0, 0],
-        "inertia": whole["mass_r_r"][1, 1], "mass_s": np.zeros(axial), "mass_w": N[1, w],
-        "mass_X_s": r_N[0, 0, s] + r_N[1, 1, s], "mass_X_w": r_N[0, 1, w],
-        "mass_s_s": np.diag(mass[s]), "mass_w_w": across, "mass_s_w": N_N[0, 1, s, w] - N_N[1, 0, s, w],
-        "inertia_psi": -r_N[1, 0, w], "inertia_psi_psi": np.diag(mass[w]) - across,
-        "stiffness": whole["stiffness"], "damping": whole["damping"],
-        "X": of_points["r"][:, 0], "s": of_points["N"][:, 0, s], "w": of_points["N"][:, 1, w],
-        "psi": of_points["psi"][:, 2, w],
-    }  # fmt: skip
+    shorter = shortening(sections.slope(axial), r[:, 0], carried, at_points["r"][:, 0])
+    arrays = planar_arrays(whole | at_points, np.diag(mass), axial, shorter) | {"mass_s": np.zeros(axial)}
+    return with_recovery(link, shapes, checked_data(ModalData(link.length, tuple(names), arrays).file))
 
 
 def _turning(link: ImportedMesh, shapes: np.ndarray, of_particles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.model.shapes import ShapeMoments, Shapes, in_reading_order
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names
-from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, spatial_modal_data, symmetrised
+from kaneflex.scene.modal_data import ARRAYS, ModalData, planar_arrays, spatial_modal_data
 
 Arrays = Mapping[str, Any]
 _LIGHT = 1e-9
@@ -152,45 +152,24 @@ _RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inert
 
 def link_data(shapes: Shapes) -> ModalData:
     """Modal data of a link's finite elements without lumped masses, in its axes, with the points on its axis."""
-    link = shapes.link
+    link, m = shapes.link, shapes.moments
     places = {name: at for name, at in link.mechanism.points[link.name].items() if not any(at[1:])}
-    of_points = [shapes.at(at) for at in places.values()]
-    r, N, G = (np.array(each) for each in (list(places.values()), *zip(*of_points, strict=True)))
+    r, N, G = (np.array(each) for each in (list(places.values()), *zip(*map(shapes.at, places.values()), strict=True)))
+    found = {
+        "mass_N": m.N, "mass_r_N": m.r_N, "mass_N_N": m.N_N, "stiffness": np.diag(shapes.stiffness),
+        "damping": shapes.damping, "r": r, "N": N[:, :3], "psi": N[:, -3:],
+    }  # fmt: skip
     if link.dofs == 6:
-        return _spatial_data(shapes, tuple(places), {"r": r, "N": N[:, :3], "psi": N[:, 3:], "G": G})
-    s, w = slice(shapes.counts[0]), slice(shapes.counts[0], None)
-    arrays = _planar_moments(shapes, s, w) | {
-        "X": r[:, 0], "s": N[:, 0, s], "w": N[:, 1, w], "psi": N[:, 2, w], "H": -G[:, 0, w, w],
-    }  # fmt: skip
-    both = ARRAYS | POINT_ARRAYS
-    symmetric = {name: symmetrised(np.asarray(arrays[name], dtype=float), axes) for name, (axes, *_) in both.items()}
-    return ModalData(link.length, tuple(places), symmetric)
-
-
-def _planar_moments(shapes: Shapes, s: slice, w: slice) -> dict[str, np.ndarray]:
-    """Inertia moments ARRAYS of a planar link's shapes along and across.
-
-    Rotary energy includes the mass matrix's correction for an element's answer to its own inertia.
-    """
-    m, profile, length = shapes.moments, shapes.link.body.profile, shapes.link.length
-    total = profile.inertia(length)
-    across, M = m.N_N[1, 1, w, w], shapes.link.part.matrices["M"].value({})
-    return {
-        "mass": total.mass, "mass_X": total.first, "mass_X_X": total.second, "inertia": profile.rotary_inertia(length),
-        "mass_s": m.N[0, s], "mass_w": m.N[1, w], "mass_X_s": m.r_N[0, 0, s], "mass_X_w": m.r_N[0, 1, w],
-        "mass_s_s": m.N_N[0, 0, s, s], "mass_w_w": across, "mass_s_w": m.N_N[0, 1, s, w],
-        "mass_H": -m.G[0, w, w], "mass_X_H": -m.r_G[0, 0, w, w], "inertia_psi": -m.r_N[1, 0, w],
-        "inertia_psi_psi": shapes.transverse.T @ M @ shapes.transverse - across,
-        "stiffness": np.diag(shapes.stiffness), "damping": shapes.damping,
-    }  # fmt: skip
-
-
-def _spatial_data(shapes: Shapes, points: tuple[str, ...], of_points: Mapping[str, np.ndarray]) -> ModalData:
-    """Modal data in space from SPATIAL_POINT_ARRAYS."""
-    m, body = shapes.moments, shapes.link.mechanism.bodies[shapes.link.name]
-    return spatial_modal_data(shapes.link.length, points, {
-        "mass": np.array(body.mass), "mass_r": body.mass * body.centre,
-        "mass_r_r": second_moments(body) + body.mass * np.outer(body.centre, body.centre),
-        "mass_N": m.N, "mass_r_N": m.r_N, "mass_N_N": m.N_N, "mass_G": m.G, "mass_r_G": m.r_G,
-        "stiffness": np.diag(shapes.stiffness), "damping": shapes.damping, "cubic": shapes.cubic, **of_points,
-    })  # fmt: skip
+        body = link.mechanism.bodies[link.name]
+        return spatial_modal_data(link.length, tuple(places), found | {
+            "mass": np.array(body.mass), "mass_r": body.mass * body.centre,
+            "mass_r_r": second_moments(body) + body.mass * np.outer(body.centre, body.centre),
+            "mass_G": m.G, "mass_r_G": m.r_G, "cubic": shapes.cubic, "G": G,
+        })  # fmt: skip
+    w, total = slice(shapes.counts[0], None), link.body.profile.inertia(link.length)
+    rotary = np.array(link.body.profile.rotary_inertia(link.length))
+    found |= {"mass": np.array(total.mass), "mass_r": np.array([total.first]),
+              "mass_r_r": np.diag([total.second, rotary])}  # fmt: skip
+    energy = shapes.basis.T @ link.part.matrices["M"].value({}) @ shapes.basis
+    shorter = {"mass_H": -m.G[0, w, w], "mass_X_H": -m.r_G[0, 0, w, w], "H": -G[:, 0, w, w]}
+    return ModalData(link.length, tuple(places), planar_arrays(found, energy, w.start, shorter))
