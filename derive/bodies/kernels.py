@@ -83,7 +83,7 @@ def shapes_text() -> str:
 
 
 def _proved(kinds: Kinds) -> str:
-    text = kernels_text(kinds)
+    text = "\n\n".join([_demand(kinds), _inertia(kinds), _strain(kinds), *point_kernels(kinds)])
     prove(text, kinds)
     return text
 
@@ -95,11 +95,6 @@ def _tables(kinds: Kinds) -> list[str]:
         module_text.literal("SINGLE", singles, "numbers of a shape by its kind"),
         module_text.literal("PAIR", pairs, "numbers of a pair of shapes by their kinds"),
     ]
-
-
-def kernels_text(kinds: Kinds) -> str:
-    """Text of the kernels that loop over shapes, which has not been proved."""
-    return "\n\n".join([_demand(kinds), _inertia(kinds), _strain(kinds), *point_kernels(kinds)])
 
 
 def _matrix(letter: str) -> sm.Matrix:

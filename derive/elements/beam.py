@@ -188,11 +188,7 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     return Element(
         parameters=tuple((row[0], PARAMETERS[row[0]], *row[1:]) for row in element_parameters(rotary, shear, varying)),
         scalars=tuple((row[0], symbol, *row[1:]) for symbol, row in zip(_LINK, LINK_SCALARS, strict=True)),
-        terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
+        terms=tuple(replace(term, matrix=without_beta(term.matrix)) for term in (*of_element, *stiffness, viscous)),
         shape=without_beta(N),
         tension=tuple((Symbol(f"P_{k + 1}"), powers[k], without_beta(of)) for k, of in enumerate(moments)),
     )
-
-
-def _in_parameters(term: Term) -> Term:
-    return replace(term, matrix=without_beta(term.matrix))

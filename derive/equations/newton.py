@@ -199,17 +199,12 @@ class _Tree:
         return c * residual.diff(s) - s * residual.diff(c)
 
 
-def seed_path(name: str, what: str) -> str:
-    """Path of the parameter that says where a seed's table begins: of a body's "c" or "s", or of a guide's "slide"."""
-    return f"{'joints' if what == 'slide' else 'bodies'}.{name}.seed_{what}"
-
-
 def _seeds(
     mechanism: SymbolicMechanism, tree: _Tree, loop: Loop, against: sm.Expr, steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     def read(name: str, what: str) -> sm.Expr:
-        lookup = table(against, mechanism.parameter(seed_path(name, what), "1"))
-        return steps.assign(f"seed_{name}_{what}", lookup)
+        begins = mechanism.parameter(f"{'joints' if what == 'slide' else 'bodies'}.{name}.seed_{what}", "1")
+        return steps.assign(f"seed_{name}_{what}", table(against, begins))
 
     values = {tree.slide[name]: read(name, "slide") for name in loop.sliding}
     for name in loop.turning:

@@ -55,8 +55,9 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
         if closes.all():
             reason = f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
             reason += "infinite and two branches meet"
-        cure = f"Change the lengths, or {_elsewhere(mechanism)}"
-        raise SceneError(f"joints.{joint.name}.branch", joint.written_branch, reason, cure)
+        free = mechanism.free_joints
+        other = f"let {', '.join(free)} start elsewhere" if free else "limit the drive's range"
+        raise SceneError(f"joints.{joint.name}.branch", joint.written_branch, reason, f"Change the lengths, or {other}")
 
 
 def _nearest_end(rigid: RigidMotion, name: str) -> RigidMotion:
@@ -95,11 +96,6 @@ def margins_of(rigid: RigidMotion) -> list[str]:
 def drive_positions(mechanism: NumericMechanism, rigid: RigidMotion, index: int = 0) -> str:
     """Positions of the first three drives at an instant, like "main = 90 deg"."""
     return mechanism.written({name: rigid[f"{name}.angle"][index] for name in list(mechanism.drives)[:3]})
-
-
-def _elsewhere(mechanism: NumericMechanism) -> str:
-    free = mechanism.free_joints
-    return f"let {', '.join(free)} start elsewhere" if free else "limit the drive's range"
 
 
 Courses = Mapping[str, np.ndarray]

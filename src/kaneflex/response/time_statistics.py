@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import MOST
@@ -119,7 +118,7 @@ def _between_steps(model: Model) -> list[str]:
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
     if not varying and not speeds:
         return found
-    rows = [_instants_of_rows(scene, load, seen) for load in scene.loads.values() if load.kind != "value"]
+    rows = [_instants_of_rows(scene.drives, load, seen) for load in scene.loads.values() if load.kind != "value"]
     if all(len(each) for each in rows):  # the extremes of tables are near their rows
         within = min(within, _OF_BODIES)
     spread = np.linspace(seen.times[0], seen.times[-1], within * steps + 1)
@@ -146,9 +145,9 @@ def _between_steps(model: Model) -> list[str]:
     return found
 
 
-def _instants_of_rows(scene: Scene, load: Load, seen: RigidMotion) -> np.ndarray:
+def _instants_of_rows(drives: Iterable[str], load: Load, seen: RigidMotion) -> np.ndarray:
     """Instants [s] at which a load's table is read at its rows; none if it has none, or if its argument returns."""
-    if load.kind != "table" or load.against not in ("t", *scene.drives):
+    if load.kind != "table" or load.against not in ("t", *drives):
         return np.zeros(0)
     x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
     way = np.sign(x[-1] - x[0])

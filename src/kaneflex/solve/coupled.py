@@ -157,7 +157,7 @@ def _given(model: Model, start: State) -> State:
 
     Raises SceneError if springs or laws depend on others, and as :func:`kaneflex.solve.initial.closed_state`.
     """
-    system, tables = model.coupled, given_start(model.scene)
+    system, tables = model.coupled, given_start(model.scene.solve)
     assert system is not None
     laid, engine = laid_state(tables, system, start), system.engine
     before, _ = system.frames(laid)

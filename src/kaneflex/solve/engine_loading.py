@@ -17,7 +17,7 @@ from kaneflex.fem.freedom import check_held_twice
 from kaneflex.fem.mobility import check_determined, check_free
 from kaneflex.mechanism.closure import SWEEP, drive_positions
 from kaneflex.mechanism.floating_frames import link_modes
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.position_analysis import Placement, place
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
@@ -47,7 +47,9 @@ from kaneflex.multibody.time.spatial_motion import (
 )  # fmt: skip
 from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.options import Options, acting, limits_modes, modes_of, without_poses
+from kaneflex.scene.parts import Solve
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.start import Start
@@ -93,7 +95,7 @@ def _in_the_plane(
     bare, scene = not has_elastic_stage(scene), acting(as_it_starts(scene), options)
     mechanism = mechanism_of(scene)
     placement = place(mechanism)
-    _check_poses(posed, mechanism.size, placement)
+    _check_poses(posed.bodies, mechanism.size, placement)
     if spare:
         check_held_twice(mechanism, placement, spare)
     coupled, derived = _system(scene, options, progress)
@@ -110,7 +112,7 @@ def _in_the_plane(
         check_sensors(coupled, scene.sensors, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     seconds = {"derive": derived, "compile": compiled}
-    return replace(model, coupled=coupled), tuple(_all_modes(scene)), seconds
+    return replace(model, coupled=coupled), tuple(_all_modes(mechanism, scene.solve)), seconds
 
 
 def _system(scene: Scene, options: Options, progress: Progress) -> tuple[System, float]:
@@ -140,22 +142,22 @@ def has_elastic_stage(scene: Scene) -> bool:
     return True
 
 
-def _check_poses(scene: Scene, size: float, placement: Placement) -> None:
+def _check_poses(bodies: Mapping[str, Body], size: float, placement: Placement) -> None:
     """Raise SceneError if a structure's welds contradict the pose of a body."""
-    for name, body in scene.bodies.items():
+    for name, body in bodies.items():
         x, y, _ = placement.poses[name]
         if body.pose is not None and math.hypot(x - body.pose.at[0], y - body.pose.at[1]) > _POSED * size:
             held = f"the welds put its start at [{x:.6g} m, {y:.6g} m]"
             raise SceneError(f"bodies.{name}.pose.at", list(body.pose.at), held, "Give that position, or other lengths")
 
 
-def _all_modes(scene: Scene) -> list[str]:
+def _all_modes(mechanism: NumericMechanism, solve: Solve) -> list[str]:
     """Notes on links whose elements have fewer modes than the default number."""
-    mechanism, most = mechanism_of(scene), modes_of(scene.solve)
+    most = modes_of(solve)
     links = [name for name, body in mechanism.deforming.items() if body.elastic]
     return [
         f"{name} has only {count} of the default's {most} modes; more elements give more"
-        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(scene.solve))) for each in links)
+        for name, count in ((each, link_modes(mechanism, each, most, limits_modes(solve))) for each in links)
         if count < most
     ]  # fmt: skip
 
@@ -211,7 +213,7 @@ def _bound(system: System, scene: Scene, options: Options) -> SpatialKinematics:
     module, start = SpatialModule(system), start_of(system)
     check_bearings(system, start)
     if options.dynamics == "coupled":
-        first = _given_state(system, given_start(scene), start) if options.start == "given" else start
+        first = _given_state(system, given_start(scene.solve), start) if options.start == "given" else start
         return with_open_reactions(before_run(module, start, first), scene.sensors, options)
     if module.FREE:
         return with_open_reactions(_standing(module, start), scene.sensors, options)

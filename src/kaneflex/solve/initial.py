@@ -21,7 +21,7 @@ from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimensio
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
     from kaneflex.multibody.model.system import System
-    from kaneflex.scene import Scene
+    from kaneflex.scene.parts import Solve
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
 _QUATERNION = Dimension("a component of a unit quaternion", "", "0.5")
@@ -63,9 +63,9 @@ def state_dimensions(system: System) -> dict[str, Dimension]:
     return {name: _OF_UNIT[unit] for name, unit in system.engine.layout.positions}
 
 
-def given_start(scene: Scene) -> Start:
+def given_start(solve: Solve) -> Start:
     """Tables of the initial state that a scene gives."""
-    start = scene.solve.start
+    start = solve.start
     assert isinstance(start, Start)
     return start
 
@@ -116,7 +116,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
         As :func:`laid_over`.
     """
     none = np.zeros(len(model.coordinates))
-    z, v = (laid_over(table, given_start(model.scene), start_dimensions(model), none) for table in STATE)
+    z, v = (laid_over(table, given_start(model.scene.solve), start_dimensions(model), none) for table in STATE)
     basis = model.modal_basis
     if basis is None:
         return z, v

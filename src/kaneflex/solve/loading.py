@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copyreg
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from kaneflex.multibody.model.building import build_model
 from kaneflex.multibody.model.module_loading import bind_parameters, find_module
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
+from kaneflex.scene.parts import Solve
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
@@ -186,21 +187,17 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
         Other options of a coupled model, whose scene differs in elements and numbers of modes only.
     """
     alike = options is None
-    options = options or neighbour_options(model, scene)
+    if options is None:
+        period = scene.period if model.options.cycles else None
+        options = model.options._replace(duration=model.options.duration if period is None else period)
+        if options.integrator == "spectral":  # its grid and its corrections may differ between neighbours
+            options = options._replace(integrator="radau")
     if scene.is_spatial or model.coupled is not None:
         from kaneflex.solve.engine_loading import beside
 
         return beside(model, scene, options, alike, frozen)
     scene = acting(_as_it_starts(scene), options)
     return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
-
-
-def neighbour_options(model: Model, scene: Scene) -> Options:
-    """Options of a model of a scene that differs in numbers only, including its period."""
-    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
-    options = model.options._replace(duration=duration)
-    # a spectral grid and its corrections may differ between neighbours
-    return options._replace(integrator="radau") if options.integrator == "spectral" else options
 
 
 def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
@@ -213,15 +210,15 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     return RigidKinematics(module, seed_loops(mechanism_of(scene), module, parameters, duration))
 
 
-def _idle_settings(scene: Scene, options: Options) -> Iterator[str]:
+def _idle_settings(solve: Solve, options: Options, free_joints: Sequence[str]) -> Iterator[str]:
     """Notes on ``solve`` entries for start, reduction and precision that have no effect."""
-    solve, given, dynamics = scene.solve, scene.solve.model_fields_set, options.dynamics
+    given, dynamics = solve.model_fields_set, options.dynamics
     slow = dynamics == "quasistatic" and "start" in given and (solve.start == "zero" or not options.cycles)
     if slow and solve.start != "quasistatic":
         yield f"preset {solve.preset} has no initial state: solve.start = {solve.start} has no effect"
     if dynamics == "frozen" and solve.start != "zero":
         yield f"preset {solve.preset} starts from rest: solve.start = {solve.start} has no effect"
-    if dynamics == "rigid" and solve.start != "zero" and scene.free_joints:
+    if dynamics == "rigid" and solve.start != "zero" and free_joints:
         yield f"under preset rigid, free joints start as given in drives: solve.start = {solve.start} has no effect"
     kept = options.reduction == "none" and dynamics != "coupled"
     if kept and solve.reduction not in (None, "none"):
@@ -243,7 +240,7 @@ def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
         found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, like preset rigid")
     if solve.integrator is not None and not integrates:
         found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} has no effect")
-    found += _idle_settings(scene, options)
+    found += _idle_settings(solve, options, scene.free_joints)
     if solve.modes == "all" and "modes" in solve.model_fields_set and options.dynamics == "coupled":
         modes = counted(options.modes, "mode")
         found.append(f"preset coupled uses {modes} of each link for solve.modes = all: give a number")
