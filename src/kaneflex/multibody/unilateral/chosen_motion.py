@@ -29,7 +29,7 @@ _SETTLED = 40
 UNEVEN = 1e3
 """Tolerances of what is rounding: changes of forces beside those of stiff bodies, and slip in space after impulses that
 are redundant."""
-_REFINED = 3
+_REFINED = 5
 """Solutions for impulses: sticking rows have a small compliance, whose effect the later ones remove."""
 
 

@@ -3,10 +3,10 @@
 A choice of modes is solved with the factors of the whole mechanism: closed rigid contacts and sticking frictions are
 rows there, slipping frictions follow their normal forces. The choice is consistent if closed contacts push, open ones
 separate, sticking frictions exert at most their limit, and slipping ones move on in their direction: for impulses and
-the speeds after them, or for forces and accelerations, as DECIDES says. Else the least consistent row changes its mode,
-later the first one that is not (Murty 1974, Math. Program. 7, 326: without friction this ends), at last all
-combinations are tried. Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121, 112), the run
-ends with that outcome.
+the speeds after them, or for forces and accelerations, as DECIDES says. Else modes change: of impulses first those of
+all inconsistent rows together, so that the order of rows decides nothing; then that of the least consistent row, later
+of the first one (Murty 1974, Math. Program. 7, 326: without friction this ends), at last all combinations are tried.
+Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121, 112), the run ends with that outcome.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
-    BENDING, BORE, BOUNCE, CLOSED, COLUMNS, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW, KEPT, LIMIT,
-    MAY, MODE, NODES, OPEN, PIVOTS, REACTION, RESISTING_MASS, ROUNDED, SLIP, SLIPPING, SLIP_RATE, STICKING, TOUCH,
-    UNSURE, VIRTUAL, YIELDING,
+    BEFORE, BENDING, BORE, BOUNCE, CLOSED, COLUMNS, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW,
+    KEPT, LIMIT, MAY, MODE, NODES, OPEN, PIVOTS, REACTION, RESISTING_MASS, ROUNDED, SLIP, SLIPPING, SLIP_RATE, STICKING,
+    TOUCH, UNSURE, VIRTUAL, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.chosen_motion import UNEVEN, nothing, settle
-from kaneflex.multibody.unilateral.factors import pressing, prescribe_now, row_in, turns
+from kaneflex.multibody.unilateral.factors import prescribe_now, row_in, turns
 from kaneflex.multibody.unilateral.frictions import (
-    CLOSE, WRONG, dry, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
+    CLOSE, WRONG, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, idle, is_second, law_at, magnitude, product,
-    row_at, second, strikes, way,
+    LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, idle, is_second, law_at, magnitude, row_at,
+    second, strikes, way,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.step_rows import along, correct_drift, respond
+from kaneflex.multibody.unilateral.step_rows import correct_drift
 
 _SHORT, _ALIKE = 1e-6, 1e-9
 """Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
@@ -45,10 +45,10 @@ TURNED = 1e3
 """Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
 _EASED = 0.9
 """Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
-_IMMOBILE = 1e-13
-"""Response of a row, as a share of that of the other one in its tangent plane, that is rounding."""
 _ALIGNED = 1e-10
 """Angle [rad] between the slip after an impact in space and the impulse against it."""
+_TOGETHER = 2
+"""Choices for each row in which the modes of impulses change together."""
 _DIRECTIONS = 20
 """Changes of a mode, or of its direction of slip, for each friction without speed in space."""
 _MOST_CHOICES = 7776
@@ -56,8 +56,8 @@ _MOST_CHOICES = 7776
 _ASTRAY = 0.01
 """Weight of the motion of closed and sticking rows, in that which is rounding: if rows ask for more than there are
 freedoms, they move, and their large forces mean nothing."""
-_CONES, _REFLECTED = 40, 40
-"""Iterations for a force in a tangent plane, and for the loads of redundant frictions."""
+_REFLECTED = 40
+"""Iterations for the loads of redundant frictions."""
 _NONE = -1000000
 """Index of no row."""
 
@@ -121,7 +121,7 @@ def search(m, t, A):
             if settled == 0 or m.pivots[DECIDES] == FORCES:  # of moving sides they are only an estimate
                 return 0
             break
-        if not _change(m, n, A):
+        if not _change(m, t, A, _NONE if strikes(m) and turn < _TOGETHER * free else n):
             return 1
     for choice in range(choices if choices <= _MOST_CHOICES else 0):
         left = choice
@@ -149,26 +149,40 @@ def _choose(m, n, left):
 
 
 @njit(**OPTIONS)
-def _change(m, n, A):
-    """Change the mode of a row, or its direction in a tangent plane; False: singular."""
-    mode, force = m.w[at(m, n) + MODE], m.w[at(m, n) + FORCE]
-    if n >= 0:
-        m.w[at(m, n) + MODE] = CLOSED if mode == OPEN else OPEN
-    elif second(m, n) and not strikes(m):
-        return _stick_or_slip(m, n, A)
-    elif mode == STICKING:
-        slip(m, n, -force, -across(m, n, FORCE))
-    elif second(m, n) and m.w[at(m, n) + SLIP] > 0.0:
-        return _turn_all(m, A)
-    else:
-        stick(m, n)
+def _change(m, t, A, only):
+    """Change the modes of all inconsistent rows together, or of ``only`` one, or turn slips in tangent planes; False:
+    singular."""
+    apart()
+    w, rate, turning = m.w, SLIP_RATE - strikes(m), False
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        w[k + BEFORE] = n == only or (only == _NONE and _off(m, n, t, False) > 1.0)
+        if w[k + BEFORE] != 0.0 and n < 0 and second(m, n) and w[k + MODE] == SLIPPING and w[k + rate] > 0.0:
+            w[k + BEFORE], turning = 0.0, True
+    if turning and not _turn_all(m, A):
+        return False
+    for n in range(-frictions(m), contacts(m)):
+        k = at(m, n)
+        if w[k + BEFORE] == 0.0:
+            continue
+        if n >= 0:
+            w[k + MODE] = CLOSED if w[k + MODE] == OPEN else OPEN
+        elif w[k + MODE] == STICKING:
+            slip(m, n, -w[k + FORCE], -across(m, n, FORCE))
+        else:
+            stick(m, n)
     return True
 
 
 @njit(**OPTIONS)
+def _turns(m, n):
+    """True for slip in a tangent plane whose direction is to be found."""
+    return second(m, n) != 0 and m.w[at(m, n) + MODE] == SLIPPING and _is_free(m, n)
+
+
+@njit(**OPTIONS)
 def _turn_all(m, A):
-    """Turn all frictions that slip in tangent planes after an impact to where they move (Newton's method); False:
-    singular.
+    """Turn all frictions that slip in tangent planes to where they move (Newton's method); False: singular.
 
     One after the other they would converge slowly where they slip at a small share of the speeds before. For this step
     the row across a slip is viscous: its force, a share of the limit, is that of its speed, a share of the slip's.
@@ -176,7 +190,7 @@ def _turn_all(m, A):
     apart()
     w, answer = m.w, m.plan[COLUMNS] + m.plan[COORDINATES] * m.plan[KEPT]
     for n in range(-frictions(m), 0):
-        if second(m, n) and w[at(m, n) + MODE] == SLIPPING and w[at(m, n) + LIMIT] > nothing(m, n):
+        if _turns(m, n) and w[at(m, n) + LIMIT] > nothing(m, n):
             w[at(m, second(m, n)) + MODE] = STICKING
     if not factorise_now(m, A):
         return False
@@ -188,47 +202,8 @@ def _turn_all(m, A):
         if turns(m, row_in(m, r)):
             w[at(m, row_in(m, r)) + FORCE] = A[m.plan[REACTION] + r]
     for n in range(-frictions(m), 0):
-        if second(m, n) and w[at(m, n) + MODE] == SLIPPING:
+        if _turns(m, n):
             slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
-    return True
-
-
-@njit(**OPTIONS)
-def _stick_or_slip(m, n, A):
-    """Let a friction in a tangent plane stick, or slip in the direction in which it then moves; False: singular.
-
-    Without its force f the rows move by v; with f, and their response W, by v + W f = -s f, s >= 0. The size of
-    f = -(W + s)^-1 v falls with s: f slips if it would exceed its limit without s. Its normal force depends on f, too.
-    """
-    apart()
-    k, other, size, rate = at(m, n), second(m, n), m.plan[COORDINATES], SLIP_RATE - strikes(m)
-    w = m.w
-    a, b, f, g = w[k + rate], w[at(m, other) + rate], w[k + FORCE], w[at(m, other) + FORCE]
-    mu, stuck, bore, bore_too = dry(m, n, 1.0, 0.0) - dry(m, n, 0.0, 0.0), w[k + MODE] == STICKING, f, g
-    set_mode(m, n, OPEN)
-    if not factorise_now(m, A):
-        return False
-    one = shifted(A, respond(m, n, A))
-    w_11, w_12, pressed = product(w, along(m, n), one, size), product(w, along(m, other), one, size), pressing(m, n, A)
-    w_22, too = product(w, along(m, other), shifted(A, respond(m, other, A)), size), pressing(m, n, A)
-    a, b, bears = a - w_11 * f - w_12 * g, b - w_12 * f - w_22 * g, w[k + LIMIT] - mu * (pressed * f + too * g)
-    s = least = _IMMOBILE * (w_11 + w_22) + 1e-300
-    for _ in range(_CONES):
-        determinant = (w_11 + s) * (w_22 + s) - w_12 * w_12
-        f, g = (w_12 * b - (w_22 + s) * a) / determinant, (w_12 * a - (w_11 + s) * b) / determinant
-        force, limit = math.hypot(f, g), larger(bears + mu * (pressed * f + too * g), 0.0)
-        off = force - limit
-        if (s == least and off <= CLOSE * limit + no_force(m, n)) or abs(off) <= 1e-3 * CLOSE * limit:
-            break
-        # Newton's method for the inverse of its size
-        slope = ((w_22 + s) * f * f - 2.0 * w_12 * f * g + (w_11 + s) * g * g) / determinant
-        s = larger(s + (force / larger(limit, _SHORT * force) - 1.0) * force * force / slope, least)
-    if s > least:
-        slip(m, n, -f, -g)
-    elif stuck:  # beyond its limit, by a distribution among redundant ones
-        slip(m, n, -bore, -bore_too)
-    else:
-        stick(m, n)
     return True
 
 
@@ -330,13 +305,20 @@ def _least_consistent(m, t, first):
     apart()
     worst, found = 1.0, _NONE
     for n in range(-frictions(m), contacts(m)):
-        if _is_free(m, n) and not (n < 0 and idle(m, n)):
-            off = _contact_off(m, n) if n >= 0 else _friction_off(m, n, t, first)
-            if off > worst:
-                if first:
-                    return n
-                worst, found = off, n
+        off = _off(m, n, t, first)
+        if off > worst:
+            if first:
+                return n
+            worst, found = off, n
     return found
+
+
+@njit(**OPTIONS)
+def _off(m, n, t, late):
+    """Inconsistency of a row's mode, in that which is rounding; 0 of modes that are known or without effect."""
+    if not _is_free(m, n) or (n < 0 and idle(m, n)):
+        return 0.0
+    return _contact_off(m, n) if n >= 0 else _friction_off(m, n, t, late)
 
 
 @of_impacts(0.0)
@@ -362,7 +344,7 @@ def _friction_off(m, n, t, late):
     none = w[k + ROUNDED] + no_speed(m, n, t) if strikes(m) else unsure * no_rate(m, n)
     none += w[k + UNSURE] if m.pivots[DECIDES] == FORCES else 0.0
     if w[k + MODE] != STICKING:
-        if strikes(m) and second(m, n):
+        if second(m, n):
             aside = larger(abs(across(m, n, rate)) - _ALIGNED * abs(w[k + rate]), -w[k + rate])
             negligible = magnitude(m, n, rate) <= UNEVEN * none or w[k + LIMIT] <= nothing(m, n)
             return 0.0 if negligible else aside / (UNEVEN * none if late else none)

@@ -21,7 +21,7 @@ from kaneflex.multibody.model.codes import NOTHING
 from kaneflex.multibody.model.layout import (
     ACROSS, ALONG, BENDING, BOUNCE, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, DECIDES, FLOWING, FORCE, GAP_ACCEL, KEPT,
     LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, RESISTING_MASS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING,
-    STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import borne, dry, joint_wrench, normal_force, row_of, sliding_size
@@ -35,7 +35,7 @@ _SOFT = 1e-9
 """Additional compliance of a sticking row, as a share of its own, at the largest force limit."""
 _SOFTEST = 1e3
 """Factor on it at a small force limit."""
-_DISTRIBUTED = 1e-8
+_DISTRIBUTED = 1e-7
 """Compliance of a rigid contact, as a share of its response without friction: rounding errors of redundant forces are
 those of speeds, divided by it."""
 
@@ -166,7 +166,7 @@ def compliance(m, n, h, r, size, A, largest):
     if turns(m, n):
         A[m.plan[WANTED] + frictions(m) - 1 - n] = 0.0 * h
         along = int(m.w[law_at(m, n) + 1])
-        return magnitude(m, along, SLIP) / m.w[at(m, along) + LIMIT] + 0.0 * h
+        return magnitude(m, along, SLIP_RATE - strikes(m)) / m.w[at(m, along) + LIMIT] + 0.0 * h
     for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
         if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
             own += A[diagonal + (size + 1) * q]
@@ -278,16 +278,6 @@ def presses(m, n, r):
         return virtual(m, r) < 0 and act_of(m, row_in(m, r)) == of
     row = plan[plan[ROW_OF] + r]
     return plan[plan[CUT_OF] + row] == of or m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + END_AT])
-
-
-@njit(**OPTIONS)
-def pressing(m, n, A):
-    """Normal force of a contact's friction in the reactions of a solution with the factors of this instant; 0 of a
-    compliant contact."""
-    for r in range(m.plan[KEPT], m.plan[KEPT] + m.pivots[YIELDING]):
-        if presses(m, n, r):
-            return A[m.plan[REACTION] + r]
-    return 0.0 * A[0]
 
 
 @of_holds(0.0)
