@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 29,
     "report": 5,
     "response": 18,
-    "scene": 57,
+    "scene": 56,
     "solve": 19,
     "study": 35,
     "support": 2,

@@ -8,7 +8,7 @@ import pytest
 from extreme_cases import CASES, spike_cases, spiked
 from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
-from machines import cantilever, pendulum
+from machines import block, cantilever, pendulum
 from places import DOCS
 from runs import derived_on_the_fly, model, run
 
@@ -86,6 +86,29 @@ BAR = cantilever(
 @pytest.mark.parametrize(("law", "count"), [("1 - step(t - 0.0305)", 0), ("exp(-((t - 0.0305) / 0.0001)**2)", 1)])
 def test_preset_coupled_sees_what_jumps_but_not_what_comes_and_goes(law, count):
     assert len(between_steps(load(scene_of(BAR.replace("LAW", law))))) == count
+
+
+SLIDER = block(
+    "mass = 1", "free = true, initial_speed = 0.3",
+    loads='pull = {force_on = "block", direction = [1, 0], MAGNITUDE}',
+    sensors='x = {position = "slide"}', solve={"preset": "coupled", "duration": 2, "steps": 50},
+)
+
+
+@pytest.mark.parametrize(("law", "count"), [
+    ("exp(-((t - 0.77) / 0.0005)**2) - 0.1 * slide - 0.1 * slide_speed", 1), ("step(t - 0.77) - slide", 0),
+    ("-slide", 0), ("sin(3 * t)", 0),
+])  # fmt: skip
+def test_so_it_does_where_joints_are_free(law, count):
+    assert len(between_steps(load(scene_of(SLIDER.replace("MAGNITUDE", f'law = "{law}"'))))) == count
+
+
+@pytest.mark.parametrize(("height", "count"), [(5.0, 1), (0.01, 0)])
+def test_a_table_over_time_is_looked_at_between_steps_where_joints_are_free(height, count, tmp_path):
+    table = tmp_path / "pull.csv"
+    table.write_text(f"s,N\n0,0\n0.77,0.01\n0.7701,{height}\n0.7702,0.01\n2,1\n")
+    given = f'table = "{table}", against = "t", interpolation = "pchip"'
+    assert len(between_steps(load(scene_of(SLIDER.replace("MAGNITUDE", given))))) == count
 
 
 def test_a_table_whose_curve_overshoots_is_named(tmp_path):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import Options
 from kaneflex.scene.parts import Load
@@ -92,17 +91,18 @@ def between_steps(model: Model) -> list[str]:
     """Warnings of loads or speeds that the steps don't resolve, and of drives that turn far within a step.
 
     Checked are all rows of the loads' tables, and instants spread over the steps. Preset coupled chooses its own steps
-    and detects jumps, but may miss pulses between two stored instants.
+    and detects jumps, but may miss pulses between two stored instants; where its joints are free, loads are checked
+    over time only.
     """
     return _found.of(model, lambda: _between_steps(model))
 
 
 def _between_steps(model: Model) -> list[str]:
     options, scene = model.options, model.scene
-    if options.dynamics == "coupled" and (scene.floating or scene.free_joints):
-        return []  # the rigid mechanism moves differently
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
+    if options.dynamics == "coupled" and (scene.floating or scene.free_joints):
+        return [*_pulses(model, steps, within)]
     motion = model.motion if model.in_space is None else model.in_space.bare
     seen = motion.at(motion.begin + model.step * np.arange(steps + 1))
     found = []
@@ -118,7 +118,11 @@ def _between_steps(model: Model) -> list[str]:
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
     if not varying and not speeds:
         return found
-    rows = [_instants_of_rows(scene.drives, load, seen) for load in scene.loads.values() if load.kind != "value"]
+    rows = [
+        _instants_of_rows(load, seen.times if load.against == "t" else seen[f"{load.against}.angle"], seen.times)
+        if load.kind == "table" and load.against in ("t", *scene.drives) else np.zeros(0)
+        for load in scene.loads.values() if load.kind != "value"
+    ]  # fmt: skip
     if all(len(each) for each in rows):  # the extremes of tables are near their rows
         within = min(within, _OF_BODIES)
     spread = np.linspace(seen.times[0], seen.times[-1], within * steps + 1)
@@ -127,29 +131,58 @@ def _between_steps(model: Model) -> list[str]:
     fewer = rigid.taken(np.arange(0, len(instants), max(1, within // _OF_BODIES)))
     fastest = max((abs(fewer[name]).max() for name in speeds.values()), default=0.0)  # smaller ones may be rounding
     for thing, name in (varying | speeds).items():
-        checked = fewer if thing in speeds else rigid
-        values = checked[name]
-        straight = np.interp(checked.times, seen.times, seen[name])
-        if options.dynamics == "coupled":
-            before = np.clip(np.searchsorted(seen.times, checked.times, "right") - 1, 0, steps - 1)
-            ends = seen[name][before], seen[name][before + 1]
-            straight = np.clip(values, np.minimum(*ends), np.maximum(*ends))
-        largest = fastest if thing in speeds else abs(values).max()
-        share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
-        if share > _UNSEEN:
-            t = checked.times[int(abs(values - straight).argmax())]
-            found.append(
-                f"{thing} changes and returns within a step, by {share:.0%} of its largest value at t = {t:.4g} s: "
-                f"use more than solve.steps = {options.steps}"
-            )
+        checked, largest = (fewer, fastest) if thing in speeds else (rigid, abs(rigid[name]).max())
+        found += _unseen(options, thing, checked.times, checked[name], seen.times, seen[name], largest)
     return found
 
 
-def _instants_of_rows(drives: Iterable[str], load: Load, seen: RigidMotion) -> np.ndarray:
-    """Instants [s] at which a load's table is read at its rows; none if it has none, or if its argument returns."""
-    if load.kind != "table" or load.against not in ("t", *drives):
-        return np.zeros(0)
-    x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
+def _pulses(model: Model, steps: int, within: int) -> Iterator[str]:
+    """Warnings of loads of a run with free joints, over time, where these joints stand as at the start."""
+    from kaneflex.scene.law_check import start_motion
+    from kaneflex.scene.tables import evaluate_block
+
+    scene, seen = model.scene, model.motion.begin + model.step * np.arange(steps + 1)
+    spread = np.linspace(seen[0], seen[-1], within * steps + 1)
+    for name, load in scene.loads.items():
+        if load.kind == "table" and load.against == "t":
+            times = np.sort(np.concatenate((spread, _instants_of_rows(load, seen, seen))), kind="stable")
+            block = load.curve()
+            values, ends = (evaluate_block(block, at - load.offset) for at in (times, seen))
+        elif load.kind == "law" and (law := scene.argument(name)) is not None and law.uses("t"):
+            times, known = spread, [start_motion(scene, at) for at in (spread, seen)]
+            if any(law.uses(used) and used not in known[0] for used in scene.law_names()):
+                continue  # a coordinate that the run finds
+            values, ends = map(law.on_arrays, known)
+        else:
+            continue
+        if np.isfinite(values).all():
+            yield from _unseen(model.options, f"loads.{name}", times, values, seen, ends, abs(values).max())
+
+
+def _unseen(
+    options: Options, thing: str, times: np.ndarray, values: np.ndarray, seen: np.ndarray, ends: np.ndarray,
+    largest: float,
+) -> Iterator[str]:  # fmt: skip
+    """Warning if values (n,) differ from the straight line between those at the steps, or under preset coupled exceed
+    both ends, by a share of the largest."""
+    straight = np.interp(times, seen, ends)
+    if options.dynamics == "coupled":
+        before = np.clip(np.searchsorted(seen, times, "right") - 1, 0, len(seen) - 2)
+        both = ends[before], ends[before + 1]
+        straight = np.clip(values, np.minimum(*both), np.maximum(*both))
+    missed = abs(values - straight)
+    share, t = missed.max() / max(largest, np.finfo(float).tiny), times[int(missed.argmax())]
+    if share > _UNSEEN:
+        yield (
+            f"{thing} changes and returns within a step, by {share:.0%} of its largest value at t = {t:.4g} s: "
+            f"use more than solve.steps = {options.steps}"
+        )
+
+
+def _instants_of_rows(load: Load, x: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Instants [s] at which a load's table is read at its rows, for abscissae x at times [s], both (n,); none if x
+    returns."""
+    x = x - load.offset
     way = np.sign(x[-1] - x[0])
     if not (np.diff(x) * way > 0).all():
         return np.zeros(0)
@@ -159,7 +192,7 @@ def _instants_of_rows(drives: Iterable[str], load: Load, seen: RigidMotion) -> n
         rounds = first + np.arange(min(np.ceil(last - first), _SAMPLES // len(rows)))
         rows = np.add.outer(load.period * rounds, rows).ravel()
     rows = rows[(rows >= x.min()) & (rows <= x.max())]
-    return np.interp(way * rows, way * x, seen.times)
+    return np.interp(way * rows, way * x, times)
 
 
 MISSED = 0.05

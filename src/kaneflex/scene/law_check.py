@@ -124,20 +124,22 @@ def check_load_law(scene: Scene, load: Load) -> None:
     if scene.horizon is None and not free:
         return
     times = np.zeros(1) if free else sample_times(scene.horizon)
-    known = {"t": times}
-    for name, drive in scene.drives.items():
-        known |= _motion(name, drive, times)
+    known = start_motion(scene, times)
     if all(name in known for name in scene.law_names() if law.uses(name)):
         law.check_values(known)
 
 
-def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray | float]:
-    """Coordinate [rad or m] and speed of a drive at `times` (n,), as far as known before the run, by a law's names."""
-    speed = drive.initial_speed if drive.free else drive.speed if drive.spin_up is None else None
-    try:
-        return {name: drive.coordinate(times)} | ({} if speed is None else {f"{name}_speed": speed})
-    except Fault:
-        return {}  # reported by the drive's own check
+def start_motion(scene: Scene, times: np.ndarray) -> dict[str, np.ndarray | float]:
+    """Names of laws at ``times`` (n,) [s]: coordinates [rad or m] and speeds of drives as far as known before the run,
+    of free joints those at the start."""
+    known: dict[str, np.ndarray | float] = {"t": times}
+    for name, drive in scene.drives.items():
+        speed = drive.initial_speed if drive.free else drive.speed if drive.spin_up is None else None
+        try:
+            known |= {name: drive.coordinate(times)} | ({} if speed is None else {f"{name}_speed": speed})
+        except Fault:
+            continue  # reported by the drive's own check
+    return known
 
 
 def pole(values_at: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> float | None:
