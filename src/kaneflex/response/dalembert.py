@@ -15,14 +15,8 @@ from kaneflex.mechanism.spatial_frame import rotation_matrix
 from kaneflex.mechanism.wrenches import Wrench, moment_of
 from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.time.sections import turn_in_space
-from kaneflex.response.section_forces import (
-    LinkForces,
-    MassIntegrals,
-    Slices,
-    carried,
-    rate_of_momentum,
-    spread_loads,
-)
+from kaneflex.response.momentum import MassIntegrals, Slices, rate_of_momentum
+from kaneflex.response.section_forces import LinkForces, carried, spread_loads
 from kaneflex.support.kept import Kept
 
 if TYPE_CHECKING:

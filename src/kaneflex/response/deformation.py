@@ -19,7 +19,7 @@ from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.wrenches import moment_of
 from kaneflex.multibody.model.bound_model import Model, keep_terms
-from kaneflex.response.section_forces import MassIntegrals, Slices, carried, rate_of_momentum, spread_loads
+from kaneflex.response.section_forces import carried, spread_loads
 from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
@@ -150,12 +150,14 @@ class Deformation:
 
     def _needed(self, e: int, reach: float) -> np.ndarray:
         """Force, and moment about its end, that an element of the rigid link needs up to `reach` [m] from its node."""
+        from kaneflex.response.momentum import MassIntegrals, Slices, rate_of_momentum
+
         mechanism, name, end = mechanism_of(self.model.scene), self.link.name, self.link.nodes[e] + reach
         moved = carried(mechanism, self.rigid, name)
         along = np.eye(len(moved[0]))[:, :1]
         part = MassIntegrals.of(Slices.up_to(end, self.link, e, lambda x: x * along))
-        still = np.zeros((1, self.q.shape[1]))
-        found = rate_of_momentum(part, (still + 1.0, still, still), moved, spread_loads(mechanism, self.rigid, name))
+        one, still = np.ones((1, self.q.shape[1])), np.zeros((1, self.q.shape[1]))
+        found = rate_of_momentum(part, (one, still, still), moved, spread_loads(mechanism, self.rigid, name))
         found[len(along) :] -= moment_of(end * along, found[: len(along)])
         return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Motion
-from kaneflex.response.sensors import measure
+from kaneflex.response.sensors import Reader
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
 from kaneflex.solve.one_way_run import storing
@@ -73,12 +73,13 @@ class Read:
     @cached_property
     def values(self) -> dict[str, np.ndarray]:
         """Sensors of the run at these instants."""
-        return {name: series.values[self.stored] for name, series in self.run.series.items()}
+        return {name: self.run.series[name].values[self.stored] for name in self.model.scene.sensors}
 
 
-def values_of(motion: Motion) -> dict[str, np.ndarray]:
-    """Values of the sensors, (n_times,) each."""
-    return {name: series.values for name, series in measure(motion).items()}
+def values_of(motion: Motion, only: Container[str] | None = None) -> dict[str, np.ndarray]:
+    """Values of the scene's sensors, (n_times,) each, without ``NAME_rigid``; ``only``: names of those to read."""
+    reader, sensors = Reader(motion), motion.model.scene.sensors
+    return {name: reader.read(sensor) for name, sensor in sensors.items() if only is None or name in only}
 
 
 def motion_of(read: Read, richer: Model, coordinates: Rates) -> ElasticMotion:

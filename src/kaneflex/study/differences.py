@@ -143,8 +143,9 @@ def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
     Rates are related to motions by one turn a cycle or run, not by higher frequencies: vibrations may be small.
     """
     peaks: dict[str, float] = defaultdict(float)
-    for name, sensor in scene.sensors.items():
-        peaks[sensor.unit] = max(peaks[sensor.unit], float(abs(reference.values[name]).max()))
+    for name in scene.sensors.keys() & reference.values.keys():
+        unit = scene.sensors[name].unit
+        peaks[unit] = max(peaks[unit], float(abs(reference.values[name]).max()))
     arm = max(body.length or 0.0 for body in scene.bodies.values()) or 1.0
     for load in scene.loads.values():
         if load.value is not None:

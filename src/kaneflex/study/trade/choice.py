@@ -201,11 +201,11 @@ def remembered_choice(
     known, curves = choice is not None, None
     if choice is None:
         choice, solution, curves = chosen(scene, tolerance, sensors, progress, purpose, others)
-        data = None if choice.compared else kept_curves(curves, list(scene.sensors))
+        data = None if choice.compared else kept_curves(curves)
         if data is not None:
             keep(reference, data)
     elif not choice.compared:
-        curves = read_curves(reference, list(scene.sensors))
+        curves = read_curves(reference, [*choice.doubt])
         if curves is not None:
             choice, solution = cheaper(scene, choice, curves, progress)
             reference.unlink(missing_ok=True)

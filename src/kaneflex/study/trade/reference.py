@@ -14,6 +14,7 @@ import numpy as np
 from kaneflex.scene import Scene
 from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
+from kaneflex.solve.error_stages import values_of
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import ROUNDING, Difference, differences
 from kaneflex.study.runs import Run, Runs
@@ -56,7 +57,7 @@ class Reference:
     model : Variant
         Variant of the neutral scene.
     curves : Curves
-        At its stored instants and between them, where straight lines are not close.
+        Of the compared sensors, at its stored instants and between them, where straight lines are not close.
     stored : int
         Number of steps between whose instants straight lines are close.
     doubts : mapping of str to float
@@ -165,9 +166,9 @@ def recalled(scene: Scene, known: Choice, curves: Curves) -> Reference:
     return Reference(scene, model, curves, stored, known.doubt, beyond, known.reference_note, levels)
 
 
-def kept_curves(curves: Curves, sensors: Sequence[str]) -> bytes | None:
-    """Instants and values of all sensors as a file; None if it would be large."""
-    table, file = np.array([curves.times, *(curves.values[name] for name in sensors)]), BytesIO()
+def kept_curves(curves: Curves) -> bytes | None:
+    """Instants and values of the sensors as a file; None if it would be large."""
+    table, file = np.array([curves.times, *curves.values.values()]), BytesIO()
     np.save(file, table)
     return file.getvalue() if table.size <= _MOST else None
 
@@ -233,18 +234,18 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
 
 
 def _denser(run: Run, limits: Mapping[str, float]) -> Curves:
-    """Curves of a run also between its instants, until straight lines deviate by no more than each sensor's limit.
+    """Curves of the sensors that have limits, also between a run's instants, until straight lines deviate by no more.
 
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
-    curves, factor = run.curves, 1
+    curves, factor = replace(run.curves, values={name: run.curves.values[name] for name in limits}), 1
     if run.scene.contacts:
         return curves
     ends = _beside(np.maximum(*(_bent(curves, curves.times[k::2], limits) for k in (0, 1))))  # over two intervals
     while len(ends) and factor <= _DENSEST:
         before, middles = curves.times, 0.5 * (curves.times[ends - 1] + curves.times[ends])
-        between = run.solution.at(middles).series
-        values = {name: np.insert(own, ends, between[name].values) for name, own in curves.values.items()}
+        between = values_of(run.solution.at(middles).motion, limits)
+        values = {name: np.insert(own, ends, between[name]) for name, own in curves.values.items()}
         curves = replace(curves, times=np.insert(before, ends, middles), values=values)
         ends, factor = _beside(_bent(curves, before, limits)), 2 * factor
     return curves
