@@ -384,4 +384,6 @@ def test_all_modes_are_a_number_of_them_in_coupled_equations():
     assert model(*coupled).warnings == model("engine", "solve.modes=all").warnings == ()
     assert asked.solved_for == 5 and model(*coupled, "solve.modes=2").solved_for == 4
     assert model("double-pendulum", "solve.preset=coupled").solved_for == 2
+    top = model("spinning-top", "solve.preset=rigid")
+    assert top.solved_for == top.degrees_of_freedom == 3
     assert model("four-bar-motor", "solve.preset=coupled").solved_for == 1 + 5  # its crank, too

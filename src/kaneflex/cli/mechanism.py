@@ -309,6 +309,8 @@ def derive(
         form = "--language c" if language == "c" else "--standalone"
         _refuse_others(form, {"--tolerance": tolerance, "--sensors": sensors})
     if language == "c":
+        if output.suffix in (".c", ".h"):
+            raise OutputError(str(output), None, "C code is several files", "Give the name of a folder")
         with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
             for file, content in derive_code(asked.read(), "c", waiting).items():
                 (partial / file).write_text(content, encoding="utf-8", newline="\n")

@@ -133,7 +133,7 @@ class Model:
 
         In a coupled model without linear elastic equations: number of free coordinates and of all shapes.
         """
-        if self.bare or self.coupled_in_space is not None:
+        if self.bare or self._solved_in_space:
             return self.solved_for
         nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
         return nodal + len(self.shapes_given)
@@ -175,11 +175,16 @@ class Model:
     @property
     def solved_for(self) -> int:
         """Number of coordinates that are integrated."""
-        if self.coupled_in_space is not None:
-            return len(self.coupled_in_space.curve.start.choice.independent)
+        if self._solved_in_space:
+            return len(cast("SpatialKinematics", self.in_space).curve.start.choice.independent)
         if self.coupled is not None:
             return len(mechanism_of(self.scene).free) + int(self.coupled.engine.shapes.sum())
         return self.reduced.size
+
+    @property
+    def _solved_in_space(self) -> bool:
+        """True if the equations of motion of a mechanism in space have all coordinates of the run."""
+        return self.in_space is not None and self.options.dynamics in ("rigid", "coupled")
 
     @property
     def shapes_given(self) -> tuple[str, ...]:
