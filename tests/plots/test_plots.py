@@ -332,6 +332,7 @@ def test_round_down(value, expected):
     ("N", 33e3, "kN"),
     ("N", 2.3, "N"),
     ("rad", 0.3, "deg"),
+    ("m/s^2", 0.0, "m/s²"),
 ])  # fmt: skip
 def test_units_are_those_that_people_read(unit, largest, expected):
     assert readable(unit, np.array([0.0, -largest]))[1] == expected

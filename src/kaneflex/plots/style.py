@@ -241,11 +241,12 @@ def _write(figure: Figure, file: Path | io.BytesIO, kind: str) -> None:
 
 
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
-    """Factor from the SI ``unit``, and label, of a unit in which ``values`` (without NaN) have few digits."""
-    largest = max((float(np.fmax.reduce(np.abs(part), axis=None, initial=0.0)) for part in values), default=0.0)
+    """Factor from the SI ``unit``, and label, of a unit in which ``values`` (without NaN) have few digits.
+
+    Zeros have that of one SI unit.
+    """
+    largest = max((float(np.fmax.reduce(np.abs(part), axis=None, initial=0.0)) for part in values), default=0.0) or 1.0
     choices = _READ_AS.get(unit, ((unit, 1.0, 0.0),))  # others, as of derivatives, in SI
-    if largest == 0.0:
-        return choices[0][1], choices[0][0]
     return next((factor, label) for label, factor, least in choices if largest * factor >= least)
 
 
