@@ -18,7 +18,7 @@ from kaneflex.fem.freedom import count_freedom, elastic_coordinates
 from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import closures, drive_rates, place
-from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scenery
+from kaneflex.plots.mechanism import deformed_lines, rigid_outline, rigid_scenery, used_points
 from kaneflex.plots.scheme import branches, scheme
 from kaneflex.plots.style import picture, styled
 from kaneflex.report.presentation import parts
@@ -378,3 +378,12 @@ def test_show_draws_all_branches():
     refused = cli("show", "bricard", "--branches", "-o", "other.png")
     assert refused.exit_code == 2 and "--branches draws mechanisms in the plane" in refused.output
     assert [path.name for path in Path().iterdir()] == ["ways.png"]
+
+
+def test_a_body_on_a_bushing_is_drawn_from_its_foot_to_its_centre_of_mass():
+    page = (DOCS / "scene/space.md").read_text(encoding="utf-8")
+    scene = scene_of(page.partition("# mount.toml\n")[2].partition("```")[0])
+    assert used_points(scene, "engine") == [(0.1, 0.0, -0.2), (0.0, 0.0, 0.0)]
+    with styled():
+        axes = show(scene).axes[0]
+    assert any(len(line.get_xdata()) == 16 and np.ptp(line.get_xdata()) > 10.0 for line in axes.lines)  # its zigzag

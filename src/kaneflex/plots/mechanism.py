@@ -231,7 +231,7 @@ class _Pose:
 
 
 def used_points(scene: Scene, body: str) -> list[Vector]:
-    """Points of a body that anything of the scene names, and its ends, in its axes; each place once.
+    """Points of a body that anything of the scene names, and its ends, in its axes; with one alone its centre of mass.
 
     Those of joints are first, in the scene's order, then those of springs, loads, masses and sensors.
     """
@@ -244,8 +244,8 @@ def used_points(scene: Scene, body: str) -> list[Vector]:
     if body != "ground" and scene.bodies[body].length is not None:
         used += map(scene.vector, ((0.0, 0.0), (scene.bodies[body].length, 0.0)))
     points = list(dict.fromkeys(used)) or [scene.vector((0.0, 0.0))]
-    if body != "ground" and len(points) == 1 and any(scene.bodies[body].centre):
-        points.append(scene.vector(scene.bodies[body].centre))
+    if body != "ground" and len(points) == 1:
+        points = list(dict.fromkeys([*points, scene.vector(scene.bodies[body].centre)]))
     return points
 
 

@@ -262,13 +262,16 @@ class _Parts:
         self.labels.add(name, tail, LOAD, size=8)
 
     def _spring(self, name: str) -> None:
-        """A zigzag between two points, or a spiral around a joint."""
+        """A zigzag between two points, a short one if they coincide as those of a bushing, or a spiral around a joint.
+        """
         spring = self.scene.springs[name]
-        if ends := spring.ends or spring.bushing:
-            start, end = (self.at(address) for address in ends)
+        if spring.ends:
+            start, end = (self.at(address) for address in spring.ends)
+            if np.hypot(*(end - start)) < 1e-3 * self.size:
+                aside = np.array([0.5 * _ARROW * self.size, 0.0])
+                start, end = start - aside, end + aside
             along = end - start
-            length = np.hypot(*along)
-            across = np.array([-along[1], along[0]]) / length if length else np.zeros(2)
+            across = np.array([-along[1], along[0]]) / np.hypot(*along)
             share = np.concatenate([[0.0, 0.2], np.linspace(0.225, 0.775, 12), [0.8, 1.0]])
             swing = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], 6), [0.0, 0.0]])
             line = start + np.outer(share, along) + 0.02 * self.size * np.outer(swing, across)
