@@ -3,9 +3,9 @@
 A choice of modes is solved with the factors of the whole mechanism: closed rigid contacts and sticking frictions are
 rows there, slipping frictions follow their normal forces. The choice is consistent if closed contacts push, open ones
 separate, sticking frictions exert at most their limit, and slipping ones move on in their direction: for impulses and
-the speeds after them, or for forces and accelerations, as DECIDES says. Else modes change: of impulses first those of
-all inconsistent rows together, so that the order of rows decides nothing; then that of the least consistent row, later
-of the first one (Murty 1974, Math. Program. 7, 326: without friction this ends), at last all combinations are tried.
+the speeds after them, or for forces and accelerations, as DECIDES says. Else modes change: first those of all
+inconsistent rows together, so that the order of rows decides nothing; then that of the least consistent row, later of
+the first one (Murty 1974, Math. Program. 7, 326: without friction this ends), at last all combinations are tried.
 Without a consistent choice, as in Painleve's paradox (1895, C. R. Acad. Sci. 121, 112), the run ends with that outcome.
 """
 
@@ -48,7 +48,7 @@ _EASED = 0.9
 _ALIGNED = 1e-10
 """Angle [rad] between the slip after an impact in space and the impulse against it."""
 _TOGETHER = 2
-"""Choices for each row in which the modes of impulses change together."""
+"""Choices for each row in which modes change together."""
 _DIRECTIONS = 20
 """Changes of a mode, or of its direction of slip, for each friction without speed in space."""
 _MOST_CHOICES = 7776
@@ -121,7 +121,7 @@ def search(m, t, A):
             if settled == 0 or m.pivots[DECIDES] == FORCES:  # of moving sides they are only an estimate
                 return 0
             break
-        if not _change(m, t, A, _NONE if strikes(m) and turn < _TOGETHER * free else n):
+        if not _change(m, t, A, _NONE if turn < _TOGETHER * free else n):
             return 1
     for choice in range(choices if choices <= _MOST_CHOICES else 0):
         left = choice
