@@ -25,6 +25,16 @@ class Statistics(NamedTuple):
     at_min: int
     at_max: int
 
+    @property
+    def peak(self) -> float:
+        """Largest absolute value."""
+        return max(-self.min, self.max)
+
+    def changes(self, other: Statistics) -> tuple[float, float]:
+        """Change of the peak to that of another series, and the relative change of the rms times the peak."""
+        by_rms = abs(other.rms - self.rms) * self.peak / self.rms if self.rms else other.peak
+        return abs(other.peak - self.peak), by_rms
+
 
 def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
     """Statistics of values at times [s], both (n_times,), at least one; of the finite ones if there are any."""

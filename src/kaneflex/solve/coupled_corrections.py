@@ -58,6 +58,11 @@ def coupled_stages(solution: RunResult, progress: Progress) -> tuple[Read, list[
     return read, stages
 
 
+def in_steps(longer: float, tolerance: float) -> float:
+    """Tolerance of steps ``longer`` times as long as those of a tolerance."""
+    return max(_LEAST, longer**_ORDER * tolerance)
+
+
 def step_of_richer(model: Model) -> float:
     """Step of a richer run, relative to the model's."""
     options = model.options
@@ -72,7 +77,7 @@ def _richer(model: Model, longer: float = 0.5) -> Iterator[tuple[str, Scene, Opt
     """Successively richer models with steps ``longer`` times the model's, and the part that each adds; those without
     effect are left out."""
     scene, options = model.given or model.scene, model.options
-    tolerance, forward = (max(_LEAST, longer**_ORDER * each) for each in (options.tolerance, options.forward_tolerance))
+    tolerance, forward = (in_steps(longer, each) for each in (options.tolerance, options.forward_tolerance))
     # peaks of contacts need all stored instants
     steps = options.steps if scene.contacts and longer > 1.0 else round(options.steps / longer)
     options = options._replace(tolerance=tolerance, forward_tolerance=forward, steps=steps)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -35,12 +34,6 @@ class Curves:
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     undersampled: tuple[str, ...] = ()
-
-    def peak_and_rms(self, sensor: str) -> tuple[float, float]:
-        """Largest absolute value of a sensor, and root of its mean square over time."""
-        values, times = self.values[sensor], self.times
-        mean = np.trapezoid(values**2, times) / (times[-1] - times[0])
-        return float(abs(values).max()), math.sqrt(mean)
 
 
 @dataclass(frozen=True)

@@ -120,18 +120,11 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
 
     def of(name: str) -> ErrorEstimate:
         shares = {kind: found.get(kind, {}).get(name, none) for kind in KINDS}
-        shares["statistics"] = _statistics_apart(read.times, base[name], before[name]) if impacts else None
+        both = [statistics(each[name], read.times) for each in (base, before)] if impacts else []
+        shares["statistics"] = max(both[0].changes(both[1])) if both else None
         return ErrorEstimate(apart(before[name], base[name]), **shares, coupling=coupling.get(name))
 
     return {name: of(name) for name in read.model.scene.sensors if np.isfinite(before[name] - base[name]).any()}
-
-
-def _statistics_apart(times: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
-    """Larger relative change of peak and rms from one series to another, times the peak."""
-    (peak, rms), (new_peak, new_rms) = (
-        (max(-found.min, found.max), found.rms) for found in (statistics(each, times) for each in (one, other))
-    )
-    return max(abs(new_peak - peak), abs(new_rms - rms) * peak / rms if rms else new_peak)
 
 
 def _impossible(solution: RunResult) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.response.time_statistics import mean_over_time, statistics
 from kaneflex.support.errors import SceneError, nearest
 
 if TYPE_CHECKING:
@@ -96,9 +97,8 @@ def difference(
 ) -> Difference:
     """Difference of two series at the same instants, (n_times,) each; ``peak`` is the reference's."""
     gap = values - reference
-    mean_square = np.trapezoid(gap**2, times) / (times[-1] - times[0])
-    own, most = float(abs(values).max()), float(abs(gap).max())
-    return Difference(sensor, model, unit, own, float(peak), most, math.sqrt(mean_square))
+    own, most, rms = float(abs(values).max()), float(abs(gap).max()), math.sqrt(mean_over_time(gap**2, times))
+    return Difference(sensor, model, unit, own, float(peak), most, rms)
 
 
 def differences(
@@ -128,9 +128,9 @@ def differences(
         if peak <= floors[unit]:
             continue
         if scene.contacts:
-            (own, own_rms), (_, rms) = curves.peak_and_rms(name), reference.peak_and_rms(name)
-            rms_change = abs(own_rms - rms) / rms * peak
-            found.append(Difference(name, model, unit, own, peak, max(abs(own - peak), rms_change), rms_change))
+            its, own = (statistics(each.values[name], each.times) for each in (reference, curves))
+            changes = its.changes(own)
+            found.append(Difference(name, model, unit, own.peak, peak, max(changes), changes[1]))
         else:
             own, its = (np.interp(times, each.times, each.values[name]) for each in (curves, reference))
             found.append(difference(name, model, unit, times, own, its, peak))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import modes_of, resolve_options, tolerance_of
+from kaneflex.solve.coupled_corrections import in_steps
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.error_stages import values_of
 from kaneflex.solve.variants import Variant
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 _FINER, _LEVELS = 2, 3
 """Factor on elements and steps from one level to the next, and the number of finer levels."""
-_ORDER, _LEAST = 3, 1e-13
-"""Power of that factor by which the tolerance of a step of preset coupled falls, and the least tolerance."""
 _CONVERGES = 0.5
 """Share of the error estimate of the level before at which a further level is tried."""
 _GAIN, _MOST_GAIN = 8.0, 64.0
@@ -57,7 +56,8 @@ class Reference:
     model : Variant
         Variant of the neutral scene.
     curves : Curves
-        Of the compared sensors, at its stored instants and between them, where straight lines are not close.
+        At its stored instants and between them, where straight lines are not close; for one run of the compared sensors
+        only.
     stored : int
         Number of steps between whose instants straight lines are close.
     doubts : mapping of str to float
@@ -148,7 +148,7 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     known = {sensor: doubt for sensor, doubt in doubts.items() if sensor not in beyond}
     notes = "; ".join(filter(None, (note, *run.solution.warnings)))
     limits = _limits(run.curves, known, tolerance)
-    curves = _denser(run, limits)
+    curves = _denser(run, limits, doubts if math.isfinite(share) else known)
     stored = _stored(runs.scene, curves, run.timing.steps, limits)
     denser = stored if named or math.isfinite(share) else run.timing.steps
     levels = _up_to(levels, model, run.timing.steps, denser)
@@ -200,7 +200,7 @@ def _finer(scene: Scene, plain: Variant, scale: int) -> Variant:
     steps, modes = scale * resolve_options(scene).steps, scale * (modes_of(scene.solve) + 1) - 1
     mesh = {name: scale * count for name, count in elements_of(scene.bodies).items()}
     if plain is COUPLED:
-        tolerance = max(_LEAST, tolerance_of(scene.solve) / scale**_ORDER)
+        tolerance = in_steps(1.0 / scale, tolerance_of(scene.solve))
         # a mesh with as many elements as modes has enough modes; a multiple keeps the nodes
         mesh = {name: count * max(1, -(-modes // count)) for name, count in mesh.items()}
         name = "coupled" + (f", {modes} modes a link" if mesh else "") + f", tolerance {tolerance:.2g}"
@@ -233,18 +233,18 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
     return {each.sensor: sizes.get(each.sensor, each.reference_peak) / each.reference_peak for each in found}
 
 
-def _denser(run: Run, limits: Mapping[str, float]) -> Curves:
-    """Curves of the sensors that have limits, also between a run's instants, until straight lines deviate by no more.
+def _denser(run: Run, limits: Mapping[str, float], sensors: Collection[str]) -> Curves:
+    """Curves of sensors also between a run's instants, until straight lines deviate by no more than each one's limit.
 
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
-    curves, factor = replace(run.curves, values={name: run.curves.values[name] for name in limits}), 1
+    curves, factor = replace(run.curves, values={name: run.curves.values[name] for name in sensors}), 1
     if run.scene.contacts:
         return curves
     ends = _beside(np.maximum(*(_bent(curves, curves.times[k::2], limits) for k in (0, 1))))  # over two intervals
     while len(ends) and factor <= _DENSEST:
         before, middles = curves.times, 0.5 * (curves.times[ends - 1] + curves.times[ends])
-        between = values_of(run.solution.at(middles).motion, limits)
+        between = values_of(run.solution.at(middles).motion, sensors)
         values = {name: np.insert(own, ends, between[name]) for name, own in curves.values.items()}
         curves = replace(curves, times=np.insert(before, ends, middles), values=values)
         ends, factor = _beside(_bent(curves, before, limits)), 2 * factor
