@@ -296,14 +296,9 @@ def normal_force_by_reaction(m, n, r):
     plan, what = m.plan, m.acts[act_of(m, n), WHAT]
     if r >= plan[KEPT] or what >= ALONG:
         return 1.0
-    return _bearing_by_reaction(m, n, plan[plan[ROW_OF] + r])
-
-
-@njit(**OPTIONS)
-def _bearing_by_reaction(m, n, row):
-    """The same of a joint with respect to the reaction of one of its rows."""
+    row = plan[plan[ROW_OF] + r]
     one, two = borne(m, n, joint_wrench(m, n))
     one_by, two_by = borne(m, n, row_wrench(m, row, 1))
     total = dot(one, one_by) / larger(math.sqrt(dot(one, one)), 1e-300)
     total += dot(two, two_by) / larger(math.sqrt(dot(two, two)), 1e-300)
-    return m.w[law_at(m, n) + ARM] * total if m.acts[act_of(m, n), WHAT] == TURN else total
+    return m.w[law_at(m, n) + ARM] * total if what == TURN else total

@@ -41,8 +41,8 @@ def gradient_at(m, n):
 
 
 @njit(**OPTIONS)
-def derivatives(m, n):
-    """Derivatives of a row's value by all coordinates; returns their place.
+def along(m, n):
+    """Derivatives of a row's value by all but prescribed coordinates; returns their place.
 
     Its row by the twists of its sections is known.
     """
@@ -51,20 +51,13 @@ def derivatives(m, n):
     for i in range(m.plan[COORDINATES]):
         m.w[out + i] = 0.0
     gradient(m, row_at(m, n), m.counts[PHI] > 0, out)
-    return out
-
-
-@njit(**OPTIONS)
-def along(m, n):
-    """The same by all but prescribed coordinates."""
-    out = derivatives(m, n)
     leave_out(m, out)
     return out
 
 
 @njit(**OPTIONS)
-def respond(m, n, A):
-    """Response of the coordinates to a unit force along a row, by the factors of this instant; returns its place."""
+def effective_mass(m, n, A):
+    """Force along a row per acceleration of its value, by the factors of this instant."""
     apart()
     plan, g = m.plan, along(m, n)
     answer = plan[COLUMNS] + plan[COORDINATES] * plan[KEPT]
@@ -72,14 +65,7 @@ def respond(m, n, A):
         A[answer + i] = m.w[g + i]
     prescribe_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
-    return answer
-
-
-@njit(**OPTIONS)
-def effective_mass(m, n, A):
-    """Force along a row per acceleration of its value, by the factors of this instant."""
-    answer = respond(m, n, A)
-    return 1.0 / larger(abs(product(m.w, gradient_at(m, n), shifted(A, answer), m.plan[COORDINATES])), 1e-200)
+    return 1.0 / larger(abs(product(m.w, g, shifted(A, answer), plan[COORDINATES])), 1e-200)
 
 
 @of_contacts(None)
