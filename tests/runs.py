@@ -59,6 +59,12 @@ def short(scene: str) -> Model:
     return model(scene, *SHORT.get(scene, ()))
 
 
+def shapes_of(system: System, body: str) -> slice:
+    """Places of a body's modal coordinates in the frames and shapes of a planar system."""
+    first = system.start[body] + 3
+    return slice(first, first + sum(system.counts[body]))
+
+
 def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
     """State of a planar system at t [s] by frames and shapes of its bodies, (size,); loops are not closed. The tables
     have the sections by these frames."""
@@ -67,7 +73,7 @@ def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
     layout = engine.layout
     for body, (first, count) in zip(layout.node_of, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
         for part, given in zip(engine.motion, (q, v), strict=False):
-            part[first : first + count] = given[system.modal(body)]
+            part[first : first + count] = given[shapes_of(system, body)]
     engine.openings(t)  # deforms the bodies
     places, rates, *_ = engine.motion
     for body, name, fields in zip(layout.node_of, layout.inboard, bodies, strict=True):
@@ -97,15 +103,15 @@ def _section(system: System, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[
     if body in layout.shapes:
         on = layout.shapes[body].carrier(side.at)
         node, place = layout.stations[body, on], place - on
-    start, modal, pose, twist = system.start[body], system.modal(body), place.copy(), np.zeros(3)
-    if modal.stop > modal.start:
+    start, own, pose, twist = system.start[body], shapes_of(system, body), place.copy(), np.zeros(3)
+    if own.stop > own.start:
         station = arrays["nodes"][node, of.KIND] == of.STATION
         row, numbers = (arrays[name][node if station else node + 1] for name in ("nodes", "numbers"))
-        count = modal.stop - modal.start
+        count = own.stop - own.start
         pose, phi = numbers[of.PLACE if station else of.SHIFT].copy(), np.zeros(3 * count)
         if row[of.AT] >= 0:
-            pose += kernels.displace.py_func(arrays["block"], row[of.AT], count, q[modal], 0, phi, 0)
-            twist = v[modal] @ phi.reshape(-1, 3)
+            pose += kernels.displace.py_func(arrays["block"], row[of.AT], count, q[own], 0, phi, 0)
+            twist = v[own] @ phi.reshape(-1, 3)
     turn, omega, arm = np.exp(1j * q[start + 2]), v[start + 2], complex(*pose[:2])
     at_point = complex(*q[start : start + 2]) + turn * arm
     moving = complex(*v[start : start + 2]) + 1j * omega * turn * arm + turn * complex(*twist[:2])

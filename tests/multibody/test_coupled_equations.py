@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from places import DATA
-from runs import gaps, model, moments
+from runs import gaps, model, moments, shapes_of
 
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
@@ -38,7 +38,7 @@ def moved(engine):
 
 def inertia_forces(model, q, v, a):
     """M a - f of every body by itself, what holds, damps and weighs it included, by the body's kernel."""
-    system, found = model.coupled, np.zeros(model.coupled.size)
+    system, found = model.coupled, np.zeros(len(model.coupled.coordinates))
     blocks = Blocks(mechanism_of(model.scene), {})
     for name, k in system.start.items():
         c, s, omega = np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]
@@ -60,14 +60,14 @@ def opened(system, t, q):
 def test_the_state_satisfies_balance_and_constraints(engine, moved):
     """Of every body's speeds: what its motion takes is what joints and gas exert, by virtual work."""
     t, q, v, a, multipliers = moved
-    system, n, h = engine.coupled, engine.coupled.size, 1e-6
+    system, n, h = engine.coupled, len(engine.coupled.coordinates), 1e-6
     G = np.array([opened(system, t, q + step) - opened(system, t, q - step) for step in h * np.eye(n)]).T / (2 * h)
     given = np.zeros(n)
     gas, k = engine.motion.at(t)["gas"][0], system.start["piston"]
     given[k : k + 2] = gas * np.array(engine.scene.loads["gas"].direction)
     left = inertia_forces(engine, q, v, a)
     assert abs(left - given - G.T @ multipliers).max() < 1e-8 * abs(left).max()
-    assert abs(gas) > 1.0 and abs(left[system.modal("rod")]).max() > 1.0
+    assert abs(gas) > 1.0 and abs(left[shapes_of(system, "rod")]).max() > 1.0
     assert abs(opened(system, t, q)).max() < 1e-12
     # The loops stay closed along the motion, to the second order in time.
     for h, order, largest in ((1e-7, 1, abs(v).max()), (1e-5, 2, abs(a).max())):

@@ -42,7 +42,7 @@ def discs(stiffnesses, torques):
 
 def integrated(system, start, times, tolerance, integrator):
     """Angles and speeds of the discs at ``times`` from rest at these angles, and how many steps that took."""
-    q, turns = np.zeros(system.size), [k + 2 for k in system.start.values()]
+    q, turns = np.zeros(len(system.coordinates)), [k + 2 for k in system.start.values()]
     q[turns] = start
     found = integrate(system, folded(system, times[0], q, 0.0 * q), times, Method(integrator, tolerance, 1.0))
     assert found.outcome.name == "COMPLETED"

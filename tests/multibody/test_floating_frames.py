@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from machines import pendulum
-from runs import closed, gaps, solved
+from runs import closed, gaps, shapes_of, solved
 from scipy.linalg import eigh
 
 import kaneflex
@@ -101,7 +101,7 @@ def moved_state(system, q, v, seed):
     random = np.random.default_rng(seed)
     q, v = q.copy(), v.copy()
     for name in system.start:
-        modal, axial = system.modal(name), system.counts[name][0]
+        modal, axial = shapes_of(system, name), system.counts[name][0]
         q[modal], v[modal] = 5e-3 * random.normal(size=(2, modal.stop - modal.start))
         q[modal.start : modal.start + axial] *= 0.2
         v[modal.start : modal.start + axial] *= 2.0
@@ -125,7 +125,7 @@ def seen_from_the_end(system, other, links, q, v):
         )
         for mine, part, by in zip((old.axial, old.transverse), mirrored, (axial, bending), strict=True):
             assert abs(mine @ by - part).max(initial=0.0) < 1e-9, name  # the same space
-        k, modal, s = system.start[name], system.modal(name), axial.shape[1]
+        k, modal, s = system.start[name], shapes_of(system, name), axial.shape[1]
         b, b_rate, a, a_rate = q[modal][:s], v[modal][:s], q[modal][s:], v[modal][s:]
         there[modal] = np.concatenate([np.linalg.solve(axial, b), np.linalg.solve(bending, a)])
         rates[modal] = np.concatenate([np.linalg.solve(axial, b_rate), np.linalg.solve(bending, a_rate)])
@@ -158,7 +158,7 @@ def test_accelerations_and_reactions_know_no_direction(name):
         if body not in links:
             assert a_there[k : k + 2] == pytest.approx(a[k : k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body
             continue
-        modal, found = system.modal(body), a_there[system.modal(body)]
+        modal, found = shapes_of(system, body), a_there[shapes_of(system, body)]
         s = back[body][0].shape[1]
         mapped = np.concatenate([back[body][0] @ found[:s], back[body][1] @ found[s:]])
         assert mapped == pytest.approx(a[modal], rel=1e-6, abs=1e-8 * abs(a[modal]).max()), body

@@ -215,11 +215,6 @@ class System:
         shapes = self.layout.shapes
         return {name: shapes[name].counts if name in shapes else (0, 0) for name in self.mechanism.bodies}
 
-    @property
-    def size(self) -> int:
-        """Coordinates of all bodies."""
-        return len(self.coordinates)
-
     @cached_property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
@@ -244,11 +239,6 @@ class System:
         own = [name for name, _ in self.layout.coordinates]
         return {name: own.index(each) for name in self.mechanism.free
                 for each in (name, f"{name}.angle", f"{name}.position") if each in own}  # fmt: skip
-
-    def modal(self, body: str) -> slice:
-        """Places of a body's modal coordinates in q."""
-        first = self.start[body] + BODY
-        return slice(first, first + sum(self.counts[body]))
 
     def undeformed(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> list[State]:
         """States at ``times`` [s] by frames x, y, phi of undeformed bodies, and their rates, (n_times, 3 bodies);
