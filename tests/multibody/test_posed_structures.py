@@ -51,3 +51,26 @@ def test_what_no_weld_holds_is_refused():
     scene = scene_of(L_FRAME.replace("foot = {weld", "foot = {revolute") % (*POSED, 300))
     with pytest.raises(SceneError, match="supports poses only if all joints are welds"):
         load(scene)
+
+
+@pytest.mark.parametrize("angle", [-90, 40, 90])
+def test_weight_is_not_half_of_the_geometric_stiffness(angle):
+    """Tip deflections F L^3 / (3 E I) and M L^2 / (2 E I) of a slender cantilever under its weight and a payload's.
+
+    The axial force at its start is not known beforehand; of its growth along the beam alone a hanging one got softer.
+    """
+    length, EI = 2.0, 420.0
+    scene = scene_of(f"""
+schema = 1
+gravity = [0, -9.81]
+bodies.bar = {{length = 2, pose = {{angle = "{angle} deg"}}, beam = {{E = 2.1e11, rho = 7850, A = 1e-4, I = 2e-9}}}}
+bodies.payload = {{length = 0.3, mass = 0.1, pose = {{at = AT, angle = "{angle} deg"}}}}
+joints.clamp = {{weld = ["ground", "bar.start"]}}
+joints.flange = {{weld = ["bar.end", "payload.start"]}}
+loads.push = {{force_on = "bar.end", axes = "body", direction = [0, 1], value = 0.001}}
+sensors.tip = {{displacement = "bar.end", component = "y"}}
+solve = {{preset = "quasistatic", duration = 1, steps = 2, errors = "none"}}
+""".replace("AT", str((length * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])).tolist())))
+    across = -9.81 * np.cos(np.radians(angle))
+    weight = across * (7850 * 1e-4 * length**4 / 8 + 0.1 * (length**3 / 3 + 0.15 * length**2 / 2)) / EI
+    assert solved(scene).series["tip"].values == pytest.approx(weight + 0.001 * length**3 / 3 / EI, rel=1e-8)

@@ -216,10 +216,11 @@ def _turning_part(mechanism: Mechanism, name: str, centre: Vector | None) -> Par
     their arms rotate.
 
     A force F at the arm a = R (r - r_0) from the body's centre of rotation does second-order work
-    -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
+    -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints; 0 in a fixed
+    structure, whose joint forces are not known beforehand.
     """
     total = Affine.zero(1, 1)
-    for force, at in () if centre is None else _forces_on(mechanism, name):
+    for force, at in () if centre is None or mechanism.frame else _forces_on(mechanism, name):
         arm = np.array([[at[0] - centre[0], at[1] - centre[1]]])
         if arm.any():
             total += Affine.constant(arm) @ to_link_axes(name) @ force

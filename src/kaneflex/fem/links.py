@@ -288,11 +288,13 @@ def terms_of_link(
 ) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
     """Terms of a link's elements and of the loads distributed along it, with a matrix for each element.
 
-    K_g holds the growth of the axial force by the load; a fixed structure has no known P_0, and no such growth.
+    K_g holds the growth of the axial force by inertia and the load; a fixed structure has no known P_0, and no K_g.
     """
     viscous = None if mechanism.damping is None else mechanism.damping.viscous
     mu = None if viscous is None else viscous.mu
-    yield from terms_of_elements(module, parameters, lambda factor: _scalar(link, factor), mu)
+    for key, blocks in terms_of_elements(module, parameters, lambda factor: _scalar(link, factor), mu):
+        if not (mechanism.frame and key[0] == "K_g"):
+            yield key, blocks
     for name, load, F, K_g in spread_terms(mechanism, link, parameters, kind):
         x, y, *_ = load.direction or ()
         parts: dict[Monomial, tuple[float, ...]] = {(name,): (x, y)}
