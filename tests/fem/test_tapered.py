@@ -5,10 +5,7 @@ import math
 import numpy as np
 import pytest
 from machines import cantilever, pendulum
-from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
-from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from kaneflex import SceneError, scene_of
 from kaneflex.multibody.model.bound_model import Model
@@ -64,56 +61,6 @@ def test_tapered_cantilevers(folder, taper):
     model = derived_on_the_fly(CANTILEVER, folder, f"beam.taper.rectangle={tip}", "beam.elements=32")
     found = reference_modes(model, 3)[0] / unit(model)
     assert found == pytest.approx(PUBLISHED[taper], rel=1e-5)
-
-
-@pytest.mark.parametrize("theory", ["euler-bernoulli", "timoshenko"])
-def test_frequencies_converge_as_the_fourth_power(folder, theory):
-    """The section's linear part and its mean are enough for the order of uniform elements."""
-    modes = {
-        elements: reference_modes(
-            derived_on_the_fly(CANTILEVER, folder, f"beam.theory={theory}", f"beam.elements={elements}"), 3
-        )[0]
-        for elements in (8, 16, 64)
-    }
-    errors = [modes[elements] / modes[64] - 1 for elements in (8, 16)]
-    assert (np.abs(errors[1]) < 1e-4).all()
-    assert np.log2(errors[0] / errors[1])[1:] == pytest.approx([4, 4], abs=0.3)
-
-
-def ritz(eta: float, degree: int = 16) -> np.ndarray:
-    """Flap frequencies of a rotating cantilever, height 1 - x/2, by polynomials x^2 ... x^degree: unit length,
-    E I = rho A = 1 at the root, tension eta^2 int_x^1 A X dX."""
-    A, I = Polynomial([1, -0.5]), Polynomial([1, -0.5]) ** 3
-    growth = (A * Polynomial([0, 1])).integ()
-    P = eta**2 * (growth(1.0) - growth)
-    # Shifted Legendre polynomials keep the matrices well conditioned; x^2 holds the clamped end.
-    legendre = [np.polynomial.Legendre.basis(k, domain=[0, 1]).convert(kind=Polynomial) for k in range(degree - 1)]
-    shapes = [Polynomial([0, 0, 1]) * p for p in legendre]
-
-    def integral(weight: Polynomial, order: int) -> np.ndarray:
-        points, weights = np.polynomial.legendre.leggauss(40)
-        x, w = (points + 1) / 2, weights / 2
-        values = np.array([shape.deriv(order)(x) if order else shape(x) for shape in shapes])
-        return (values * (w * weight(x))) @ values.T
-
-    return np.sqrt(eigh(integral(I, 2) + integral(P, 1), integral(A, 0), eigvals_only=True)[:3])
-
-
-def test_ritz_against_published_values():
-    """Hodges and Rutkowski (1981), AIAA J. 19, 1459-1466: 3.82379 at rest, 6.74340 and 11.5015 at eta = 5 and 10."""
-    assert [ritz(eta)[0] for eta in (0, 5, 10)] == pytest.approx([3.82379, 6.74340, 11.5015], rel=5e-6)
-
-
-@pytest.mark.parametrize("eta", [0.001, 5.0, 10.0])
-def test_rotating_tapered_beam(folder, eta):
-    """The tension of the tapered link, m_0 and S_0 in K_g: three flap frequencies, the lag ones less eta^2."""
-    still = derived_on_the_fly(SPINNING, folder)
-    model = derived_on_the_fly(SPINNING, folder, f"hub.speed={eta * unit(still)}", "beam.axially_rigid=true")
-    K, M = model.K_s(0.0) + model.K_g(0.0), model.M(0.0)
-    flap = np.sqrt(eigh(K, M, eigvals_only=True)[:3]) / unit(model)
-    lag = eigh(K + model.K_d(0.0), M, eigvals_only=True)[:3] / unit(model) ** 2
-    assert flap == pytest.approx(ritz(eta), rel=5e-5)
-    assert lag == pytest.approx(flap**2 - eta**2, rel=1e-9)
 
 
 def test_statics_of_a_rotating_tapered_beam(folder):
@@ -241,51 +188,6 @@ def test_mass_and_inertia_are_the_sums_of_both_materials(shaft):
     assert (found.mass, found.first, found.second) == pytest.approx(moments, rel=1e-12)
     assert body.mass == pytest.approx(moments[0], rel=1e-12)
     assert body.profile.at(0.7).E_I_z == pytest.approx(E_OF[1] * I, rel=1e-12)
-
-
-def axial(omega: float) -> float:
-    """Clamped, free: the axial force at the end of two uniform bars in line, by transfer matrices of (u, N)."""
-    state = np.array([0.0, 1.0])
-    for e, rho, length in zip(E_OF, RHO_OF, (STEP, 1 - STEP), strict=True):
-        k = omega * math.sqrt(rho / e)
-        c, s = math.cos(k * length), math.sin(k * length)
-        state = np.array([[c, s / (e * A * k)], [-e * A * k * s, c]]) @ state
-    return state[1]
-
-
-def bending(omega: float) -> float:
-    """Clamped, free: the determinant of moment and shear at the end, transfer matrices by Krylov's functions."""
-    total = np.eye(4)  # of (v, v', M / E_1 I, Q / E_1 I)
-    for e, rho, length in zip(E_OF, RHO_OF, (STEP, 1 - STEP), strict=True):
-        k = (rho * A * omega**2 / (e * I)) ** 0.25
-        slope = np.zeros((4, 4))  # the state's derivative; its fourth power is k^4
-        slope[0, 1] = slope[2, 3] = 1.0
-        slope[1, 2], slope[3, 0] = E_OF[0] / e, k**4 * e / E_OF[0]
-        x = k * length
-        weights = (
-            (math.cosh(x) + math.cos(x)) / 2,
-            (math.sinh(x) + math.sin(x)) / (2 * k),
-            (math.cosh(x) - math.cos(x)) / (2 * k**2),
-            (math.sinh(x) - math.sin(x)) / (2 * k**3),
-        )
-        total = sum(w * np.linalg.matrix_power(slope, n) for n, w in enumerate(weights)) @ total
-    return np.linalg.det(total[2:, 2:])
-
-
-def roots(function, low: float, high: float) -> np.ndarray:
-    grid = np.linspace(low, high, 4000)
-    values = np.array([function(omega) for omega in grid])
-    signs = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return np.array([brentq(function, grid[k], grid[k + 1], xtol=1e-10) for k in signs])
-
-
-def test_frequencies_of_a_shaft_of_steel_and_aluminium(shaft):
-    """Three in bending to 1e-5, two along to the order of linear elements: (k h)^2 / 24."""
-    found = reference_modes(shaft, 20)[0]
-    across, along = roots(bending, 1.0, 3000.0)[:3], roots(axial, 1.0, 30000.0)[:2]
-    assert len(across) == 3 and len(along) == 2
-    for expected, tolerance in [*((w, 1e-5) for w in across), *((w, 2e-3) for w in along)]:
-        assert np.abs(found / expected - 1).min() < tolerance, expected
 
 
 CONSTANTS = {

@@ -10,8 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 import transformed
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
 from runs import solved
 from transformed import Backwards, Isometry, Raw, Reordered, Scaled
 
@@ -161,35 +159,3 @@ def test_a_coupled_run_with_exchanged_ends(name, folder):
 def test_reordered(name, preset, folder):
     """Equations are derived in the order of the tables."""
     check(probed(name, preset), original(name, preset), Reordered(folder, seed=3))
-
-
-some = settings(
-    max_examples=3, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
-)
-
-
-@pytest.mark.exhaustive(share=2)
-@pytest.mark.parametrize("name", ["four-bar", "engine"])
-def test_machines_of_drawn_numbers(name, folder):
-    """Lengths, speed and units as they come; the equations are those of the test before."""
-    base = at_once(name, folder)(probed(name, AT_ONCE[name]))
-    base["solve"]["start"] = "zero"  # not every machine of drawn numbers is stable
-
-    @some
-    @given(
-        stretch=st.lists(st.floats(0.95, 1.05), min_size=3, max_size=3), speed=st.floats(0.5, 1.5),
-        backwards=st.booleans(), angle=st.floats(-3.0, 3.0), mirrored=st.booleans(),
-        units=st.lists(st.floats(0.1, 10.0), min_size=3, max_size=3),
-    )
-    def drawn(stretch, speed, backwards, angle, mirrored, units) -> None:
-        bodies = dict(base["bodies"])
-        for body, share in zip(bodies, stretch, strict=True):
-            if "length" in bodies[body]:
-                bodies[body] = bodies[body] | {"length": share * bodies[body]["length"]}
-        drive = base["drives"]["main"]
-        raw = base | {"bodies": bodies, "drives": {"main": drive | {"speed": speed * drive["speed"]}}}
-        before = read(raw)
-        check(raw, before, Isometry(folder, angle, mirrored))
-        check(raw, before, Scaled(folder, *units))
-
-    drawn()

@@ -336,23 +336,6 @@ def test_drives_that_a_loop_holds_are_named():
         load(scene_of(text))
 
 
-def test_a_torsional_spring_swings_as_it_must():
-    """J phi'' + c phi' + k phi = 0 about the axis: (k/J - (c/2J)^2)^(1/2), decay c/2J."""
-    J, k, c = 0.08 + 0.25, 40.0, 0.6
-    solution = solved(pendulum(
-        ('[0, 0, "-9.81 m/s^2"]', "[0, 0, 0]"), ("{free = true}", '{free = true, angle = "20 deg"}'),
-        ("", f'springs.coil = {{torsional_at = "hinge", stiffness = {k}, damping = {c}}}'),
-        ("", 'sensors.torque = {spring_torque = "coil"}'),
-    ))  # fmt: skip
-    t, decay = solution.times, c / (2 * J)
-    omega = math.sqrt(k / J - decay**2)
-    exact = math.radians(20) * np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
-    assert solution["angle"].values == pytest.approx(exact, abs=1e-8)
-    rate = np.gradient(exact, t, edge_order=2)
-    assert solution["torque"].values == pytest.approx(k * exact + c * rate, abs=2e-4)
-    assert solution.energy.drift < 1e-7
-
-
 def test_a_force_and_a_spring_between_points_do_their_work():
     solution = solved(scene_of(PENDULUM + """
 ground.hook = [1, 0.5, 0]
@@ -395,19 +378,6 @@ loads.brake = {torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}
     assert any("loads.push changes and returns within a step" in said for said in between_steps(knock))
 
 
-def test_a_drive_asks_for_the_moment_that_the_weight_takes():
-    """A bar that turns steadily about a level axis: m g l/2 cos(phi); the force at its pivot m (g + a)."""
-    solution = solved(pendulum(
-        ("{free = true}", '{speed = "60 rpm"}'), ("", 'sensors.motor = {drive_torque = "hinge"}'),
-        ("", 'sensors.pivot = {joint_force = "hinge", component = "z"}'),
-    ))  # fmt: skip
-    phi = 2 * math.pi * solution.times
-    # about +y the bar's end goes down: z = -sin(phi)
-    assert solution["motor"].values == pytest.approx(-9.81 * 0.5 * np.cos(phi), abs=1e-9)
-    lift = 0.5 * (2 * math.pi) ** 2 * np.sin(phi)
-    assert solution["pivot"].values == pytest.approx(9.81 + lift, abs=1e-9)
-
-
 def test_a_slider_passes_its_dead_centres_in_free_motion():
     """Where crank and rod are in line the slider's speed says nothing of the crank's: other speeds are chosen there."""
     solution = solved(scene_of(machine(
@@ -446,23 +416,6 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path, monkeypatch):
     assert done.exit_code == 0 and (tmp_path / "top.py").read_bytes() == Path(spinning_top_laws.__file__).read_bytes()
     done = runner.invoke(main, ["equations", "bricard"])
     assert done.exit_code == 2 and "only planar scenes so far" in done.output
-
-
-def test_a_bead_flies_outwards_along_a_turning_rod():
-    """r'' = Omega^2 r: r = r_0 cosh(Omega t), and the rod pushes it sideways with 2 m Omega r' (Coriolis 1835)."""
-    omega, mass = 5.0, 0.3
-    solution = solved(scene_of(machine(
-        gravity=[0, 0, 0],
-        bodies=dict(rod='length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]',
-                    bead=f"mass = {mass}, inertia = [0.001, 0.001, 0.001]"),
-        joints=dict(shaft="revolute ground rod, axis = [0, 1, 0]", guide="prismatic rod bead, direction = [1, 0, 0]"),
-        drives=dict(shaft=f"speed = {omega}", guide='free = true, position = "0.2 m"'),
-        sensors=dict(out="position guide x", side='joint_force guide z, axes = "body"'), solve=dict(duration="0.5 s"),
-    )))  # fmt: skip
-    assert solution["out"].values == pytest.approx(0.2 * np.cosh(omega * solution.times), abs=1e-8)
-    rate = 0.2 * omega * np.sinh(omega * solution.times)
-    # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
-    assert solution["side"].values == pytest.approx(-2 * mass * omega * rate, abs=1e-6)
 
 
 RAIL = machine(

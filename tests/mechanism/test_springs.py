@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from machines import machine, pendulum, slider_crank
+from machines import machine, slider_crank
 from matplotlib.text import Text
 from runs import solved
 
@@ -89,23 +89,6 @@ def test_a_torsional_spring_at_a_drive_counts_whole_turns():
     np.testing.assert_allclose(solution.series["m"].values, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_a_hinged_bar_on_a_torsional_spring_rings_as_a_damped_oscillator():
-    k, c, inertia, start = 12.0, 0.3, 2.0 * 0.25 / 3, 0.7
-    solution = solve(
-        BAR
-        + f"""
-drives.pivot = {{free = true, angle = {start}}}
-springs.hinge = {{torsional_at = "pivot", stiffness = {k}, damping = {c}, angle = 0.2}}
-solve = {{preset = "rigid", duration = "3 s", steps = 600}}
-"""
-    )
-    decay = c / (2 * inertia)
-    rings = np.sqrt(k / inertia - decay**2)
-    t = solution.times
-    swing = np.exp(-decay * t) * (np.cos(rings * t) + decay / rings * np.sin(rings * t))
-    np.testing.assert_allclose(solution.rigid["pivot.angle"], 0.2 + (start - 0.2) * swing, atol=1e-7)
-
-
 def test_a_free_bar_on_a_spring_keeps_its_energy():
     solution = solve(
         BAR
@@ -173,27 +156,6 @@ springs.recoil = {torsional_at = "main", stiffness = 3, angle = "20 deg", dampin
         expected = series.values + changes.get(name.removesuffix("_rigid"), 0.0)
         scale = np.abs(expected).max()
         np.testing.assert_allclose(held.series[name].values, expected, atol=1e-8 * scale, err_msg=name)
-
-
-def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alone():
-    beam = 'length = "300 mm", beam = {material = "steel", A = "80 mm^2", I = "100 mm^4", elements = 3}'
-    text = pendulum(
-        beam, 'law = "0.3*sin(40*t)"', "arm", "root", solve={"preset": "stiffened", "duration": "50 ms", "steps": 500},
-        sensors="""
-torque = {drive_torque = "root"}
-tip = {displacement = "arm.end", component = "y"}
-bending = {bending_moment = "arm.start"}""",
-    )
-    spring = 'springs.hinge = {torsional_at = "root", stiffness = 12, angle = 0.2, damping = 0.1}\n'
-    held, bare = solve(text + spring), solve(text)
-    added = 12 * (held.rigid["root.angle"] - 0.2) + 0.1 * held.rigid["arm.omega"]
-    tip = bare.series["tip"].values
-    assert np.abs(tip).max() > 1e-5
-    np.testing.assert_allclose(held.series["tip"].values, tip, atol=1e-9 * np.abs(tip).max())
-    bending = bare.series["bending"].values
-    np.testing.assert_allclose(held.series["bending"].values, bending, atol=1e-8 * np.abs(bending).max())
-    for name in ("torque", "torque_rigid"):
-        np.testing.assert_allclose(held.series[name].values, bare.series[name].values + added, atol=1e-7)
 
 
 def test_springs_are_drawn_and_listed():

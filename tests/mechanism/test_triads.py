@@ -8,7 +8,6 @@ import pytest
 from machines import machine
 from newton_euler import imbalance, motion_of, widest_gap
 from runs import solved
-from scipy.optimize import fsolve
 
 import kaneflex
 from kaneflex import SceneError, read_scene, scene_of, with_settings
@@ -110,31 +109,6 @@ def test_rates_are_those_of_the_positions(name):
             assert abs(found - exact).max() < 1e-7 * max(1.0, abs(exact).max()), (body, rate)
 
 
-def test_it_is_where_scipy_finds_it():
-    """The four angles from the loops written out by hand, by MINPACK's hybrid method."""
-    a, b, c, d = np.array([0.15, -0.04]), np.array([0.35, 0.0]), np.array([0.06, 0.07]), np.array([0.12, 0.0])
-
-    def turn(angle, vector):
-        return np.array([
-            np.cos(angle) * vector[0] - np.sin(angle) * vector[1], np.sin(angle) * vector[0] + np.cos(angle) * vector[1]
-        ])  # fmt: skip
-
-    for t in np.linspace(0.0, 0.5, 40):
-        rigid = motion("three rockers").at(t)
-        theta = 4 * np.pi * t
-
-        def loops(angles, theta=theta):
-            rod, platform, left, right = angles
-            corner = a + turn(left, [0.14, 0.0])
-            knee = turn(theta, [0.03, 0.0]) + turn(rod, [0.2, 0.0])
-            return [*(corner + turn(platform, c) - knee), *(corner + turn(platform, d) - b - turn(right, [0.16, 0.0]))]
-
-        names = ("rod", "platform", "left_rocker", "right_rocker")
-        ours = np.array([np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in names])
-        found = fsolve(loops, ours + 0.03, xtol=1e-13)
-        assert found == pytest.approx(ours, abs=1e-9)
-
-
 def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
     scene = with_settings(read_scene("four-bar"), ["solve.preset=rigid"])
     exact = kaneflex.load(scene).motion
@@ -195,12 +169,6 @@ def test_the_shipped_one_under_every_preset_agrees():
     for preset in ("quasistatic", "coupled"):
         gap = found[preset]["rod_bow"].values - found["stiffened"]["rod_bow"].values
         assert abs(gap).max() < 5e-3 * abs(found["stiffened"]["rod_bow"].values).max()
-
-
-def test_the_drive_does_no_work_over_a_turn():
-    torque = solved(read_scene("six-bar"), "solve.preset=rigid")
-    values = torque.series["crank_torque"].values
-    assert abs(values[:-1].mean()) < 1e-12 * abs(values).max()
 
 
 def test_show_places_the_same_assembly():

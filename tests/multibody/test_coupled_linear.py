@@ -212,19 +212,6 @@ def test_a_blade_lags_and_flaps():
         assert abs(poles[:6].real).max() < 1e-8 * omega
 
 
-def test_flap_and_lag_are_near_those_of_the_stiffened_blade():
-    """A strip on a hub, five turns a second: the one-way equations know its tension by K_g alone."""
-    settings = ["damping=none", "push.value=1e-6", "solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
-    scene = with_settings(read_scene("rotating-blade"), settings)
-    model = kaneflex.load(scene)
-    stiff, damping, M = (model.K_s(0.0) + model.K_d(0.0) + model.K_g(0.0), model.C(0.0), model.M(0.0))
-    n = len(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, stiff), -np.linalg.solve(M, damping)]])
-    expected = np.sort(np.linalg.eigvals(A).imag)[n : n + 4]
-    coupled = kaneflex.linearise(kaneflex.load(with_settings(scene, ["solve.preset=coupled", "solve.modes=6"])))
-    assert coupled.poles[:4].imag == pytest.approx(expected, rel=3e-4)
-
-
 def test_a_planar_blade_lifted_and_turned_answers_as_it_does_in_the_plane():
     """Its poles are among those of space, and every sensor answers a force and the shaft's acceleration alike."""
     settings = ["solve.preset=coupled", "solve.modes=4", "solve.start=zero", "solve.duration=1 ms", "solve.steps=2"]
@@ -265,29 +252,6 @@ def test_a_sleeping_top_stands_up_to_its_limit(share):
     for root in roots:
         assert abs(slow - 1j * root).min() < 2e-6 * omega
     assert (slow.real.max() > 1e-3 * omega) == (share < 1.0)
-
-
-FREE = machine(
-    gravity=[0, 0, 0], masses=dict(plate='at = "bar.mid", mass = 2, inertia = [0.02, 0.05, 0.04]'),
-    bodies=dict(bar='length = "0.2 m", rotation = {x = [AXIS]}, '
-                    f"free = {{at = [0, 0, 0], angular_velocity = [0, 0, 9]}}, {STIFF}"),
-)
-
-
-@pytest.mark.parametrize(("axis", "spun"), [("0, 0, 1", 0), ("1, 0, 0", 2)])
-def test_a_free_body_keeps_turning_about_its_outer_axes_alone(axis, spun):
-    """Euler's equations about a spin omega around axis 1: s^2 = (J_2 - J_1) (J_1 - J_3) / (J_2 J_3) omega^2, which is
-    positive where J_1 lies between the others."""
-    found = _space(FREE.replace("AXIS", axis) + SHORT.format(1))
-    bar = 100.0 * math.pi * 0.005**2 * 0.2
-    own = np.array([0.005**2 / 2, 0.2**2 / 12, 0.2**2 / 12])
-    J = np.roll([0.02, 0.05, 0.04] + bar * own, -spun)
-    square = (J[1] - J[0]) * (J[0] - J[2]) / (J[1] * J[2]) * 81.0
-    poles = np.linalg.eigvals(found.A)
-    for root in (np.sqrt(complex(square)), -np.sqrt(complex(square)), 9j):
-        assert abs(poles - root).min() < 1e-5 * 9.0
-    assert (square > 0.0) == (spun == 2)
-    assert found.states[:6] == ("bar.x", "bar.y", "bar.z", "bar.turn_x", "bar.turn_y", "bar.turn_z")
 
 
 def test_the_stiffness_of_a_pendulum_at_an_angle_is_that_of_its_weight():

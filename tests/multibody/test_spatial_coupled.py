@@ -160,11 +160,6 @@ def test_a_free_elastic_rod_keeps_energy_and_momenta():
     assert abs(momenta - momenta[0]).max() < 1e-7 * abs(momenta[0]).max()
 
 
-def test_a_planar_run_lifted_into_space_is_the_same():
-    flat, deep = (_solution(driven(dimension)) for dimension in (2, 3))
-    alike(deep, flat, 1e-4, ("tip", "short", "height", "force", "torque"))
-
-
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_rigid_mechanism_beside_free_joints_has_the_rates_of_its_positions(dimension):
     """Accelerations too: they are not those that the loads would give the rigid mechanism."""
