@@ -168,3 +168,14 @@ sensors = {swing = {position = "swing", component = "angle"}, speed = {velocity 
 springs.hold = {torsional_at = "swing", stiffness = "0.5 N m/rad", damping = "1.2e-3 N m s/rad"}
 solve = {preset = "coupled", start = "periodic", steps = 360, tolerance = 1e-7}
 """
+
+
+BALL_ON_PLANE = machine(
+    description="A ball above a plane", gravity=[0, 0, -9.81],
+    bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}"),
+    ground=dict(foot=[0.2, 0.1, -0.4]),
+    contacts=dict(floor='point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", '
+                        'contact = CONTACT'),
+    sensors=dict(push="contact_force floor", room="contact_gap floor"),
+    solve=dict(preset="coupled", duration="0.4 s", steps=100, tolerance=1e-10),
+)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from hostile_names import NAME
-from machines import FREE_CRANK, machine, scotch_yoke, slider_crank
+from machines import BALL_ON_PLANE, FREE_CRANK, machine, scotch_yoke, slider_crank
 from numba import njit, types
 from runs import model, run, solved
 from test_c import HEADS, SHARED, built
@@ -129,21 +129,11 @@ def test_a_run_in_space_in_c_is_that_of_python(scene, compiler, tmp_path):
         assert abs(found[:, k] - series[name]).max() <= 1e-9 * peak, name
 
 
-BALL = machine(
-    description="A ball above a plane", gravity=[0, 0, -9.81],
-    bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}"),
-    ground=dict(foot=[0.2, 0.1, -0.4]),
-    contacts=dict(floor='point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", '
-                        'contact = {law = "hertz", stiffness = "2e6 N/m", exponent = 1}'),
-    sensors=dict(push="contact_force floor", room="contact_gap floor"),
-    solve=dict(preset="coupled", duration="0.4 s", steps=100, tolerance=1e-10),
-)
-
-
 @pytest.mark.parametrize("more", ["", ", friction = {mu = 0.2}"])
 def test_a_ball_is_thrown_back_in_c_as_in_python(more, compiler, tmp_path):
     """A contact in space, by one impact: 3e-15 of each coordinate's largest was seen, with friction 5e-11."""
-    solution = solved(kaneflex.scene_of(BALL.replace("exponent = 1}", f"exponent = 1}}{more}")))
+    law = '{law = "hertz", stiffness = "2e6 N/m", exponent = 1}'
+    solution = solved(kaneflex.scene_of(BALL_ON_PLANE.replace("CONTACT", law + more)))
     names, found = in_c(solution.model.scene, tmp_path, compiler)
     motion, times = solution.model.motion, found[:, 0]
     moving = motion.at(times)

@@ -5,22 +5,13 @@ import math
 import numpy as np
 import pytest
 from lifting import lifted
-from machines import changed, machine
+from machines import BALL_ON_PLANE, changed, machine
 from parity import planar, random_turn
 from runs import alike, changes, solved
 from test_friction import ARM, BLOCK, CRANK, HINGE, SLOPE, G
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 
-BALL = machine(
-    description="A ball above a plane", gravity=[0, 0, -9.81],
-    bodies=dict(ball="mass = 2, inertia = [0.01, 0.01, 0.01], free = {at = [0, 0, 0], velocity = [0.3, -0.2, 0.5]}"),
-    ground=dict(foot=[0.2, 0.1, -0.4]),
-    contacts=dict(floor='point_on_plane = ["ball", "ground.foot"], normal = [1, 2, 5], radius = "50 mm", '
-                        'contact = CONTACT'),
-    sensors=dict(push="contact_force floor", room="contact_gap floor"),
-    solve=dict(preset="coupled", duration="0.4 s", steps=100, tolerance=1e-10),
-)
 HERTZ = '{law = "hertz", stiffness = "2e6 N/m", exponent = 1}'
 BACKLASH = machine(
     description="A flywheel between the flanks of a coupling", ground=dict(foot=[1, 0]),
@@ -179,7 +170,7 @@ def test_an_elastic_bar_hits_its_stop_as_in_the_plane(turn):
 
 
 def ball(contact, *settings):
-    return with_settings(scene_of(BALL.replace("CONTACT", contact)), settings)
+    return with_settings(scene_of(BALL_ON_PLANE.replace("CONTACT", contact)), settings)
 
 
 def test_a_ball_is_thrown_back_by_a_tilted_plane():
