@@ -76,11 +76,11 @@ def impulses(feet, inertia, v, w, mu, e):
     return np.append(v, w) + inverse @ J.T @ p
 
 
-def stool(count, case, units, order):
+def stool(count, case, units, order, slides=False):
     """Solution of a stool of random size and speed that lands on its feet, its velocities after it, and a problem of
-    :func:`impulses`."""
+    :func:`impulses`. If it ``slides``, it stays on them for 10 ms under a slanting weight."""
     chosen = np.random.default_rng(case)
-    mu, e = chosen.choice([0.1, 0.4, 1.0]), chosen.choice([0.3, 0.8])
+    mu, e = chosen.choice([0.1, 0.4, 1.0]), 0.0 if slides else chosen.choice([0.3, 0.8])
     angles = 0.3 + 2.0 * np.pi * np.arange(count) / count
     feet = np.column_stack([np.cos(angles), np.sin(angles), -0.5 * np.ones(count)])
     feet[:, :2] *= chosen.uniform(0.6, 1.2, (count, 2))
@@ -97,7 +97,8 @@ def stool(count, case, units, order):
     law = {"contact": {"law": "newton", "restitution": float(e)}, "friction": {"mu": float(mu)}}
     contacts = {f"c{k}": {"point_on_plane": [f"stool.f{k}", "ground"], "normal": units.direction(0, 0, 1), **law}
                 for k in order}  # fmt: skip
-    found = ran(units, {"stool": body}, contacts, (0, 0, 0), 1.001e-6)
+    weight = (*chosen.normal(size=2) * chosen.choice([0.1, 1.0, 6.0]), -9.81) if slides else (0, 0, 0)
+    found = ran(units, {"stool": body}, contacts, weight, 1e-2 if slides else 1.001e-6)
     last = found.trajectory.v[-1]
     after = np.append(units.back([last[:3]], per=1)[0], units.turn.T @ last[3:] * units.time)
     return found, after, (feet, inertia, v, [0, 0, spin], mu, e)
@@ -119,11 +120,35 @@ def test_a_stool_that_lands_on_its_feet_slips_and_sticks_as_its_impulses_allow(c
 @TURNED
 @pytest.mark.exhaustive(share=10)
 @pytest.mark.parametrize("count", [4, 6])
-def test_speeds_after_an_impact_of_redundant_feet_do_not_depend_on_their_order(count, case):
+@pytest.mark.parametrize("slides", [False, True], ids=["impact", "sliding"])
+def test_speeds_on_redundant_feet_do_not_depend_on_their_order(slides, count, case):
+    """After an impact, and where contacts at rest share the force."""
     order = np.random.default_rng(case).permutation(count)
-    _, one, _ = stool(count, case, Units(case, in_space=True), range(count))
-    _, other, _ = stool(count, case, Units(case + 7777, in_space=True), order)
+    _, one, _ = stool(count, case, Units(case, in_space=True), range(count), slides)
+    _, other, _ = stool(count, case, Units(case + 7777, in_space=True), order, slides)
     assert one == pytest.approx(other, abs=1e-6)
+
+
+def test_a_table_that_slides_shares_its_weight_among_four_legs():
+    """The front legs bear W (1 + mu h/a)/4 each, with the height h of the centre and the length 2 a of the table."""
+    law = '{law = "newton", restitution = 0}, friction = {mu = 0.2}'
+    legs = [(0.5, 0.3), (0.5, -0.3), (-0.5, 0.3), (-0.5, -0.3)]
+    text = '''
+schema = 1
+description = "A table slides on four legs"
+gravity = [0, 0, -9.81]
+bodies.table = {mass = 4, inertia = [0.5, 0.7, 0.9], free = {at = [0, 0, 0.6], velocity = [1, 0, 0]}, points = {POINTS}}
+sensors.speed = {velocity = "table", component = "x", axes = "global"}
+solve = {preset = "coupled", duration = "0.3 s", steps = 10}
+'''.replace("POINTS", ", ".join(f"f{k} = [{x}, {y}, -0.6]" for k, (x, y) in enumerate(legs)))
+    for k in range(4):
+        text += f"""
+contacts.c{k} = {{point_on_plane = ["table.f{k}", "ground"], normal = [0, 0, 1], contact = {law}}}
+sensors.push_{k} = {{contact_force = "c{k}"}}"""
+    found = solved(scene_of(text))
+    assert found["speed"].values == pytest.approx(1.0 - 0.2 * G * found.times, abs=1e-9)
+    for k, (x, _) in enumerate(legs):
+        assert found[f"push_{k}"].values[1:] == pytest.approx(G * (1.0 + 0.2 * 0.6 / x), rel=1e-7)
 
 
 @pytest.mark.parametrize("case", [2, 18])

@@ -6,11 +6,13 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
+from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.types import OPTIONS, apart
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
 from kaneflex.multibody.unilateral.relative_rows import rest_rows
+from kaneflex.multibody.unilateral.rows import rests, row_at
 
 
 @njit(**OPTIONS)
@@ -59,3 +61,19 @@ def _cut_rows_in_space(m):
 
 
 cut_rows = by_size(cut_rows, _cut_rows_in_space)
+
+
+@njit(**OPTIONS)
+def is_kept(m, row):
+    """True if a row determines a dependent coordinate by the current choice."""
+    for r in range(m.plan[of.KEPT]):
+        if m.plan[m.plan[of.ROW_OF] + r] == row:
+            return True
+    return False
+
+
+@of_impacts(False)
+@njit(**OPTIONS)
+def left_out(m, n):
+    """True if a contact at rest is no kept row: it is redundant, or modes are decided."""
+    return rests(m, n) and not is_kept(m, row_at(m, n))

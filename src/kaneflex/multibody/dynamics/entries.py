@@ -30,7 +30,7 @@ from kaneflex.multibody.model.codes import (
     AHEAD, APART, DONE, FAR, GROWN, INFINITE, MASSLESS, NEAR_STATES, ON_LOOPS, UNCLOSED, UNDECIDED,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import (
-    ACCEL, BENDS, COORDINATES, COURSE, COURSES, DEPENDENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
+    ACCEL, BENDS, COORDINATES, COURSE, COURSES, CUT_ROWS, DEPENDENT, JOINT_ROWS, MAGNITUDES, MEASURE, NOW, PASSING,
     PRESCRIBED, REACTIONS, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
@@ -115,7 +115,10 @@ def _project(m, t):
         return UNCLOSED
     if m.now[2] != 0.0 or frictions(m):  # else drives prescribe everything: inertia does not matter
         use(m, 0)
-        if not mend(m, t, m.real, 1) or (frictions(m) and settle(m, t, m.real) == 1):
+        for r in range(plan[CUT_ROWS], plan[REACTIONS]):  # redundant contacts have their share, not zero
+            m.multipliers[r] = 0.0
+        turns = 2 if plan[REACTIONS] > plan[CUT_ROWS] else 1
+        if not mend(m, t, m.real, turns) or (frictions(m) and settle(m, t, m.real) == 1):
             return MASSLESS
     settled(m)
     give_coordinates(m)

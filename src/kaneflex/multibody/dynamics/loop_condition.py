@@ -7,6 +7,7 @@ from numba import njit
 from kaneflex.multibody.compile.types import OPTIONS, apart, larger
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.algebra import linear_size
+from kaneflex.multibody.dynamics.cut_rows import is_kept
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_closure import move_dependent, solve_loops
 from kaneflex.multibody.dynamics.wrenches import row_wrench
@@ -140,10 +141,7 @@ def outgrown(m):
     for r in range(count):
         most = larger(most, _largest(m, plan[GRADIENT] + n * r))
     for row in range(plan[JOINT_ROWS]):
-        kept = False
-        for r in range(count):
-            kept = kept or plan[plan[ROW_OF] + r] == row
-        if kept:
+        if is_kept(m, row):
             continue
         for i in range(n):
             w[out + i] = 0.0

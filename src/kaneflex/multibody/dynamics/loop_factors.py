@@ -9,13 +9,16 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
+from kaneflex.multibody.unilateral.rows import rigid
+from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
 from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
 from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR, YIELDING,
+    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR, TOUCHING,
+    VIRTUAL, YIELDING,
 )  # fmt: skip
 
 
@@ -78,20 +81,33 @@ def factorise_closed(m, h, A, pivots):
         return False
     plan, count = m.plan, m.plan[KEPT] + m.pivots[YIELDING]
     most = factors.largest_limit(m, count, A)
-    for r in range(plan[KEPT], count):
+    for r in range(0 if _shares(m) else plan[KEPT], count):
         soften(m, r, count, h, A, most)
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
+@of_impacts(False)
+@njit(**OPTIONS)
+def _shares(m):
+    """True if the factors contain rigid contacts that are no kept rows: then all contacts at rest are compliant."""
+    for r in range(m.plan[VIRTUAL], m.pivots[YIELDING]):
+        n = m.pivots[m.plan[TOUCHING] + r]
+        if n >= 0 and rigid(m, n):
+            return True
+    return False
+
+
 @njit(**OPTIONS)
 def soften(m, r, count, h, A, most):
-    """Add the compliance of a row beside those of cuts, negative where it removes virtual inertia; ``most``: largest
+    """Add the compliance of a row, none of cuts, negative where it removes virtual inertia; ``most``: largest
     force limit of frictions."""
     own, k = m.plan[SCHUR] + (count + 1) * r, factors.virtual(m, r)
     if k >= 0:
         A[own] -= 1.0 / m.virtual_inertia[k]
         return
-    n = factors.row_in(m, r)
+    n = factors.row_in(m, r) if r >= m.plan[KEPT] else m.plan[m.plan[ROW_OF] + r] - m.plan[CUT_ROWS]
+    if r < m.plan[KEPT] and n < 0:
+        return
     if not factors.by_force(m, n, r, count, h, A):
         A[own] += factors.compliance(m, n, h, r, count, A, most)
 

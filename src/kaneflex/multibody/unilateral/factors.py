@@ -12,10 +12,11 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds, of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
-from kaneflex.multibody.compile.values import width
+from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
+from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import dot
+from kaneflex.multibody.dynamics.cut_rows import left_out
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.codes import NOTHING
 from kaneflex.multibody.model.layout import (
@@ -28,7 +29,7 @@ from kaneflex.multibody.unilateral.frictions import borne, dry, joint_wrench, no
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
     ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contacts, frictions, idle, is_second, law_at, magnitude, on_contact,
-    rests, rigid, row_at, strikes, way,
+    rigid, row_at, strikes, way,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -71,8 +72,8 @@ def memory_place(m, n):
 
 @njit(**OPTIONS)
 def use_rows_now(m):
-    """Set the rows of the factors at an instant: of virtual inertia, of sticking friction, and of rigid contacts while
-    modes are decided."""
+    """Set the rows of the factors at an instant: of virtual inertia, of sticking friction, and of rigid contacts at
+    rest that are no kept rows."""
     m.pivots[YIELDING] = m.plan[VIRTUAL] + _rows_now(m)
 
 
@@ -82,9 +83,9 @@ def _rows_now(m):
     """Add sticking friction and such contacts to the rows; returns their number."""
     apart()
     found = 0
-    for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else 0):
+    for n in range(-frictions(m), contacts(m)):
         w, k = m.w, at(m, n)
-        if rests(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not idle(m, n):
+        if left_out(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not idle(m, n):
             m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
@@ -100,8 +101,7 @@ def rows_of_step(m, first, h, state):
     returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0
-    for r in range(plan[REACTIONS]):
-        m.multipliers[r] = state[1 + 3 * plan[COORDINATES] + r]
+    copy(shifted(state, 1 + 3 * plan[COORDINATES]), m.multipliers, plan[REACTIONS])
     for n in range(-frictions(m), 0):
         if on_contact(m, n) >= 0:
             fill_row(m, on_contact(m, n))
@@ -160,7 +160,8 @@ def compliance(m, n, h, r, size, A, largest):
     """
     k, own, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], m.plan[SCHUR]
     if n >= 0 and rigid(m, n):
-        return _DISTRIBUTED / m.w[k + RESISTING_MASS] + 0.0 * h
+        mass = m.w[k + RESISTING_MASS]  # zero where states are read that were computed elsewhere
+        return _DISTRIBUTED * (1.0 / mass if mass > 0.0 else abs(own)) + 0.0 * h
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
     if turns(m, n):
@@ -226,7 +227,7 @@ def missing(m, A, r, opening):
     """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
     bristles, whose row is a force, the missing force less the weighted opening."""
     n = row_in(m, r)
-    if r < m.plan[KEPT] + m.plan[VIRTUAL] or (n >= 0 and not rigid(m, n)):
+    if r < m.plan[KEPT] + m.plan[VIRTUAL] or (n >= 0 and m.pivots[DECIDES] == NOTHING):
         return -opening
     if n >= 0:
         return A[m.plan[WANTED] + 2 * frictions(m) + n] - opening

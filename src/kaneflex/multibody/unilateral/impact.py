@@ -11,8 +11,8 @@ Friction by a preload, a compliant contact's force or bristles has no impulse. E
 The same problem with forces and accelerations determines the resting contacts: those that loads press together, and
 that separate so slowly that they would return before the gap exceeds rounding. This ends sequences of ever shorter
 bounces. A resting contact is a row like those of the cuts: it determines a dependent coordinate, and its force is an
-unknown. It opens if the force would become tensile; then the problem of forces is solved again. Both problems are
-solved by :mod:`kaneflex.multibody.unilateral.decision`.
+unknown. It opens if the force would become tensile; then forces are solved again. Redundant ones share the force by
+their compliance (:mod:`.factors`). Both problems are solved by :mod:`kaneflex.multibody.unilateral.decision`.
 """
 
 from __future__ import annotations
@@ -85,25 +85,20 @@ def collide(m, state, A, wanted):
 def _gather(m, t):
     """Note the touching contacts with the rates of their gaps; True if there are any. All are marked as not resting.
 
-    If the force of one has come to zero, all with zero force separate, except redundant ones, whose rows are not kept.
+    If the force of one has come to zero, all with zero force separate.
     """
     apart()
-    plan, w, found, parting = m.plan, m.w, False, False
+    w, found, parting = m.w, False, False
     for n in range(contacts(m)):
         w[at(m, n) + MET] = w[at(m, n) + MAY] = 0.0
         parting = parting or (rigid(m, n) and w[at(m, n) + DUE] == LETS_GO)
-    for r in range(plan[KEPT]):
-        n = plan[plan[ROW_OF] + r] - plan[CUT_ROWS]
-        if n >= 0:
-            w[at(m, n) + MAY] = 1.0
     for n in range(contacts(m)):
-        kept, w[at(m, n) + MAY] = w[at(m, n) + MAY] != 0.0, 0.0
         if not rigid(m, n):
             continue
         k = meet(m, n)
         rested = w[k + MODE] == CLOSED
         rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 0) else w[k + GAP_RATE]
-        if parting and rested and kept and w[k + FORCE] <= no_force(m, n):
+        if parting and rested and w[k + FORCE] <= no_force(m, n):
             w[k + DUE] = LETS_GO
         if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
             w[k + MET], w[k + OLD], w[k + RESTED_BEFORE], w[k + STICKS] = 1.0, rate, rested, 0.0

@@ -14,6 +14,7 @@ from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.courses import leave_out
+from kaneflex.multibody.dynamics.cut_rows import left_out
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, rows_of_frictions
@@ -77,7 +78,7 @@ def let_yield(m, h, state):
     plan, w, size, first = m.plan, m.w, m.plan[COORDINATES], m.plan[VIRTUAL]
     count = first
     for n in range(contacts(m)):
-        if w[at(m, n) + MODE] == CLOSED and not rigid(m, n):
+        if left_out(m, n) or (w[at(m, n) + MODE] == CLOSED and not rigid(m, n)):
             m.pivots[plan[TOUCHING] + count] = n
             count += 1
     m.pivots[YIELDING] = count
@@ -89,14 +90,15 @@ def let_yield(m, h, state):
     for r in range(first, count):
         n = m.pivots[plan[TOUCHING] + r]
         k, law = meet(m, n), m.acts[act_of(m, n), LAW]
+        if rigid(m, n):
+            continue
         by_gap, by_rate = touching.normal_slopes(law, w, law_at(m, n), w[k + MEMORY], w[k + GAP], w[k + GAP_RATE])
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
-        along(m, n)
     more = rows_of_step(m, count, h, state)
     m.pivots[YIELDING] = count + more
     if count + more > first:
         m.pivots[BY_FORCES] = width(m) == 6
-    for r in range(count, count + more):
+    for r in range(first, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])
 
 
@@ -113,7 +115,7 @@ def notice_jams(m, t, step, A):
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(plan[KEPT] + plan[VIRTUAL], count):
         c = row_in(m, r)
-        for n in range(-frictions(m) if c >= 0 else 0, 0):
+        for n in range(-frictions(m) if c >= 0 and not rigid(m, c) else 0, 0):
             since = at(m, n) + JAMS
             if w[since] == w[since] or not presses(m, n, r):
                 continue
@@ -135,7 +137,7 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     step, steps = h * real, h * pair
     for r in range(plan[KEPT] + plan[VIRTUAL], plan[KEPT] + m.pivots[YIELDING]):
         n, x = row_in(m, r), plan[REACTION] + r
-        if n < 0:
+        if n < 0 or rigid(m, n):
             continue
         k = at(m, n)
         c, s = w[k + VISCOUS], w[k + STIFF]
@@ -154,7 +156,7 @@ def resist_defect(m, step, A, answer):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
         slope = w[k + VISCOUS] + step * w[k + STIFF] + _bristle_slope(m, n, step)
-        share = step * slope * product(w, g, m.du, size)
+        share = 0.0 if n >= 0 and rigid(m, n) else step * slope * product(w, g, m.du, size)
         for i in range(size):
             A[answer + i] -= share * w[g + i]
 
@@ -171,6 +173,7 @@ def error_of_gaps(m, table, h, here, step, A, answer):
         k, g = at(m, n), gradient_at(m, n)
         error = abs(product(w, g, m.du, size) + product(w, g, shifted(A, answer), size))
         if n >= 0:
+            error = 0.0 if rigid(m, n) else error
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
             continue
         error -= 16.0 * EPS * size_of(m, n, 0) / h
