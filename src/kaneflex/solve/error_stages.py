@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.numbers import mesh
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import Reader
 from kaneflex.scene import Scene
-from kaneflex.scene.bodies import Body
 from kaneflex.solve.one_way_run import storing
 from kaneflex.solve.run_result import RunResult
 
@@ -117,10 +119,12 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def with_half_elements(scene: Scene) -> Scene:
-    """The scene with twice the number of elements."""
-    return scene.seen(bodies={name: _halved(body) if body.elastic else body for name, body in scene.bodies.items()})
-
-
-def _halved(body: Body) -> Body:
-    assert body.beam is not None
-    return body.model_copy(update={"beam": body.beam.model_copy(update={"elements": 2 * body.beam.elements})})
+    """The scene with twice the number of elements, or more where forces divide a link into more than its number."""
+    mechanism = mechanism_of(scene)
+    finer = {}
+    for name, body in scene.bodies.items():
+        if body.elastic and body.beam is not None and body.length is not None:
+            longest = np.diff(mesh(mechanism, name, body.beam.elements)).max()
+            elements = max(2 * body.beam.elements, ceil(2.0 * body.length / longest * (1.0 - 1e-9)))  # but for rounding
+            finer[name] = body.model_copy(update={"beam": body.beam.model_copy(update={"elements": elements})})
+    return scene.seen(bodies={**scene.bodies, **finer})
