@@ -10,10 +10,12 @@ from lifting import lifted
 from machines import machine
 from runs import shipped, solved
 from scipy.linalg import eig
+from sympy import Matrix, Symbol, sqrt
 from test_spatial_links import swept
 
 from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.fem.spatial_bodies import rigid_part
+from kaneflex.fem.spatial_joined import direction_of
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -421,3 +423,11 @@ solve.preset = "rigid"
         q[at] = step
         rates.append(system.project(t, q, np.zeros(system.engine.size), start.choice).du[speed])
     assert lowest == pytest.approx(-(rates[0] - rates[1]) / 2e-4, rel=1e-6)
+
+
+def test_rates_of_a_direction_are_its_derivatives():
+    t = Symbol("t")
+    d = Matrix([1 + 2 * t**2, t - 3 * t**3, 2 - t])
+    e = d / sqrt(d.dot(d))
+    given, expected = ([np.array(of.diff(t, k).subs(t, 0.4), dtype=float).T for k in range(3)] for of in (d, e))
+    assert direction_of(np.array(given)) == pytest.approx(np.array(expected), abs=1e-13)

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from machines import cantilever, pendulum
 from runs import derived_on_the_fly
+from sympy import Matrix
 
 from kaneflex import SceneError, scene_of
+from kaneflex.derive.elements.shapes import PARAMETERS, beam_section, beam_shape, beta_s, phi_s, x
+from kaneflex.fem.links import Link
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_modes
 from kaneflex.solve.simulation import solve
@@ -51,6 +54,16 @@ PUBLISHED = {
     (0.4, 0.4): (4.31878, 20.0500, 51.3346),
     (0.2, 0.0): (3.60828, 20.6210, 56.1923),
 }
+
+
+def test_a_link_deforms_between_its_nodes_as_the_element_of_its_matrices():
+    """Timoshenko's element whose E I grows by half over its length."""
+    of = {"length": 0.3, "phi_s": 0.7, "E_I": 40.0, "E_I_rise": 20.0}
+    element = beam_shape(beam_section(varying=True), shear=True)
+    rows = Matrix.vstack(element.displacement, element.rotation, element.slope).subs(beta_s, 1 / (1 + phi_s))
+    for at in (0.0, 0.07, 0.15, 0.24, 0.3):
+        expected = rows.subs({x: at} | {PARAMETERS[name]: value for name, value in of.items()})
+        assert Link.functions(at, of) == pytest.approx(np.array(expected, dtype=float), abs=1e-14)
 
 
 @pytest.mark.parametrize("taper", PUBLISHED)
