@@ -103,6 +103,10 @@ def test_so_it_does_where_joints_are_free(law, count):
     assert len(between_steps(load(scene_of(SLIDER.replace("MAGNITUDE", f'law = "{law}"'))))) == count
 
 
+def test_a_load_by_the_coordinate_of_a_joint_without_a_drive_is_not_looked_at():
+    assert between_steps(model("four-bar-motor", 'loads.motor.law="0.3 * cos(t) + 0.01 * rocker"')) == []
+
+
 @pytest.mark.parametrize(("height", "count"), [(5.0, 1), (0.01, 0)])
 def test_a_table_over_time_is_looked_at_between_steps_where_joints_are_free(height, count, tmp_path):
     table = tmp_path / "pull.csv"

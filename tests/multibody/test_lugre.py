@@ -126,14 +126,17 @@ def test_bristles_that_are_stiffer_come_closer_to_coulombs_law(text, settings, s
     assert missed[0] < close and missed[1] < 0.2 * missed[0]
 
 
-@pytest.mark.parametrize(("integrator", "speed"), [("radau", 0), ("gauss", 0), ("gauss", 3), ("gauss", 5)])
-def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(integrator, speed):
+@pytest.mark.parametrize(("integrator", "speed", "tolerance"), [
+    ("radau", 0, 1e-11), ("gauss", 0, 1e-11), ("gauss", 3, 1e-11), ("gauss", 5, 1e-11),
+    ("radau", 3, 1e-8), ("gauss", 3, 1e-8), ("radau", 5, 1e-8), ("gauss", 5, 1e-8),
+])  # fmt: skip
+def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(integrator, speed, tolerance):
     """A pendulum: m r^2 phi'' = m g r cos(phi) - M, and the pin's reaction, by which its friction is, from phi' too."""
     text = HINGE.replace('wheel = {mass = "1 kg", inertia = "0.02 kg m^2"}',
                          'wheel = {mass = "1 kg", centre = ["0.1 m", 0], inertia = "0.02 kg m^2"}')  # fmt: skip
     text = lugre(text.replace(', preload = "0.005 N m"', ""), "20", "0.02")
     settings = [f"drives.hinge.initial_speed={speed}", "solve.duration=3 s", f"solve.integrator={integrator}"]
-    found = solved(text, *settings, "solve.tolerance=1e-11")
+    found = solved(text, *settings, f"solve.tolerance={tolerance}")
 
     def reaction(phi, omega, alpha):
         a_x = -0.1 * (alpha * math.sin(phi) + omega**2 * math.cos(phi))
@@ -150,7 +153,7 @@ def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(integrat
 
     exact = solve_ivp(rates, (0, 3), [0, speed, 0], "LSODA", found.times, rtol=1e-11, atol=1e-13)
     assert found.series["angle"].values == pytest.approx(exact.y[0], abs=1e-8)
-    assert found.trajectory.frictions.bristles[:, 0] == pytest.approx(exact.y[2], abs=1e-9)
+    assert found.trajectory.frictions.bristles[:, 0] == pytest.approx(exact.y[2], abs=max(1e-9, 2 * tolerance))
     pressed = [0.01 * reaction(*y[:2], rates(0, y)[1]) for y in exact.y.T]
     assert found.trajectory.frictions.pressed[:, 0] == pytest.approx(pressed, rel=1e-5)
     names = {name for name in FRICTION_RESULTS if "pin" in name}
