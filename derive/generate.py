@@ -181,25 +181,25 @@ def _in_letters(beam: str, without: Sequence[str]) -> list[str]:
 
 def _tables(equations: Equations) -> list[str]:
     mechanism, motion = equations.mechanism, equations.motion
-    told, tables = mechanism.names.told, mechanism.names.told(mechanism.tables)
+    named, tables = mechanism.names.apply, mechanism.names.apply(mechanism.tables)
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
     in_links = tuple(scalar for block in motion.links.values() for scalar in block)
     constants = {s.name: float(s.value) for s in (*in_links, *motion.scalars) if s.value.is_number}
     free = tuple(name for name, drive in mechanism.drives.items() if drive.kind == "free")
     links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
-    loops = told(tuple((loop.closing, loop.bodies, loop.turning, loop.sliding) for loop in motion.loops))
+    loops = named(tuple((loop.closing, loop.bodies, loop.turning, loop.sliding) for loop in motion.loops))
     closed = "closed by Newton's method: joint, bodies; whose angles, which slides have seeds"
     scalars = [(s.name, s.unit, s.meaning) for s in motion.stored]
     return [
         rows.parameters_table(
-            told(parameters), told(list(links)) if equations.beam else (), "p: path of the number in the scene, unit"
+            named(parameters), named(list(links)) if equations.beam else (), "p: path of the number in the scene, unit"
         ),
-        rows.scalars_table(told(scalars)),
-        rows.constants_table(told(constants)),
+        rows.scalars_table(named(scalars)),
+        rows.constants_table(named(constants)),
         *element_tables(equations.beam, equations.terms),
         module_text.literal("TABLES", tables, "what has a table in p, which begins where <path>.table says"),
-        module_text.literal("LINKS", told(links), "elastic link -> where its LINK_SCALARS begin in s"),
-        module_text.literal("FREE", told(free), "joints left to the forces"),
+        module_text.literal("LINKS", named(links), "elastic link -> where its LINK_SCALARS begin in s"),
+        module_text.literal("FREE", named(free), "joints left to the forces"),
         *([module_text.literal("LOOPS", loops, closed)] * bool(loops)),
     ]  # fmt: skip
 

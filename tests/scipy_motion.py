@@ -32,7 +32,7 @@ def follow(run, times):
     """Rows of the run at its next instants ``times`` [s], the first of which is its last one."""
     engine, tolerance, length = run.engine, run.method.tolerance, run.method.length
     y, v, a, _ = engine.motion
-    engine.stand(run.here)
+    engine.set_row(run.state)
     engine.choose(times[0])
     free, works, last = engine.choice.independent, engine.count(at.WORKS), times[0]
 
@@ -53,20 +53,20 @@ def follow(run, times):
         return np.concatenate([x[len(free) : 2 * len(free)], a[free], powers])
 
     scale = tolerance * np.where(engine.turns[free], 1.0, length)
-    first = np.concatenate([y[free], v[free], run.here[-works:]])
+    first = np.concatenate([y[free], v[free], run.state[-works:]])
     found = solve_ivp(
         slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=run.longest, rtol=tolerance,
         atol=np.concatenate([scale, scale / run.longest, np.full(works, math.inf)]), jac=partial(jacobian, slope),
     )  # fmt: skip
     assert found.success
     curve = found.sol
-    engine.stand(run.here)
+    engine.set_row(run.state)
     last = times[0]
     for t in np.union1d(curve.ts[1:], times[1:]):  # so that no loop closes on another side
         now = row(t, curve(t))
         if t == run.times[run.filled + 1]:
             run.filled += 1
-            run.table[run.filled] = run.here = now
+            run.table[run.filled] = run.state = now
     run.counts[0] += len(curve.ts) - 1
 
 

@@ -22,9 +22,9 @@ class StructurallySingular(ValueError):
     def __init__(self, spare_equations: Sequence[str], open_unknowns: Sequence[str]):
         self.spare_equations = tuple(spare_equations)
         self.open_unknowns = tuple(open_unknowns)
-        said = {"nothing determines": self.open_unknowns, "redundant:": self.spare_equations}
-        told = "; ".join(f"{words} {', '.join(names)}" for words, names in said.items() if names)
-        super().__init__(f"structurally singular: {told}")
+        groups = {"nothing determines": self.open_unknowns, "redundant:": self.spare_equations}
+        found = "; ".join(f"{words} {', '.join(names)}" for words, names in groups.items() if names)
+        super().__init__(f"structurally singular: {found}")
 
 
 def solve_blocks(

@@ -86,7 +86,7 @@ def derive_motion(mechanism: SymbolicMechanism) -> Motion:
 
 def _solve(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps) -> Solved:
     angles = {name: drive.angle for name, drive in drives.items()}
-    with _told(mechanism.names):
+    with _naming(mechanism.names):
         closure = place_bodies(mechanism, angles, steps)
         rates = Rates(mechanism, drives, closure.poses, steps)
         loads = _loads(mechanism, drives, steps)
@@ -97,12 +97,12 @@ def _solve(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps)
 
 
 @contextmanager
-def _told(names: Names) -> Iterator[None]:
+def _naming(names: Names) -> Iterator[None]:
     """Say what can't be solved in the scene's names."""
     try:
         yield
     except StructurallySingular as error:
-        raise StructurallySingular(names.told(error.spare_equations), names.told(error.open_unknowns)) from error
+        raise StructurallySingular(names.apply(error.spare_equations), names.apply(error.open_unknowns)) from error
     except UnsupportedLoop as error:
         raise UnsupportedLoop(names.text(str(error))) from error
 

@@ -44,14 +44,14 @@ class Names:
         """Text with every number replaced by its name."""
         return _NUMBERED.sub(lambda found: self.of[found[0]], text)
 
-    def told(self, value: Any) -> Any:
+    def apply(self, value: Any) -> Any:
         """Data with the names in all of its texts."""
         if isinstance(value, str):
             return self.text(value)
         if isinstance(value, Mapping):
-            return {self.told(key): self.told(entry) for key, entry in value.items()}
+            return {self.apply(key): self.apply(entry) for key, entry in value.items()}
         if isinstance(value, (list, tuple)):
-            return type(value)(self.told(entry) for entry in value)
+            return type(value)(self.apply(entry) for entry in value)
         return value
 
     def identifiers(self, programs: Iterable[Program], taken: Iterable[str] = ()) -> dict[sm.Symbol, str]:

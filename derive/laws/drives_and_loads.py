@@ -118,14 +118,14 @@ def _tables(
     mechanism: SymbolicMechanism, switches: Switches, parameters: Mapping[str, tuple[sm.Symbol, str]]
 ) -> list[str]:
     """Tables of the inputs and outputs of courses and magnitudes."""
-    told, drives = mechanism.names.told, {name: drive.kind for name, drive in mechanism.drives.items()}
-    read = told(tuple((path, unit) for path, (_, unit) in parameters.items()))
+    named, drives = mechanism.names.apply, {name: drive.kind for name, drive in mechanism.drives.items()}
+    read = named(tuple((path, unit) for path, (_, unit) in parameters.items()))
     switched = "loads that change where magnitudes' next pass zero"
     return [
         module_text.literal("PARAMETERS", read, "p: path, unit"),
-        module_text.literal("TABLES", told(mechanism.tables), "what has a table in p, which begins at <path>.table"),
-        module_text.literal("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
-        module_text.literal("LOADS", told(tuple(mechanism.loads)), "in the order of magnitudes"),
-        module_text.literal("OBSERVED", told(tuple(mechanism.observed)), "joints that laws know beside them"),
-        *([module_text.literal("SWITCHES", told(tuple(switches.of)), switched)] if switches.of else []),
+        module_text.literal("TABLES", named(mechanism.tables), "what has a table in p, which begins at <path>.table"),
+        module_text.literal("DRIVES", named(drives), "kinds; all but the free ones are in courses"),
+        module_text.literal("LOADS", named(tuple(mechanism.loads)), "in the order of magnitudes"),
+        module_text.literal("OBSERVED", named(tuple(mechanism.observed)), "joints that laws know beside them"),
+        *([module_text.literal("SWITCHES", named(tuple(switches.of)), switched)] if switches.of else []),
     ]

@@ -198,8 +198,8 @@ def _twist() -> emit.Printed:
     spring, (phi, rate) = Spring("", *_ENDS, None, _k, _c, _phi_0), sm.symbols("phi phi_rate")
     torque, drag = springs.tension(spring, phi, rate), springs.drag(spring, rate)
     values = phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), drag * rate
-    said = "Spring and damper k (phi - phi_0) + c phi' that turn two sections back."
-    doc = _SPRING.format(said, "angle phi [rad], torque on the first section [N m], no force: 0, 0")
+    summary = "Spring and damper k (phi - phi_0) + c phi' that turn two sections back."
+    doc = _SPRING.format(summary, "angle phi [rad], torque on the first section [N m], no force: 0, 0")
     arguments = ("sec", "i", "j", "k", "c", "phi_0", "out", "n")
     return emit.kernel("twist", arguments, _READS, values, doc, _DIFFERENCES.items(), out="n")
 

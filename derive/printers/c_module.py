@@ -75,10 +75,10 @@ def prefix_of(scene: str) -> str:
 
 def _tables(module: Any, prefix: str) -> list[str]:
     """The places of all numbers in the arrays that kernels take."""
-    told = f" Tables: {', '.join(module.TABLES)}." if module.TABLES else ""
+    tables = f" Tables: {', '.join(module.TABLES)}." if module.TABLES else ""
     fixed = ", ".join(f"{name} = {value:g}" for name, value in module.CONSTANTS.items())
     found = [
-        c_comment(f"p: numbers of the scene. Blocks of tables stand behind them, where PATH.table says.{told}"),
+        c_comment(f"p: numbers of the scene. Blocks of tables stand behind them, where PATH.table says.{tables}"),
         places(f"{prefix}_P", ((path, f"{path} [{unit}]") for path, unit in module.PARAMETERS), f"{prefix}_PARAMETERS"),
         "",
         c_comment(f"s: scalars of the rigid motion.{f' Always: {fixed}.' if fixed else ''}"),

@@ -141,8 +141,8 @@ class _Written(Expressions):
         lines = [f"    {each} = {'0' if kind in WIDTH or '*' in each else '{0}'};" for each, kind in declared.items()]
         unread = [each for each in (*self.arguments, *variables) if each not in self.read]
         lines += [f"    (void){self.named(each)};" for each in unread]
-        said = ast.get_docstring(self.tree)
-        about = f"{c_comment(said)}\n" if said else ""
+        doc = ast.get_docstring(self.tree)
+        about = f"{c_comment(doc)}\n" if doc else ""
         head = f"{'static inline ' if scope and self.inline else scope}{self.printer.declared(self.returned, name)}"
         body = "\n".join([*lines, *self.lines])
         return f"{about}{head}({', '.join(arguments) or 'void'})\n{{\n{body}\n}}\n"

@@ -60,8 +60,8 @@ TABLE_LOOKUPS = {
 
 def tables_text() -> str:
     """Text of the module of lookups in tables."""
-    said = "Names of a block's numbers are said in kaneflex.scene.tables."
-    return module("Piecewise cubic tables", [said], [], [_PLACE, *TABLE_LOOKUPS.values()])
+    title = "Names of a block's numbers are said in kaneflex.scene.tables."
+    return module("Piecewise cubic tables", [title], [], [_PLACE, *TABLE_LOOKUPS.values()])
 
 
 LAW_FUNCTIONS = {
@@ -86,7 +86,7 @@ LAW_FUNCTIONS = {
 
 def laws_text() -> str:
     """Text of the module of functions of laws."""
-    said = "What is no number comes through as none."
+    title = "What is no number comes through as none."
     idle = [
         function(head, doc, [])
         for head, doc in (
@@ -94,4 +94,4 @@ def laws_text() -> str:
             ("no_magnitudes(t, x, i, p, out, k)", "Sizes of the loads of a structure that has none."),
         )
     ]
-    return module("Functions of laws", [said], [], [*LAW_FUNCTIONS.values(), *idle])
+    return module("Functions of laws", [title], [], [*LAW_FUNCTIONS.values(), *idle])

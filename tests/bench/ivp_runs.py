@@ -236,8 +236,8 @@ def symbolic_monomials(model: Model) -> tuple[sm.Symbol, list[sm.Expr]]:
     known = {symbol: sm.Float(float(number)) for symbol, number in zip(parameters, numbers, strict=True)}
     for symbol, expression in program.assignments:
         known[symbol] = sm.sympify(expression).xreplace(known)
-    told = equations.mechanism.names.told
-    scalars = {told(scalar.name): sm.sympify(scalar.value).xreplace(known) for scalar in equations.motion.stored}
+    named = equations.mechanism.names.apply
+    scalars = {named(scalar.name): sm.sympify(scalar.value).xreplace(known) for scalar in equations.motion.stored}
     return program.inputs[0], [sm.prod([scalars[name] for name in names]) for names in model.monomials]
 
 

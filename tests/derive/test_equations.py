@@ -83,9 +83,9 @@ def test_every_assignment_and_output_stands_there_in_the_modules_order(name):
     if equations.beam:
         expected += [rf"\mathbf{{{letter}}}" for letter in "MCKF"]
     assert lefts == expected
-    told = equations.mechanism.names.told
+    named = equations.mechanism.names.apply
     for path, unit in [(path, unit) for path, (_, unit) in equations.mechanism.parameters.items()]:
-        assert rf"\texttt{{{escaped(told(path))}}}" in text, (path, unit)
+        assert rf"\texttt{{{escaped(named(path))}}}" in text, (path, unit)
 
 
 @pytest.mark.parametrize("name", SCENES)

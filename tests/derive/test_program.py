@@ -348,9 +348,9 @@ loads.gas = "none"
 loads.push = {force_on = "piston", direction = [-1, 0], law = "1e3 * exp(-t) * cos(2 * main) + 5 * main_speed"}
 """)
     equations = derive_equations(structure_of(scene))
-    motion, told = equations.motion, equations.mechanism.names.told
-    parameters = {told(path): symbol for path, (symbol, _) in equations.mechanism.parameters.items()}
-    value = next(scalar.value for scalar in motion.scalars if told(scalar.name) == "push")
+    motion, named = equations.motion, equations.mechanism.names.apply
+    parameters = {named(path): symbol for path, (symbol, _) in equations.mechanism.parameters.items()}
+    value = next(scalar.value for scalar in motion.scalars if named(scalar.name) == "push")
     symbols = tuple(parameters.values())
     whole = motion.program(symbols)
     program = prune(Program("push", whole.inputs, whole.assignments, (("push", value),)))

@@ -84,13 +84,13 @@ def test_the_text_does_not_depend_on_what_was_evaluated_before(scene, monkeypatc
     def evaluated(model):
         """The start of a run, after evaluations of another instant."""
         start = begun(model)
-        engine, there = start.engine, start.here.copy()
+        engine, there = start.engine, start.state.copy()
         there[0] += 1e-3
         there[engine.columns["q"]] += 0.01 * engine.measure
         there[engine.columns["u"]] += 0.1 * engine.measure
         engine.unfold(there[None])
         engine.mass()
-        engine.stand(start.here)
+        engine.set_row(start.state)
         return start
 
     expected = coupled_in_c(model(*scene).scene)

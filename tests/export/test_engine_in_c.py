@@ -124,7 +124,7 @@ def memory(run, random):
     for part in (at.RATE, at.ACCEL):  # at rest most of these functions find nothing
         near[engine.tables.plan[part] :][: engine.size] += 0.1 * random.normal(size=engine.size)
     real, pair = (random.normal(size=max(1, len(each))) + 2.0 for each in (engine.real, engine.pair))
-    row = run.here * (1.0 + 1e-3 * random.normal(size=len(run.here)))
+    row = run.state * (1.0 + 1e-3 * random.normal(size=len(run.state)))
     spare = [np.concatenate([row, random.uniform(0.5, 1.5, 4000)]) for _ in range(8)]
     return [engine.tables.plan, near, real, pair * (1.0 + 0.3j), *spare, *(each * (1.0 - 0.2j) for each in spare[:4]),
             np.arange(4000), np.zeros(8)]  # fmt: skip

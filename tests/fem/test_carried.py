@@ -260,7 +260,7 @@ def test_coordinates_follow_from_enough_rows_as_from_all():
     four_bar = lifted(read_scene("four-bar")) | {"solve": raw["solve"]}
     model = load(scene_of(four_bar))
     joined, choice = model.motion.deforming.map.joined, model.motion.deforming.map.choice
-    motion = model.motion.bare.at(np.linspace(0.0, model.scene.horizon, 40))
+    motion = model.motion.rigid_only.at(np.linspace(0.0, model.scene.horizon, 40))
     every = np.flatnonzero(np.isin(choice.independent, joined.tied))
     assert joined.row_count > len(choice.rows) == len(choice.dependent)
     all_rows = replace(choice, rows=np.arange(joined.row_count))
@@ -282,7 +282,7 @@ def test_rows_are_compared_by_pure_numbers():
             solve={"preset": "linear", "start": "zero", "duration": "0.1 s", "steps": 4},
         )
         motion = load(scene_of(text)).motion
-        rows.append(motion.deforming.map.joined._scaled_rows(motion.bare.at(np.linspace(0.0, 0.1, 3))))
+        rows.append(motion.deforming.map.joined._scaled_rows(motion.rigid_only.at(np.linspace(0.0, 0.1, 3))))
     np.testing.assert_allclose(*rows, rtol=0.0, atol=1e-9)
 
 
@@ -290,7 +290,7 @@ def test_maps_keep_the_joints_closed():
     """J L = 0 with its first two rates, at a joint of every kind of the arm and its drives."""
     model = load(read_scene("robot-arm-elastic"))
     joined, choice = model.motion.deforming.map.joined, model.motion.deforming.map.choice
-    motion = model.motion.bare.at(np.linspace(0.0, model.scene.horizon, 7))
+    motion = model.motion.rigid_only.at(np.linspace(0.0, model.scene.horizon, 7))
     every = np.flatnonzero(np.isin(choice.independent, joined.tied))
     J, L = joined.rows(motion), joined.tied_maps(motion, choice, every)
     sums = J[0] @ L[0], J[1] @ L[0] + J[0] @ L[1], J[2] @ L[0] + 2 * J[1] @ L[1] + J[0] @ L[2]

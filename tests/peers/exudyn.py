@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
-from kaneflex.support.errors import SceneError, installed, told
+from kaneflex.support.errors import SceneError, installed, naming
 from kaneflex_peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _planar_or_spatial(scene: Scene) -> tuple[Callable[..., Any], Callable[..., 
 
 def check(scene: Scene) -> ModuleType:
     """Package exudyn; raises SceneError if it is missing or can't build the scene."""
-    with told("--with", "exudyn"), installed("the package exudyn", "peer", "exudyn"):
+    with naming("--with", "exudyn"), installed("the package exudyn", "peer", "exudyn"):
         import exudyn
     check_buildable(scene)
     return exudyn

@@ -248,7 +248,8 @@ class _Builder:
         first = self._stands(joint.sides[0].body)
         if joint.kind == "universal":
             body = joint.sides[1].body
-            turned = self._stands(body) @ self.mechanism.stands(body).T @ self.mechanism.stands(joint.sides[0].body)
+            rest = self.mechanism.rest_axes
+            turned = self._stands(body) @ rest(body).T @ rest(joint.sides[0].body)
             y, z = first @ joint.axes[0], turned @ joint.axes[1]
             return np.column_stack([np.cross(y, z), y, z])
         if not joint.axes:
@@ -357,7 +358,7 @@ class _State(Bodies):
 
     def sizes(self, t: float) -> np.ndarray:
         """Sizes of all loads [N or N m] at the current coordinates of joints."""
-        known = [self._coordinate(name) for name in self.system.told_joints]
+        known = [self._coordinate(name) for name in self.system.scalar_joints]
         coordinates, speeds = (np.array([pair[k] for pair in known]) for k in (0, 1))
         return self.system.magnitudes_at(np.array([t]), coordinates[None], speeds[None])[0]
 

@@ -10,7 +10,7 @@ import click
 
 from kaneflex.cli.command import Count, Real, check_file, command, force_option, json_option, output_option, print_json
 from kaneflex.fem.imported.import_mesh import UNITS
-from kaneflex.support.errors import Fault, ValidityWarning, told
+from kaneflex.support.errors import Fault, ValidityWarning, naming
 from kaneflex.support.terminal import echo
 from kaneflex.support.units import plain_number
 
@@ -87,7 +87,7 @@ def import_link(
     from kaneflex.report.tables import imported_shapes, imported_table
 
     check_file(output, "a file of arrays", ".npz", force)
-    with told("import", None):
+    with naming("import", None):
         asked["points"] = _named("--point", points, "start=bore.txt")
         cut = {name: _number(name, x) for name, x in _named("--section", sections, "waist=68.5").items()}
     with warnings.catch_warnings(record=True) as doubts:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from kaneflex.cli.command import Decorator, names_option, together
-from kaneflex.support.errors import SceneError, nearest, told
+from kaneflex.support.errors import SceneError, naming, nearest
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def quantity(option: str, text: str, dimension: Dimension, whole: str | None = N
     from kaneflex.support.units import plain_number, to_si
 
     plain = plain_number(text)
-    with told(option, whole or text):
+    with naming(option, whole or text):
         found = to_si(text if plain is None else plain, dimension)
     return found
 

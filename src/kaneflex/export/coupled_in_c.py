@@ -164,7 +164,7 @@ def _sizes(start: Run, names: Mapping[str, Sequence[str]]) -> dict[str, int]:
     engine = start.engine
     return {
         "PLAN": len(engine.tables.plan), "NUMBERS": len(engine.tables.w), "REAL": max(1, len(engine.real)),
-        "PAIR": max(1, len(engine.pair)), "ROW": len(start.here),
+        "PAIR": max(1, len(engine.pair)), "ROW": len(start.state),
         **{f"{key.upper()}S": len(found) for key, found in names.items()},
     }  # fmt: skip
 
@@ -192,7 +192,7 @@ def _data(
     fixed = {f"table_{key}": each for key, each in engine.arrays.items() if key not in (*engine.views, *_OF_STATE)}
     there = np.flatnonzero((numbers != 0.0) | ~np.isfinite(numbers))
     columns = {f"columns_{key}": getattr(record, key) for key in ("q", "v", "a", "forces")}
-    tables = {**fixed, "table_plan": engine.tables.plan, "places": there, "numbers": numbers[there], "row": start.here,
+    tables = {**fixed, "table_plan": engine.tables.plan, "places": there, "numbers": numbers[there], "row": start.state,
               **columns, "level": engine.levels, "virtual": virtual,
               "unknown": np.array([each in undetermined for each in names["force"]], int)}  # fmt: skip
     for key, table in tables.items():
@@ -207,7 +207,7 @@ def _data(
 def _without_scratch(start: Run) -> np.ndarray:
     """Numbers of the tables at the start of a run, with zeros in place of what was evaluated before."""
     engine, plan = start.engine, start.engine.tables.plan
-    engine.unfold(start.here[None])  # so that the bodies' axes are those of the start
+    engine.unfold(start.state[None])  # so that the bodies' axes are those of the start
     numbers = engine.tables.w.copy()
     for first, end in _SCRATCH:
         numbers[plan[first] : plan[end] - at.CONTACT_SIZE * len(engine.holds) * (end == at.CONTACT)] = 0.0

@@ -157,14 +157,14 @@ class Joined:
         turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
         R_1, R_2 = (turned[side.body] for side in joint.sides)
         R, turn = product(R_1.swapaxes(2, 3), R_2), np.zeros(())
-        stands, other = (self.mechanism.stands(side.body) for side in joint.sides)
+        own, other = (self.mechanism.rest_axes(side.body) for side in joint.sides)
         slides = np.eye(3) if joint.across is None else joint.across
         held = joint.moves if freedoms else self._held(joint)
         count = len(slides) + len(joint.parallel) + len(held)
         d, c = np.zeros((count, 3)), np.zeros((*R.shape[:2], count, 3), R.dtype)
         d[: len(slides)] = slides
         for k, (axis, of_second) in enumerate(joint.parallel, len(slides)):
-            c[:, :, k] = R @ (other.T @ stands @ of_second) @ skew(axis).T
+            c[:, :, k] = R @ (other.T @ own @ of_second) @ skew(axis).T
         for k, (what, axis) in enumerate(held, count - len(held)):
             (d if what == "position" else c[0])[..., k, :] = axis
         if joint.slides:  # else the points coincide

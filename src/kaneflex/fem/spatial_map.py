@@ -100,8 +100,8 @@ class SpatialMap:
         L = Affine.zero(1, self.constant.shape[1])
         for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
             if side.body != GROUND:
-                stands, site = joined.mechanism.stands, joined.site(side)
-                axis = stands(side.body).T @ stands(of.sides[0].body) @ of.axes[0]
+                axes, site = joined.mechanism.rest_axes, joined.site(side)
+                axis = axes(side.body).T @ axes(of.sides[0].body) @ of.axes[0]
                 rows = np.concatenate([np.zeros(3), sign * axis])[None]
                 at.append((site, Affine.constant(rows)))
                 pick = np.eye(joined.parts[side.body].size)[joined.columns(site) - joined.first[side.body]]

@@ -65,7 +65,7 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
     z, v, a = np.ascontiguousarray(orbit.at(steps).swapaxes(1, 2)).take(at, axis=1, mode="wrap")
     ns_per_step = 1e9 * (time.perf_counter() - started) / steps
     times = run.t0 + run.step * at
-    return Trajectory(times, z, v, a, outcome, message, multipliers, ns_per_step, orbit.said)
+    return Trajectory(times, z, v, a, outcome, message, multipliers, ns_per_step, orbit.description)
 
 
 def _in_steps(run: Run, progress: Progress | None, reason: str) -> Trajectory:

@@ -63,7 +63,7 @@ class Orbit:
         return max(self.last, self.tail)
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """Description of the solution."""
         corrections = "1 correction" if (n := sum(dict(self.grids).values())) == 1 else f"{n} corrections"
         left = f"residual {self.last:.1e}, highest harmonics {self.tail:.1e} of the motion"

@@ -286,11 +286,11 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]]) -> dict[st
             ", ".join(f"{name} {math.degrees(math.remainder(poses[name][2], 2 * math.pi)):.1f} deg" for name in group)
             for poses in assemblies
         )
-        unsaid = "" if near else ", and branch applies to loops of two bodies only"
+        no_branch = "" if near else ", and branch applies to loops of two bodies only"
         raise SceneError(
             f"joints.{closing.name}.near",
             {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
-            f"the loop closes in {len(ranked)} ways at the start{unsaid}",
+            f"the loop closes in {len(ranked)} ways at the start{no_branch}",
             f"Choose one, like near = {{{group[0]} = "
             f"'{math.degrees(math.remainder(assemblies[0][group[0]][2], 2 * math.pi)):.0f} deg'}}:\n  "
             + "\n  ".join(lines),

@@ -144,17 +144,17 @@ class SpatialMechanism(Numbers):
         acting: tuple[Any, ...] = (*self.springs.values(), *self.contacts.values())
         return frozenset((*self.drives, *self.observed, *(each.joint for each in acting)))
 
-    def stands(self, body: str) -> np.ndarray:
+    def rest_axes(self, body: str) -> np.ndarray:
         """Axes of a body at zero joint coordinates, (3, 3)."""
-        return stands(self.bodies, body)
+        return rest_axes(self.bodies, body)
 
     def relative(self, of: SpatialJoint | Spring) -> np.ndarray:
         """Axes of a second body in those of the first, at zero joint coordinates, (3, 3)."""
-        first, second = (self.stands(side.body) for side in of.sides)
+        first, second = (self.rest_axes(side.body) for side in of.sides)
         return first.T @ second
 
 
-def stands(bodies: Mapping[str, SpatialBody], body: str) -> np.ndarray:
+def rest_axes(bodies: Mapping[str, SpatialBody], body: str) -> np.ndarray:
     """Axes of a body at zero joint coordinates, (3, 3)."""
     return np.eye(3) if body == GROUND else bodies[body].rotation
 
@@ -187,7 +187,7 @@ def spatial_mechanism(scene: Scene) -> SpatialMechanism:
     def touched(contact: Contact, name: str, one: Side, other: Side) -> Side:
         if not (isinstance(contact, ClearanceContact) and contact.offset):
             return other
-        turn = stands(bodies, other.body).T @ stands(bodies, one.body)
+        turn = rest_axes(bodies, other.body).T @ rest_axes(bodies, one.body)
         arm, centre = turn @ contact.offset, np.array(other.at)
         deforms = other.body != GROUND and scene.bodies[other.body].deforms
         return Side(other.body, other.at, tuple(arm)) if deforms else Side(other.body, tuple(centre + arm))

@@ -286,7 +286,7 @@ class Engine(Views):
         shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
         ends = np.append(1 + np.flatnonzero((shut[1:] != shut[:-1]).any(axis=1)), len(rows))
         while done < len(rows):
-            self.stand(rows[done])  # resting contacts are kept closed
+            self.set_row(rows[done])  # resting contacts are kept closed
             self.choose(float(rows[done, 0]))
             self.work.virtual_inertia[list(held)] = _HUGE * self.masses.sum()
             alike = slice(done, ends[np.searchsorted(ends, done, "right")])
@@ -299,12 +299,12 @@ class Engine(Views):
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return out
 
-    def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
+    def integrate(self, method: Handle, control: np.ndarray, state: np.ndarray, *parts: np.ndarray) -> int:
         """Integrate, see :func:`kaneflex.multibody.time.collocation.integrate`; parts: given, times, rows, counts,
         ends (., wide)."""
         given, times, *out = parts
         asked = given, len(given), times, len(times), *out, out[-1].shape[1]
-        return int(self.call("integrate", method, control, here, *asked))
+        return int(self.call("integrate", method, control, state, *asked))
 
     def unfold(self, rows: np.ndarray, near: int = codes.ON_LOOPS) -> np.ndarray:
         """Records, see :class:`kaneflex.multibody.dynamics.arrays.Instants`, of rows of the integration, (n_times,

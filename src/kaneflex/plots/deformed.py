@@ -136,8 +136,8 @@ def _worst(solution: Solution) -> _Worst:
         name, place = places[int(which)]
         factor, unit = readable("m", moved)
         where = f"{picture_text(name)} at {MM * place:.4g} mm"
-        told = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {where}"
-        return _Worst(int(shown.instants[at]), told, name, place / links[name].length)
+        words = f"\nlargest displacement, {factor * moved.max():.3g} {unit}, of {where}"
+        return _Worst(int(shown.instants[at]), words, name, place / links[name].length)
     instants, (quantity, si, of) = np.arange(len(solution.times)), ("force", "N", "in")
     sizes = _joint_forces(solution)
     if not sizes:
@@ -148,8 +148,8 @@ def _worst(solution: Solution) -> _Worst:
         return _Worst(0)
     name = max(sizes, key=lambda each: float(sizes[each].max()))
     factor, unit = readable(si, sizes[name])
-    told = f"\nlargest joint {quantity} of the run, {factor * sizes[name].max():.3g} {unit}, {of} {picture_text(name)}"
-    return _Worst(int(instants[sizes[name].argmax()]), told, joint=name)
+    words = f"\nlargest joint {quantity} of the run, {factor * sizes[name].max():.3g} {unit}, {of} {picture_text(name)}"
+    return _Worst(int(instants[sizes[name].argmax()]), words, joint=name)
 
 
 def _joint_forces(solution: Solution) -> dict[str, np.ndarray]:

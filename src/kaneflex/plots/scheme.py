@@ -87,12 +87,12 @@ def branches(scene: Scene, ways: Sequence[tuple[str, Placement]]) -> Figure:
     title = f"{scene.name}: {counted(len(ways), 'closure')} of its loops"
     title = f"{picture_text(title)} {_configuration(scene, ways[0][1])}"
     figure.suptitle(wrapped(title, figure.get_figwidth()))
-    for axes, (told, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
+    for axes, (words, _), each, drawn in zip(panels, ways, fixed, outlines, strict=True):
         frame_axes(axes, outlines, each)
         draw_scenery(axes, each, drawn)
         draw_outline(axes, drawn, 0, colour=ELASTIC)
         own = axes is panels[0]
-        axes.set_title(fill(f"{'this scene: ' * own}{told or 'no loop to choose'}", 38), fontsize=8)
+        axes.set_title(fill(f"{'this scene: ' * own}{words or 'no loop to choose'}", 38), fontsize=8)
         axes.label_outer()
         if own:
             axes.spines[:].set(visible=True, color=SENSOR, linewidth=2.0)
@@ -148,8 +148,8 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
 
 def _configuration(scene: Scene, stand: Standing | Placement) -> str:
     places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in stand.drives.items()}
-    told = mechanism_of(scene).written(places)
-    return fill(f"at {told}", _TOLD) if told else ""
+    words = mechanism_of(scene).written(places)
+    return fill(f"at {words}", _TOLD) if words else ""
 
 
 class _Parts:
@@ -211,8 +211,8 @@ class _Parts:
 
     def _drive(self, name: str) -> None:
         drive = self.scene.drives[name]
-        said, back = drive.kind in ("free", "law", "table"), (drive.speed or 0.0) < 0.0
-        text = drive.kind if said else self.scene.written_speed(name, drive.speed, 4)
+        is_text, back = drive.kind in ("free", "law", "table"), (drive.speed or 0.0) < 0.0
+        text = drive.kind if is_text else self.scene.written_speed(name, drive.speed, 4)
         style = "--" if drive.kind == "free" else "-"
         if not self.scene.slides(name):
             self._turning(name, DRIVE, text, way=-1 if back else 1, style=style)

@@ -84,7 +84,7 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
 def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -> None:
     """Rings where orders meet frequencies, and the speeds of these: of critical ones alone where there are any."""
     critical = swept.critical
-    told: list[float] = []
+    drawn: list[float] = []
     start, end = campbell.get_xlim()
     width = campbell.bbox.width / (end - start)
     apart = _APART * campbell.get_figure(root=True).dpi / 72.0  # type: ignore[union-attr]
@@ -95,8 +95,8 @@ def _mark_crossings(campbell: Axes, swept: Sweep, factor: float, scale: float) -
         if critical and crossing not in critical:
             continue
         campbell.axvline(place, color="black", linewidth=0.6, linestyle=":")
-        if all(abs(place - other) * width > apart for other in told):
-            told.append(place)
+        if all(abs(place - other) * width > apart for other in drawn):
+            drawn.append(place)
             campbell.annotate(f"{place:.4g} rpm", (place, 0.98), xycoords=campbell.get_xaxis_transform(), rotation=90,
                               ha="right" if (place - start) * width > apart else "left", va="top", fontsize=7,
                               bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})  # fmt: skip

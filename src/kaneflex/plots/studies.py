@@ -126,8 +126,8 @@ def _changes(axes: Axes, found: Terms) -> None:
     for row, effect in enumerate(found.effects):
         colour = PALETTE[1] if effect.needed else PALETTE[0]
         if not effect.differences:
-            said = "needed: does not run without" if effect.needed else "shows only rounding"
-            axes.annotate(said, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
+            note = "needed: does not run without" if effect.needed else "shows only rounding"
+            axes.annotate(note, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
             continue
         peak, rms = 100 * effect.worst.error, 100 * effect.rms
         axes.barh(row, max(peak, _CHANGE), height=0.7, color=shade(colour, 0.45))

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.plots.mechanism import used_points
 from kaneflex.plots.outlines import ALONG_LINK
 from kaneflex.plots.view import FRAMES, View, frames_of, view
-from kaneflex.support.errors import installed, told
+from kaneflex.support.errors import installed, naming
 from kaneflex.support.escaping import visible
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ INDEX = "motion.pvd"
 
 def demand_meshio() -> None:
     """Raise SceneError where meshio is not installed."""
-    with told("--vtk", None), installed("meshio", "vtk", "meshio", instead="leave it out"):
+    with naming("--vtk", None), installed("meshio", "vtk", "meshio", instead="leave it out"):
         import meshio  # noqa: F401
 
 

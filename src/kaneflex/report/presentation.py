@@ -75,7 +75,7 @@ def _reach(model: Model) -> dict[str, str]:
     mechanism = mechanism_of(model.scene)
     times = model.motion.begin + (instants(mechanism) if is_followed(model) else np.zeros(1))
     if model.in_space is not None:
-        return _ranges(model, model.in_space.bare.at(times))
+        return _ranges(model, model.in_space.rigid_only.at(times))
     return reach_lines(mechanism, courses_of(mechanism, model.motion.at(times)))
 
 
@@ -194,8 +194,8 @@ def mobility(count: Freedom, elastic: int | None, by_rank: int | None = None) ->
     }
     if by_rank is not None and by_rank != count.mobility and not count.still:
         reason = "redundant for these lengths and angles, so reactions are statically indeterminate"
-        told = f"without drives, by the rank of the constraints: {by_rank - count.mobility} {reason}"
-        rows["by rank"] = (by_rank, f"{told}; preset coupled supports this")
+        words = f"without drives, by the rank of the constraints: {by_rank - count.mobility} {reason}"
+        rows["by rank"] = (by_rank, f"{words}; preset coupled supports this")
     if elastic is not None:
         rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
     return {"degrees of freedom": {name: f"{n:4d}  {text}".rstrip() for name, (n, text) in rows.items()}}

@@ -183,8 +183,8 @@ def ending(summary: Summary) -> str:
     if summary.outcome == "completed":
         return ""
     # a whole cycle, which any disturbance leaves
-    said = summary.message
-    return said[:1].upper() + said[1:] if _is_whole(summary) else f"Stopped early: {said}"
+    message = summary.message
+    return message[:1].upper() + message[1:] if _is_whole(summary) else f"Stopped early: {message}"
 
 
 def _is_whole(summary: Summary) -> bool:
@@ -249,25 +249,25 @@ def _rounded(components: np.ndarray) -> str:
 def imported_shapes(data: ModalData) -> tuple[str, dict[str, float]]:
     """Mass, centre and inertia of an imported link, and the frequency [Hz] of each of its shapes alone."""
     a, (mass, centre, inertia) = data.arrays, data.rigid
-    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, centre of mass "
+    words = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, centre of mass "
     if isinstance(inertia, tuple):
         moved, counts = np.einsum("aajj->j", a["mass_N_N"]), [("shape", len(a["stiffness"]))]
         at, about = (_rounded(of) for of in (1e3 * np.array(centre), np.array(inertia)))
-        told += f"at ({at}) mm, moments of inertia about it ({about}) kg m^2"
+        words += f"at ({at}) mm, moments of inertia about it ({about}) kg m^2"
     else:
         moved = np.concatenate([np.diag(a["mass_s_s"]), np.diag(a["mass_w_w"] + a["inertia_psi_psi"])])
         counts = [("axial", len(a["mass_s"])), ("transverse", len(a["mass_w"]))]
-        told += f"{1e3 * centre[0]:.6g} mm from the start, moment of inertia about it {inertia:.6g} kg m^2"
+        words += f"{1e3 * centre[0]:.6g} mm from the start, moment of inertia about it {inertia:.6g} kg m^2"
     names = [f"{kind} {k + 1}" for kind, count in counts for k in range(count)]
     frequencies = np.sqrt(a["stiffness"] / moved) / (2 * math.pi)
-    return told, dict(zip(names, frequencies.tolist(), strict=True))
+    return words, dict(zip(names, frequencies.tolist(), strict=True))
 
 
 def imported_table(data: ModalData) -> str:
     """The same as text."""
-    told, frequencies = imported_shapes(data)
+    words, frequencies = imported_shapes(data)
     rows = [(name, f"{hz:.1f}") for name, hz in frequencies.items()]
-    return f"{told}\n{table(('shape', 'Hz'), rows)}"
+    return f"{words}\n{table(('shape', 'Hz'), rows)}"
 
 
 def sensitivity_table(summary: Summary) -> str:

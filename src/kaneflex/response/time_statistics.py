@@ -113,7 +113,7 @@ def _between_steps(model: Model) -> list[str]:
     steps = min(options.steps, _SAMPLES // within)
     if options.dynamics == "coupled" and (scene.floating or scene.free_joints):
         return [*_pulses(model, steps, within)]
-    motion = model.motion if model.in_space is None else model.in_space.bare
+    motion = model.motion if model.in_space is None else model.in_space.rigid_only
     seen = motion.at(motion.begin + model.step * np.arange(steps + 1))
     found = []
     for name, drive in scene.drives.items():

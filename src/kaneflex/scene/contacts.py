@@ -165,7 +165,7 @@ class Contact(SceneTable):
         """Position of a block's corner along the normal turned by 90 deg: 1 or -1; 0 for other contacts."""
         return 0
 
-    def stands(self, name: str) -> str:
+    def table_key(self, name: str) -> str:
         """Key of the contact of this name in the scene; it may be a joint's clearance."""
         return f"contacts.{name}" if self.joint is None else f"joints.{self.joint}.clearance"
 

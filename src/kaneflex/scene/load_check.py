@@ -204,8 +204,8 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         yield from of_the_joint(scene.raw, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
     joint = scene.joints[name].kind
     for k, (moves, dimension) in enumerate(_SPEEDS.get(joint, ()) if drive.initial_speeds is not None else ()):
-        told = f"the {('first', 'second')[k]} speed of a {joint} joint is {moves}"
-        yield from of_the_joint(scene.raw, ("drives", name, "initial_speeds", str(k)), told, dimension)
+        reason = f"the {('first', 'second')[k]} speed of a {joint} joint is {moves}"
+        yield from of_the_joint(scene.raw, ("drives", name, "initial_speeds", str(k)), reason, dimension)
     if name == next(iter(scene.drives)):
         yield from of_the_joint(scene.raw, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
 

@@ -47,7 +47,7 @@ def _welded(bodies: Collection[str], of: Mapping[str, Joint]) -> bool:
 
 def check_contacts(scene: Scene, dynamics: str) -> None:
     """Raise SceneError for contacts, friction or free bodies without preset coupled."""
-    of_contacts = {contact.stands(name): "a contact" if contact.joint is None else "a joint with a clearance"
+    of_contacts = {contact.table_key(name): "a contact" if contact.joint is None else "a joint with a clearance"
                    for name, contact in scene.contacts.items()}  # fmt: skip
     floating = [] if scene.is_spatial else [f"bodies.{name}" for name in scene.floating]
     coupled = of_contacts | {f"{body}.free": "a free body" for body in floating}
@@ -99,7 +99,7 @@ def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: st
     """Raise SceneError for contacts or friction in a scene where a smooth motion is required."""
     if scene.contacts:
         name, contact = next(iter(scene.contacts.items()))
-        raise SceneError(key, value, f"with {contact.stands(name)} {reason}", cure)
+        raise SceneError(key, value, f"with {contact.table_key(name)} {reason}", cure)
     for name in scene.frictions:
         raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
 
@@ -109,6 +109,6 @@ def refuse_bristles(scene: Scene, key: str, value: object) -> None:
     for name, friction in scene.frictions.items():
         if friction.law != "lugre":
             continue
-        owner = scene.contacts[name].stands(name) if name in scene.contacts else f"joints.{name}"
+        owner = scene.contacts[name].table_key(name) if name in scene.contacts else f"joints.{name}"
         reason = f"with {owner}.friction a cycle would start without the bristle states of the previous cycle"
         raise SceneError(key, value, reason, "Start from zero and run long enough, or use law stribeck")

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.table import REMOVED, merged, reuse_bodies
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest, told
+from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, naming, nearest
 from kaneflex.support.escaping import visible
 from kaneflex.support.files import beside, is_file, read_text
 
@@ -174,7 +174,7 @@ def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ..
 
 def tables_of(path: Path, kind: str = "scene") -> dict[str, Any]:
     """Tables of a scene or study. Raises SceneError: unreadable, not TOML, numbers or nesting too large."""
-    with told(kind, path.name):
+    with naming(kind, path.name):
         try:
             text = read_text(path)
         except FileNotFoundError:

@@ -53,7 +53,7 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
         yield from _friction(scene, name)
     for name, contact in scene.with_clearances().contacts.items():
         if contact.friction is not None and contact.friction.law == "lugre":
-            key, reason = f"{contact.stands(name)}.friction.law", "in space contacts don't have this law so far"
+            key, reason = f"{contact.table_key(name)}.friction.law", "in space contacts don't have this law so far"
             yield Problem(key, "lugre", reason, "Use coulomb or stribeck")
         base = scene.bodies.get(contact.sides[0].body)
         if contact.joint is None and contact.kind == "point-plane" and base is not None and base.deforms:

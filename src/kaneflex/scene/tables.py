@@ -187,7 +187,7 @@ def unit_of_column(
     `given` is the scene's entry `unit`; `cure` is the advice for a column of another dimension. Raises Fault for that,
     for a heading that contradicts the given unit, and without any unit.
     """
-    found, sure = _said(heading)
+    found, sure = _unit_in(heading)
     wanted = " or ".join(dimension.name for dimension in dimensions)
     own = None if given is None else _which(given, dimensions)
     fits = found is not None and any(_fits(found, dimension) for dimension in dimensions)
@@ -211,7 +211,7 @@ def unit_of_column(
     return assumed, _which(assumed, dimensions)
 
 
-def _said(heading: str) -> tuple[str | None, bool]:
+def _unit_in(heading: str) -> tuple[str | None, bool]:
     """Unit in a heading, if any, and whether it is unambiguous."""
     if bracketed := _BRACKETED.match(heading):
         return _SPELLED.get(bracketed[1], bracketed[1]), True

@@ -83,8 +83,8 @@ def repeated(
     check_repeats(system, system.engine.layout.driven, near or first, period)
     cycles = Cycles(equations, times, method_of(model), closer)
     if near is None and not cycles.touches:
-        bare = partial(_undeformed, model, first, equations.choice)
-        first = orbit_start(equations, bare, begin, period, HARMONICS) or equations.equilibrium(first) or first
+        shapeless = partial(_undeformed, model, first, equations.choice)
+        first = orbit_start(equations, shapeless, begin, period, HARMONICS) or equations.equilibrium(first) or first
     trajectory, verdict = cycles.repeated(near or first, progress)
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
@@ -106,7 +106,7 @@ def along(model: Model, run: Run) -> SpatialKinematics:
 
     module, coupled = SpatialModule(run.system), model.coupled_in_space
     motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
-    reached = model.options._replace(duration=float(run.here[0]) - run.start.t)
+    reached = model.options._replace(duration=float(run.state[0]) - run.start.t)
     if module.FREE:
         motion = with_open_reactions(motion, model.scene.sensors, reached)
         check_laws(replace(model, motion=motion, options=reached))
@@ -184,9 +184,9 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
             model = replace(model, reference_time=reference_instant(model)[0])
         return RunResult(model, trajectory, seconds)
     assert isinstance(rigid, ReferenceKinematics)
-    bare = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory.record)
+    moving = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory.record)
     frames = [k + j for k in system.start.values() for j in range(BODY)]
-    q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], bare.courses(rigid.module.FREE)
+    q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], moving.courses(rigid.module.FREE)
     free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
     run = None if system.engine.shapes.any() else trajectory
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)

@@ -92,7 +92,7 @@ def _in_the_plane(
     scene = without_poses(posed)
     spare = check_determined(mechanism_of(scene), twice=True)
     check_on_axes(scene)
-    bare, scene = not has_elastic_stage(scene), acting(as_it_starts(scene), options)
+    without_linear, scene = not has_elastic_stage(scene), acting(as_it_starts(scene), options)
     mechanism = mechanism_of(scene)
     placement = place(mechanism)
     _check_poses(posed.bodies, mechanism.size, placement)
@@ -106,7 +106,7 @@ def _in_the_plane(
     bound = Model(scene, options, motion)
     check_laws(bound)
     check_lines(bound)
-    model = build_model(scene, options, motion, bare=bare)
+    model = build_model(scene, options, motion, without_linear=without_linear)
     if spare:
         open_rows = undetermined(coupled, motion.states(coupled, np.zeros(1)))
         check_sensors(coupled, scene.sensors, open_rows)
@@ -204,7 +204,8 @@ def beside(model: Model, scene: Scene, options: Options, alike: bool, frozen: bo
     if scene.is_spatial:
         return _coupled_model(scene, options, _bound(system, scene, options))
     start = place(mechanism) if alike else model.motion.module.start
-    found = build_model(scene, options, rigid_reference(system, start), fixed, bare=model.bare or not alike)
+    without_linear = model.without_linear or not alike
+    found = build_model(scene, options, rigid_reference(system, start), fixed, without_linear=without_linear)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))
 
 

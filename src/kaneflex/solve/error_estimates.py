@@ -71,13 +71,13 @@ def error_estimates(
         return {}, f"not estimated: {unknown}"
     except SceneError as error:  # a rigid run may have no elastic model
         return {}, f"not estimated: a richer model fails: {error.key}: {error.reason}"
-    said, options = "", solution.model.options
+    note, options = "", solution.model.options
     if options.errors == "all" and options.dynamics != "coupled":
-        coupling, said = _coupling(read, stages, progress)
+        coupling, note = _coupling(read, stages, progress)
         stages += coupling
-        if said and solution.model.module.FREE:  # coupling then dominates the error
-            return {}, f"not estimated: {said}"
-    return _estimates(read, stages), said
+        if note and solution.model.module.FREE:  # coupling then dominates the error
+            return {}, f"not estimated: {note}"
+    return _estimates(read, stages), note
 
 
 def _stages(solution: RunResult, progress: Progress) -> tuple[Read, list[Stage]]:

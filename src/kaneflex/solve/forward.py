@@ -191,7 +191,7 @@ def _locked_loop(mechanism: Mechanism, rigid: RigidMotion) -> SceneError | None:
 
 def _locked(start: StartKinematics, run: Run) -> SceneError | None:
     """Error of a motion that ends where a loop of a planar mechanism locks; None elsewhere."""
-    here = _courses(start.system, run.here[None])
+    here = _courses(start.system, run.state[None])
     rigid = _started(start, start.given, here._replace(u=0.0 * here.u, du=0.0 * here.du)).at(here.times)
     return _locked_loop(start.system.mechanism, rigid)
 

@@ -140,7 +140,7 @@ def check_apart(model: Model) -> None:
                 )  # fmt: skip
         elif gap < -_TOUCHING * system.mechanism.size:
             raise SceneError(
-                contact.stands(name), None, f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
+                contact.table_key(name), None, f"at the start its sides penetrate each other by {-1e3 * gap:.4g} mm",
                 "Start them apart, for example by the start of free drives",
             )  # fmt: skip
 

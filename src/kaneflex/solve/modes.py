@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.building import build_model, reference_modes, stands_at
+from kaneflex.multibody.model.building import build_model, instant_of, reference_modes
 from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS
@@ -151,7 +151,7 @@ def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
         return {}
     for k in range(ANGLES):
         angle = 2 * np.pi * k / ANGLES
-        if stands_at(model, angle) is None:  # a drive may not reach every angle
+        if instant_of(model, angle) is None:  # a drive may not reach every angle
             continue
         options = model.options._replace(mode_angle=angle)
         solution = solve(build_model(model.scene, options, model.motion))

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.solve.run_result import RunResult
-from kaneflex.support.errors import installed, told
+from kaneflex.support.errors import installed, naming
 from kaneflex.support.labelled import Entry, Labelled
 from kaneflex.support.terminal import silent
 
@@ -140,7 +140,7 @@ class Solution(RunResult):
     def to_dataframe(self) -> pandas.DataFrame:
         """Sensors as columns over ``time`` [s]; ``attrs`` has their units by name."""
         values = {name: series.values for name, series in self.series.items()}
-        with told("to_dataframe", None), installed("pandas", "tables", "pandas"):
+        with naming("to_dataframe", None), installed("pandas", "tables", "pandas"):
             import pandas
         frame = pandas.DataFrame(values, index=pandas.Index(self.times, name="time"))
         frame.attrs["units"] = {name: series.unit for name, series in self.series.items()}

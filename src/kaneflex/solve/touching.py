@@ -300,7 +300,7 @@ def off_their_lines(solution: RunResult) -> Iterator[str]:
         k = int(abs(off).argmax())
         if abs(off[k]) > _SHARE * bent:
             yield (
-                f"the line of {contact.stands(name)} is the tangent of {line.body} at {line}; at t = "
+                f"the line of {contact.table_key(name)} is the tangent of {line.body} at {line}; at t = "
                 f"{taken.times[k]:.6g} s {point.body} touches it {1e3 * abs(along[k]):.4g} mm from there, where the "
                 f"bent axis is {1e3 * abs(off[k]):.3g} mm off this tangent (largest deflection "
                 f"{1e3 * bent:.3g} mm); choose the point where it touches, or weld a rigid body there as the line"

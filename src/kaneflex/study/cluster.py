@@ -12,7 +12,7 @@ from kaneflex.study.plan import Plan
 from kaneflex.study.records import Record
 from kaneflex.study.workers import Answer, Points, Pool, in_chunks
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import SceneError, installed, told
+from kaneflex.support.errors import SceneError, installed, naming
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,7 +42,7 @@ def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record
 
 
 def _connected(address: str) -> Client:
-    with told("--scheduler", address), installed("distributed", "cluster", "distributed", "dask"):
+    with naming("--scheduler", address), installed("distributed", "cluster", "distributed", "dask"):
         from distributed import Client
     try:
         return Client(address, timeout=_CONNECTING, set_as_default=False)

@@ -39,7 +39,7 @@ def within(key: str) -> Iterator[None]:
 
 
 @contextmanager
-def told(key: str, value: object) -> Iterator[None]:
+def naming(key: str, value: object) -> Iterator[None]:
     """Turn Faults of a value into a SceneError with its key."""
     try:
         yield
@@ -48,12 +48,12 @@ def told(key: str, value: object) -> Iterator[None]:
 
 
 @contextmanager
-def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterator[None]:
+def installed(package: str, extra: str, *modules: str, instead: str = "") -> Iterator[None]:
     """Raise a Fault if the import of an optional package fails.
 
     Parameters
     ----------
-    said : str
+    package : str
         Name of the package in the message.
     extra : str
     *modules : str
@@ -67,7 +67,7 @@ def installed(said: str, extra: str, *modules: str, instead: str = "") -> Iterat
         if error.name not in modules:
             raise
         other = f", or {instead}" if instead else ""
-        raise Fault(f"{said} is not installed", f'Run: pip install "kaneflex[{extra}]"{other}') from None
+        raise Fault(f"{package} is not installed", f'Run: pip install "kaneflex[{extra}]"{other}') from None
 
 
 class Problem(NamedTuple):

@@ -12,10 +12,10 @@ def shown(heading: str, head: Sequence[str], rows: Iterable[Sequence[object]], n
 
     Numbers have five digits and are aligned right; texts are aligned left.
     """
-    said = "".join(f"<div><b>Warning:</b> {html(note)}</div>" for note in notes)
+    note = "".join(f"<div><b>Warning:</b> {html(note)}</div>" for note in notes)
     above = "".join(f"<th style='text-align:left'>{html(text)}</th>" for text in head)
     body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return f"<div><b>{html(heading)}</b></div>{said}<table><tr>{above}</tr>{body}</table>"
+    return f"<div><b>{html(heading)}</b></div>{note}<table><tr>{above}</tr>{body}</table>"
 
 
 def _cell(value: object) -> str:

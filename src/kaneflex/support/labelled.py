@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kaneflex.support.errors import Fault, installed, told
+from kaneflex.support.errors import Fault, installed, naming
 from kaneflex.support.files import check_file
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Labelled(NamedTuple):
 @contextmanager
 def needing_xarray(asked: str) -> Iterator[None]:
     """Raise a SceneError that names the requested entry if xarray is not installed."""
-    with told(asked, None), installed("xarray", "tables", "xarray", "pandas"):
+    with naming(asked, None), installed("xarray", "tables", "xarray", "pandas"):
         yield
 
 
@@ -123,8 +123,8 @@ def _reading(path: Path) -> Iterator[None]:
     except Fault:
         raise
     except Exception as error:
-        said = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise Fault(f"damaged or not a dataset: {said}", "Restore it from a copy, or write it again") from error
+        message = next(iter(str(error).splitlines()), "") or type(error).__name__
+        raise Fault(f"damaged or not a dataset: {message}", "Restore it from a copy, or write it again") from error
 
 
 def _read(file: netcdf_file, names: Collection[str]) -> Labelled:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
 from kaneflex.support.arguments import takes
-from kaneflex.support.errors import Fault, ValidityWarning, nearest, told
+from kaneflex.support.errors import Fault, ValidityWarning, naming, nearest
 
 if TYPE_CHECKING:
     from kaneflex.fem.imported.elements import ImportedMesh
@@ -84,7 +84,7 @@ def import_mesh(
     """
     from kaneflex.fem.imported.modal_arrays import imported_data
 
-    with told("import", None):
+    with naming("import", None):
         if coupling not in ("rigid", "averaged"):
             raise Fault(f"{coupling!r} is not a coupling", "Choose 'rigid' or 'averaged'")
         link = _link((mass, stiffness, nodes), points, options)

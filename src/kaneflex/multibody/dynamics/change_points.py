@@ -87,14 +87,14 @@ def react_at_end(m, t):
 
 
 @njit(**OPTIONS)
-def strays(m, table, h, here):
+def strays(m, table, h, state):
     """True if closing the loops at a step's end changes the dependent rates as much as another branch would."""
     apart()
     plan, w, b = m.plan, m.w, table.b_1
     n, of, most = plan[COORDINATES], plan[STAGE_A], fastest(m, -1)
     for k in range(plan[KEPT]):
         i = plan[plan[DEPENDENT] + k]
-        rate = here[1 + n + i] + h * (b[0] * w[of + i] + b[1] * w[of + n + i] + b[2] * w[of + 2 * n + i])
+        rate = state[1 + n + i] + h * (b[0] * w[of + i] + b[1] * w[of + n + i] + b[2] * w[of + 2 * n + i])
         moved = abs(m.u[i] - rate)
         if moved > _STRAYED * most * w[plan[MEASURE] + i] and h * moved > 100.0 * w[plan[SCALE] + i]:
             return True

@@ -20,7 +20,7 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
-from kaneflex.multibody.dynamics.loop_closure import gradients, mend, stand
+from kaneflex.multibody.dynamics.loop_closure import gradients, mend, move_closed
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
 from kaneflex.multibody.dynamics.records import give_coordinates, keep
 from kaneflex.multibody.dynamics.reduction import settled
@@ -187,7 +187,7 @@ def unfold(m, rows, count, near, out):
         elif near != ON_LOOPS:
             _close_beside(m, row[0])
         else:
-            stand(m, row[0])
+            move_closed(m, row[0])
         keep(m, row[0], after(out, m.counts[KEPT] * k))
     return count
 
@@ -199,7 +199,7 @@ def _close_beside(m, t):
         for r in range(m.plan[KEPT_ROWS]):
             i = m.plan[m.plan[DEPENDENT] + r]
             m.y[i] = m.u[i] = m.du[i] = math.nan
-        stand(m, t)
+        move_closed(m, t)
     give_coordinates(m)
 
 

@@ -31,7 +31,7 @@ _EXACT = OPTIONS | {"fastmath": False}
 
 
 @njit(**OPTIONS)
-def stands(m, row):
+def is_constraint(m, row):
     """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
     apart()
     act = m.plan[m.plan[CUT_OF] + row]
@@ -49,7 +49,7 @@ def open_rows(m):
     for k in range(plan[REACTIONS] * n):
         m.J[k] = 0.0
     for row in range(plan[REACTIONS]):
-        if stands(m, row):
+        if is_constraint(m, row):
             gradient(m, row, True, plan[GRADIENT] + n * row)
 
 
@@ -59,7 +59,7 @@ def openings(m, t, out):
     prescribe(m, t)
     open_rows(m)
     for row in range(m.plan[REACTIONS]):
-        out[row] = m.rows[row_length(m) * row] if stands(m, row) else 0.0
+        out[row] = m.rows[row_length(m) * row] if is_constraint(m, row) else 0.0
 
 
 @of_impacts(None)
@@ -110,7 +110,7 @@ def _eliminate(m, level, even, taken):
     plan, left = m.plan, 0
     _scale(m, level, even)
     for row in range(plan[REACTIONS]):
-        taken[row] = -1 if stands(m, row) else -2
+        taken[row] = -1 if is_constraint(m, row) else -2
         left += taken[row] == -1
     for touching in range(2):  # impacts need the cut joints without contacts
         first, end = (plan[CUT_ROWS], plan[REACTIONS]) if touching else (0, plan[JOINT_ROWS])

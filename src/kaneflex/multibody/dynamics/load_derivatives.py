@@ -105,12 +105,12 @@ def _fill_ways(m):
 
 @of_stiffness(None)
 @njit(**OPTIONS)
-def find(m, t, h, here):
+def find(m, t, h, state):
     """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
     apart()
     plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
     for k in range(n):
-        m.u[k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+        m.u[k] = state[1 + n + k] + 0.5 * h * state[1 + 2 * n + k]
     move(m, 0)
     _fill_ways(m)
     _derive_sizes(m, t, h)

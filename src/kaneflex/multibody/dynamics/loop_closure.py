@@ -241,7 +241,7 @@ def reduce_across(m):
 
 
 @njit(**OPTIONS)
-def stand(m, t):
+def move_closed(m, t):
     """Kinematics from all coordinates, which close the loops already."""
     apart()
     prescribe(m, t)

@@ -133,7 +133,7 @@ class Model:
 
         In a coupled model without linear elastic equations: number of free coordinates and of all shapes.
         """
-        if self.bare or self._solved_in_space:
+        if self.without_linear or self._solved_in_space:
             return self.solved_for
         nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
         return nodal + len(self.shapes_given)
@@ -167,7 +167,7 @@ class Model:
         return self.motion.is_start or (coupled is not None and not coupled.curve.whole)
 
     @property
-    def bare(self) -> bool:
+    def without_linear(self) -> bool:
         """True if a coupled model has no linear elastic equations, see
         :func:`kaneflex.solve.engine_loading.has_elastic_stage`."""
         return self.coupled is not None and not self.equations.size

@@ -39,12 +39,12 @@ _NARROW = 12
 
 def build_model(
     scene: Scene, options: Options, motion: RigidKinematics, frozen: Model | None = None, like: Model | None = None,
-    bare: bool = False,
+    without_linear: bool = False,
 ) -> Model:
     """Mesh the links, assemble, reduce.
 
     ``frozen`` provides the order of coordinates, the bases and the damping modes; ``like`` the equations, if equal.
-    ``bare``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
+    ``without_linear``: the coupled equations have no linear ones, since no elastic stage can follow the rigid motion.
     """
     model = Model(scene, options, motion)
     reference, warnings = reference_instant(model)
@@ -53,7 +53,7 @@ def build_model(
         model = replace(like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None,
                         seconds={})  # fmt: skip
         return replace(model, warnings=(*warnings, *(_without_modes(model) if model.equations.size else ())))
-    if bare:
+    if without_linear:
         links = _links(model)
         return replace(model, links=links, parts={name: link.part for name, link in links.items()})
     if options.dynamics == "rigid" or not scene.is_elastic:
@@ -223,12 +223,12 @@ def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> Elast
 
 
 def reference_instant(model: Model) -> tuple[float, tuple[str, ...]]:
-    """Instant [s] of the reference configuration, from :func:`stands_at` or the first one; and warnings about it.
+    """Instant [s] of the reference configuration, from :func:`instant_of` or the first one; and warnings about it.
 
     Raises SceneError if the first drive never reaches the requested position.
     """
     scene, options, motion = model.scene, model.options, model.motion
-    instant = stands_at(model, options.mode_angle)
+    instant = instant_of(model, options.mode_angle)
     if instant is not None or options.dynamics == "rigid" or motion.is_start:
         return instant or 0.0, ()
     name, drive = next(iter(scene.drives.items()))
@@ -236,8 +236,8 @@ def reference_instant(model: Model) -> tuple[float, tuple[str, ...]]:
     ends, mechanism = (options.mode_angle, angles[0], min(angles), max(angles)), mechanism_of(scene)
     wanted, start, lowest, highest = (mechanism.written_coordinate(name, x) for x in ends)
     if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
-        said = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
-        return 0.0, (said,) if of_an_instant(model) else ()
+        warning = f"{name} never reaches solve.mode_angle = {wanted}: modes are those of {start}"
+        return 0.0, (warning,) if of_an_instant(model) else ()
     reason = f"{name} never reaches it; its range is {lowest} to {highest}"
     if drive.kind == "free" and options.dynamics == "coupled":
         reason = f"before the run only the start of {name}, {start}, is known"
@@ -250,7 +250,7 @@ def reference_instant(model: Model) -> tuple[float, tuple[str, ...]]:
     raise SceneError("solve.mode_angle", wanted, reason, cure)
 
 
-def stands_at(model: Model, coordinate: float) -> float | None:
+def instant_of(model: Model, coordinate: float) -> float | None:
     """First instant [s] at which the first drive is at a coordinate [rad or m]; None if it never is.
 
     Positions count modulo the cycle, or modulo a full turn for a rotating drive without cycle. A drive with constant
@@ -299,7 +299,7 @@ def has_modes(model: Model) -> bool:
     return all(np.isfinite(entries(rigid.first(part))[2]).all() for part in (model.equations.M, model.equations.K_s))
 
 
-def _said_of_reference(model: Model) -> tuple[str, str, str]:
+def _at_reference(model: Model) -> tuple[str, str, str]:
     """Position of the reference configuration, why it has no modes, and a fix."""
     cure = "Choose another position by solve.mode_angle"
     for name, at in model.reference_coordinates.items():
@@ -312,13 +312,13 @@ def _without_modes(model: Model) -> tuple[str, ...]:
     """Warning about a reference configuration without modes, if nothing needs them."""
     if model.scene.damping is not None or model.options.reduction == "modal" or has_modes(model):
         return ()
-    place, reason, cure = _said_of_reference(model)
+    place, reason, cure = _at_reference(model)
     return (f"no modes at solve.mode_angle = {place}, {reason}: {cure[:1].lower()}{cure[1:]}",)
 
 
 def no_modes(model: Model) -> SceneError:
     """Error for a reference configuration without modes."""
-    place, reason, cure = _said_of_reference(model)
+    place, reason, cure = _at_reference(model)
     return SceneError("solve.mode_angle", place, f"there are no modes at {reason}", cure)
 
 

@@ -139,7 +139,7 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
         return ""
     if not turns:
         return "xyz"
-    own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body)
+    own = mechanism.rest_axes(body).T @ mechanism.rest_axes(joint.sides[0].body)
     free = np.linalg.qr(own @ np.array(turns).T)[0]
     return "".join(name for name, share in zip("xyz", (free**2).sum(axis=1), strict=True) if not share > _FREE)
 

@@ -218,10 +218,10 @@ def _check_free(system: System, q: np.ndarray) -> None:
         field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
         if drive.kind != "free" or field is None:
             continue
-        stands = float(q[system.columns([name], COORDINATE)[0]])
-        if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
+        found = float(q[system.columns([name], COORDINATE)[0]])
+        if abs(found - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
             raise SceneError(
-                f"drives.{name}.{field}", drive.start, f"the loops don't close at this position, but at {stands:.9g}",
+                f"drives.{name}.{field}", drive.start, f"the loops don't close at this position, but at {found:.9g}",
                 "Give that position, or leave the entry out",
             )  # fmt: skip
 

@@ -225,7 +225,7 @@ def _twisted(mechanism: SpatialMechanism, body: str, x: float | None) -> str:
     for joint, number in here.values():
         if joint.axes:
             carried = joint.axes[number if len(joint.axes) > 1 else 0]
-            own = mechanism.stands(body).T @ mechanism.stands(joint.sides[0].body) @ carried
+            own = mechanism.rest_axes(body).T @ mechanism.rest_axes(joint.sides[0].body) @ carried
             found |= {axis for axis, along in zip("xyz", own, strict=True) if abs(along) < _NEAR}
     return "".join(sorted(found))
 

@@ -140,7 +140,7 @@ class DeformingKinematics(SpatialKinematics):
     """Statically indeterminate ARMS, which are omitted."""
 
     def at(self, times: np.ndarray | float, record: np.ndarray | None = None) -> SpatialMotion:
-        rigid = self.bare.at(times)
+        rigid = self.rigid_only.at(times)
         out = np.hstack([rigid.values, self.deforming.table(rigid)])
         out[:, [self.column[name] for name in self.arms]] = 0.0
         out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan

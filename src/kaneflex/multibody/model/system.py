@@ -323,12 +323,12 @@ class System:
     def magnitudes_at(self, times: np.ndarray, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads at many instants, (n_times, loads)."""
         states = np.zeros((len(times), len(self.known_joints), 3))
-        where = [self.known_joints.index(name) for name in self.told_joints]
+        where = [self.known_joints.index(name) for name in self.scalar_joints]
         states[:, where, 0], states[:, where, 1] = coordinates, speeds
         return self.engine.magnitudes(times, states)
 
     @cached_property
-    def told_joints(self) -> tuple[str, ...]:
+    def scalar_joints(self) -> tuple[str, ...]:
         """Known joints with one coordinate."""
         return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
 

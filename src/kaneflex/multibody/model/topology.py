@@ -245,7 +245,7 @@ def _constraints(builder: TreeBuilder, mechanism: SpatialMechanism, name: str) -
 
     def axes(vectors: Sequence[np.ndarray], of: int) -> list[int]:
         """Axes from vectors in the first body's axes at zero, fixed in either body."""
-        turned = mechanism.stands(bodies[of]).T @ mechanism.stands(bodies[0])
+        turned = mechanism.rest_axes(bodies[of]).T @ mechanism.rest_axes(bodies[0])
         return [builder.axis(joint.sides[of], turned @ vector) for vector in vectors]
 
     if joint.across is None:

@@ -159,7 +159,7 @@ class Views:
             found[:, s : s + 3] = 2.0 * (turned - np.cross(p, rates[:, k + 1 : k + 4]))
         return found
 
-    def stand(self, row: np.ndarray) -> None:
+    def set_row(self, row: np.ndarray) -> None:
         """Set the motion to that of a row."""
         first = 1
         for part in self.motion:

@@ -54,7 +54,7 @@ _FAR = 100.0
 
 
 @njit(**OPTIONS)
-def _first_guess(m, table, h, length, here):
+def _first_guess(m, table, h, length, state):
     """Initial stages from the last step's polynomial, or constant if it does not apply."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes
@@ -64,14 +64,14 @@ def _first_guess(m, table, h, length, here):
         w_0, w_1, w_2 = basis(c, x, 0), basis(c, x, 1), basis(c, x, 2)
         for k in range(n):
             j, into = plan[LAST_A] + k, plan[STAGE_A] + n * i + k
-            w[into] = w_0 * w[j] + w_1 * w[j + n] + w_2 * w[j + 2 * n] if length > 0.0 else here[1 + 2 * n + k]
+            w[into] = w_0 * w[j] + w_1 * w[j + n] + w_2 * w[j + 2 * n] if length > 0.0 else state[1 + 2 * n + k]
         for k in range(r):
             j, into = plan[LAST_R] + k, plan[STAGE_R] + r * i + k
-            w[into] = w_0 * w[j] + w_1 * w[j + r] + w_2 * w[j + 2 * r] if length > 0.0 else here[1 + 3 * n + k]
+            w[into] = w_0 * w[j] + w_1 * w[j + r] + w_2 * w[j + 2 * r] if length > 0.0 else state[1 + 3 * n + k]
 
 
 @njit(**OPTIONS)
-def _factors(m, table, t, h, here, A, B, sloped):
+def _factors(m, table, t, h, state, A, B, sloped):
     """Factors at the middle of the step, so that the mass matrix is accurate everywhere in it. False at a singular
     state.
 
@@ -81,14 +81,14 @@ def _factors(m, table, t, h, here, A, B, sloped):
     plan = m.plan
     n, step = plan[COORDINATES], h * change_points.begin(m, t, h)
     for k in range(n):
-        m.y[k] = here[1 + k] + step * (here[1 + n + k] + 0.5 * step * here[1 + 2 * n + k])
+        m.y[k] = state[1 + k] + step * (state[1 + n + k] + 0.5 * step * state[1 + 2 * n + k])
     prescribe(m, t + step)
     if not close(m, NEAR):
         return False
-    step_rows.let_yield(m, h, here)
+    step_rows.let_yield(m, h, state)
     m.pivots[SLOPED] = 0
     if sloped:
-        load_derivatives.find(m, t + 0.5 * h, h, here)
+        load_derivatives.find(m, t + 0.5 * h, h, state)
     assemble(m)
     one, two = h * table.real[0], h * table.pair[0]
     if not (factorise_closed(m, one, A, plan[PIVOTS]) and factorise_closed(m, two, B, plan[PAIR_PIVOTS])):
@@ -100,24 +100,24 @@ def _factors(m, table, t, h, here, A, B, sloped):
 
 
 @njit(**OPTIONS)
-def _slopes_needed(m, table, t, h, here, A, B):
+def _slopes_needed(m, table, t, h, state, A, B):
     """Derivatives of loads and springs that Newton's iteration needs to converge, see ``slopes.matter``."""
-    if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, here, A, B, True):
+    if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, state, A, B, True):
         return 0.0
     return load_derivatives.matter(m, h * table.real[0], A)
 
 
 @njit(**OPTIONS)
-def _stage(m, table, t, h, i, here):
+def _stage(m, table, t, h, i, state):
     """Kinematics and residual of stage i; False if a loop does not close."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes[i]
     n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
-        v_0, j = here[1 + n + k], 3 * i
+        v_0, j = state[1 + n + k], 3 * i
         m.u[k] = v_0 + h * (a_1[j] * a + a_1[j + 1] * b + a_1[j + 2] * d)
-        m.y[k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
+        m.y[k] = state[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
     copy(shifted(w, of + n * i), m.du, n)
     copy(shifted(w, plan[STAGE_R] + r * i), m.multipliers, r)
     if not follow_on(m, t + c * h, NEAR):
@@ -189,7 +189,7 @@ def _improve(m, table, h, A, B):
 
 
 @njit(**OPTIONS)
-def _iterate(m, table, t, h, here, replayed, counts, A, B):
+def _iterate(m, table, t, h, state, replayed, counts, A, B):
     """Solve the stage equations; return True if converged."""
     apart()
     before, plan = 0.0, m.plan
@@ -198,11 +198,11 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
-            if not (_stage(m, table, t, h, i, here) and stage_residuals.keep(m, i, iteration == 0)):
+            if not (_stage(m, table, t, h, i, state) and stage_residuals.keep(m, i, iteration == 0)):
                 return False
             if iteration > 0:
                 losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
-        step_rows.bend(m, table, h, here)
+        step_rows.bend(m, table, h, state)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -228,7 +228,7 @@ def _also(error, other, power):
 
 
 @njit(**OPTIONS)
-def _error(m, table, h, here, A):
+def _error(m, table, h, state, A):
     """Error of the step in tolerances: of displacements, and of speeds and accelerations if they are bounded.
 
     The defect at the step's start is M d, where d is the polynomial's acceleration minus that of the motion; with S = M
@@ -239,7 +239,7 @@ def _error(m, table, h, here, A):
     n, of, step = plan[COORDINATES], plan[STAGE_A], h * table.real[0]
     w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
     for k in range(n):
-        m.du[k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
+        m.du[k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - state[1 + 2 * n + k]
     answer = plan[COLUMNS] + plan[KEPT] * n
     error = 1e-12
     for k in range(n):
@@ -259,32 +259,32 @@ def _error(m, table, h, here, A):
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, table, h, here, step, A, answer))
+        error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, table, h, state, step, A, answer))
     return error
 
 
 @njit(**OPTIONS)
-def _finish(m, table, h, end, here, A):
-    """Advance ``here`` to the end of the step, works included; SINGULAR, or STRAYED on another branch."""
+def _finish(m, table, h, end, state, A):
+    """Advance ``state`` to the end of the step, works included; SINGULAR, or STRAYED on another branch."""
     apart()
     plan, w = m.plan, m.w
     n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
-    step_rows.notice_jams(m, here[0], h * table.real[0], A)
+    step_rows.notice_jams(m, state[0], h * table.real[0], A)
     b_1, b_2 = table.b_1, table.b_2
     w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
-        v_0 = here[1 + n + k]
+        v_0 = state[1 + n + k]
         m.u[k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
-        m.y[k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
+        m.y[k] = state[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
         m.du[k] = w_0 * a + w_1 * b + w_2 * d
     of = plan[STAGE_R]
     for k in range(r):
         m.multipliers[k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
-    step_rows.bent_at_end(m, table, h, here)
+    step_rows.bent_at_end(m, table, h, state)
     if not follow(m, end):
         return SINGULAR
-    if change_points.strays(m, table, h, here):
+    if change_points.strays(m, table, h, state):
         return STRAYED
     change_points.end(m, end, h)
     if not step_rows.restore_stuck(m, end, h, A):
@@ -293,21 +293,21 @@ def _finish(m, table, h, end, here, A):
         return SINGULAR
     for i in range(3):
         for k in range(plan[WORKS]):
-            here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
+            state[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     copy(shifted(w, plan[STAGE_A]), shifted(w, plan[LAST_A]), 3 * n)
     copy(shifted(w, plan[STAGE_R]), shifted(w, plan[LAST_R]), 3 * r)
     stage_residuals.settle(m)
-    give(m, end, here)
+    give(m, end, state)
     return DONE
 
 
 @njit(**ENTRY)
-def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends, wide):
-    """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``here``; a step ends at each of them.
+def integrate(m, table, control, state, given, fixed, times, count, rows, counts, ends, wide):
+    """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``state``; a step ends at each of them.
 
     ``control``: next step; longest step; most steps to try; last row filled; ends stored; length of the last step or 0;
     1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see ``slopes.matter``).
-    ``here``: a row of the table with the state before row 1, updated: t, then coordinates, rates, accelerations,
+    ``state``: a row of the table with the state before row 1, updated: t, then coordinates, rates, accelerations,
     reactions of cut joints and holds, states of contacts and holds, works. ``given``: ends [s] of the ``fixed`` steps
     to take, including the ``times``; none for error control. Works are time integrals of powers (dissipation, loads,
     drives, holds, contacts). ``counts``: accepted and rejected steps, Newton iterations, factorisations. ``ends``: the
@@ -315,7 +315,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     """
     A, B, size, touching = m.real, m.pair, row_size(m), event_location.searched(m)
     trial, found = 0.0, event_location.PASSED
-    if touching and not event_location.back(m, here):
+    if touching and not event_location.back(m, state):
         return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, stored, status = 0, 0, 0, DONE
@@ -325,7 +325,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             status = PAUSED
             break
         tried += 1
-        t = here[0]
+        t = state[0]
         if replayed:
             end = given[taken]
             h = end - t
@@ -344,14 +344,14 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
                 if trial_or_aim != h:
                     end = t + trial_or_aim
             h = end - t  # the actual length, which differs by rounding for short steps
-        _first_guess(m, table, h, length, here)
+        _first_guess(m, table, h, length, state)
         counts[3] += 1
-        solved = _factors(m, table, t, h, here, A, B, control[7] != 0.0)
-        if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
+        solved = _factors(m, table, t, h, state, A, B, control[7] != 0.0)
+        if not (solved and _iterate(m, table, t, h, state, replayed, counts, A, B)):
             if m.pivots[BY_FORCES] and m.pivots[YIELDING] == m.plan[VIRTUAL]:
                 m.pivots[BY_FORCES] = 0
                 continue
-            needed = _slopes_needed(m, table, t, h, here, A, B) if control[7] < DAMPED else 0.0
+            needed = _slopes_needed(m, table, t, h, state, A, B) if control[7] < DAMPED else 0.0
             if needed > control[7]:
                 control[7] = needed
                 counts[1] += 1
@@ -366,7 +366,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             wanted, length, trial = 0.4 * h, 0.0, 0.0
             continue
         if not replayed:
-            error = _error(m, table, h, here, A)
+            error = _error(m, table, h, state, A)
             growth = smaller(3.0, larger(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1
@@ -374,7 +374,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
                 continue
             wanted = larger(wanted, h * growth) if growth >= 1.0 else h * growth
         if touching:
-            found = event_location.look(m, table, t, h, here, trial > 0.0)
+            found = event_location.look(m, table, t, h, state, trial > 0.0)
             trial = event_location.next_trial(m, found)
             counts[1] += found >= event_location.AT_ONCE
             if found == event_location.ASTRAY:
@@ -382,31 +382,31 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if found >= event_location.AGAIN:
                 continue
         at_once = found == event_location.AT_ONCE
-        finished = DONE if at_once else _finish(m, table, h, end, here, A)
+        finished = DONE if at_once else _finish(m, table, h, end, state, A)
         if finished == STRAYED and not replayed:
             counts[1] += 1
             wanted, length, trial = 0.4 * h, 0.0, 0.0
             continue
-        solved = event_location.back(m, here) if at_once else finished == DONE
+        solved = event_location.back(m, state) if at_once else finished == DONE
         if not at_once:
             counts[0] += 1
-            copy(here, shifted(ends, wide * stored), wide)
+            copy(state, shifted(ends, wide * stored), wide)
             length, taken, stored = h, taken + 1, stored + 1
         if touching and solved:
-            wanted = event_location.go_on(m, table, h, here, A, wanted, found)
+            wanted = event_location.go_on(m, table, h, state, A, wanted, found)
             if found != event_location.PASSED:
-                copy(here, shifted(ends, wide * stored), wide)
+                copy(state, shifted(ends, wide * stored), wide)
                 length, stored = 0.0, stored + 1
         if not solved or wanted <= 0.0:
             status = CASCADE if solved and wanted == 0.0 else PARADOX if wanted == -2.0 else SINGULAR
             break
-        if here[0] == times[row + 1]:
+        if state[0] == times[row + 1]:
             row += 1
-            copy(here, shifted(rows, row * size), size)
+            copy(state, shifted(rows, row * size), size)
         if touching and event_location.others_rest(m):
             status = RESTED
             break
-        if control[6] == 0.0 and not crosses(m, here[0]) and ill_conditioned(m):
+        if control[6] == 0.0 and not crosses(m, state[0]) and ill_conditioned(m):
             status = TURNED
             break
     control[0], control[3], control[4], control[5] = wanted, row, stored, length

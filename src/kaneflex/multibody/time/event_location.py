@@ -83,28 +83,28 @@ def note(m, t, i):
 
 @of_changes(True)
 @njit(**OPTIONS)
-def back(m, here):
+def back(m, state):
     """Restore the state of a row at the start of a step; False: a loop does not close."""
     apart()
-    take(m, here)
-    closes = follow(m, here[0])
-    begin(m, here[0])
+    take(m, state)
+    closes = follow(m, state[0])
+    begin(m, state[0])
     return closes
 
 
 @of_changes(0.0)
 @njit(**OPTIONS)
-def go_on(m, table, h, here, A, wanted, found):
+def go_on(m, table, h, state, A, wanted, found):
     """Begin the next step after one with this finding; returns its largest length [s], see ``contacts.change``."""
     apart()
     if found != AT_ONCE:
         pushed_on(m, table, h)
     if found != PASSED:
         if m.plan[RIGID]:
-            wanted = collide(m, here, A, wanted)
+            wanted = collide(m, state, A, wanted)
         if wanted > 0.0:
-            wanted = change(m, here, A, wanted)
-    begin(m, here[0])
+            wanted = change(m, state, A, wanted)
+    begin(m, state[0])
     return wanted
 
 
@@ -199,7 +199,7 @@ def unturned(m):
 
 @of_changes(0)
 @njit(**OPTIONS)
-def look(m, table, t, h, here, searched):
+def look(m, table, t, h, state, searched):
     """Find the first change of a contact in a solved step; see PASSED. TRIAL is the step to take instead.
 
     The change is between LOW and HIGH if one was ``searched`` before.
@@ -207,7 +207,7 @@ def look(m, table, t, h, here, searched):
     apart()
     plan, w, shared = m.plan, m.w, m.plan[TOUCH]
     last = 3 if table.ends[0] != 0.0 else 4
-    if not between(m, table, t, h, here, 1.0):
+    if not between(m, table, t, h, state, 1.0):
         return ASTRAY
     note(m, t + h, last)
     extrapolate_to_end(m, table, last)
@@ -218,7 +218,7 @@ def look(m, table, t, h, here, searched):
     first, which, how, at_end = NEVER, _NONE, 0, True
     for n in range(-frictions(m), contacts(m)):
         w[at(m, n) + DUE] = 0.0
-        x, kind = _first_change(m, table, t, h, here, n, last)
+        x, kind = _first_change(m, table, t, h, state, n, last)
         at_end = at_end and (x == NEVER or (x > 0.9 and _due(m, t, n, kind, last)))
         if x < first:
             first, which, how = x, n, kind
@@ -268,7 +268,7 @@ def _note_rests(m, t, h, last):
 
 
 @njit(**OPTIONS)
-def _first_change(m, table, t, h, here, n, last):
+def _first_change(m, table, t, h, state, n, last):
     """First change of a row in the step, as a share of it, and its kind.
 
     The gap of an open contact, or the speed of slipping friction, falls to zero; the gap of a closed contact rises to
@@ -292,7 +292,7 @@ def _first_change(m, table, t, h, here, n, last):
             if due:
                 x = x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide)
             elif p_1 > zero:
-                x = dips(m, table, t, h, here, n, i, last)
+                x = dips(m, table, t, h, state, n, i, last)
             if x < NEVER:
                 return x, SHIFTS if n < 0 else CLOSES
             continue

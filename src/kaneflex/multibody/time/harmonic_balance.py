@@ -42,16 +42,17 @@ _SOLVED, _VECTORS = 1e-3, 30
 
 
 def orbit_start(
-    equations: Equations, bare: Callable[[np.ndarray], Sequence[State]], t0: float, period: float, precision: float
+    equations: Equations, undeformed: Callable[[np.ndarray], Sequence[State]], t0: float, period: float,
+    precision: float,
 ) -> State | None:
     """Initial state at t0 [s] of the motion of ``period`` [s], to ``precision`` of its deformation.
 
     None if the search fails: coordinates other than shapes are independent, corrections don't converge, or the
-    harmonics don't decrease. ``bare``: instants of the undeformed mechanism by times [s].
+    harmonics don't decrease. ``undeformed``: instants of the undeformed mechanism by times [s].
     """
     if not len(equations.names) or not equations.shapes.all():
         return None
-    search = _Search(equations, bare, t0, period)
+    search = _Search(equations, undeformed, t0, period)
     try:
         z = search.found(precision)
         if z is not None:
@@ -67,7 +68,7 @@ class _Search:
     """Search of :func:`orbit_start`."""
 
     equations: Equations
-    bare: Callable[[np.ndarray], Sequence[State]]
+    undeformed: Callable[[np.ndarray], Sequence[State]]
     t0: float
     period: float
 
@@ -130,7 +131,7 @@ class _Search:
 
     def states(self, instants: int) -> Sequence[State]:
         """Undeformed mechanism at a number of instants of the cycle."""
-        return self.bare(self.t0 + self.period / instants * np.arange(instants))
+        return self.undeformed(self.t0 + self.period / instants * np.arange(instants))
 
 
 @dataclass(frozen=True, eq=False)

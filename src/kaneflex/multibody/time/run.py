@@ -60,7 +60,7 @@ def held(engine: Engine, module: ModuleType) -> str:
 
 
 class Run(RunCurve):
-    """Rows of one integration in the plane or in space, filled piece by piece, up to the state ``here``.
+    """Rows of one integration in the plane or in space, filled piece by piece, up to its ``state``.
 
     ``limited``: the work of the run is limited, and a branch that it leaves is not looked for.
     """
@@ -81,9 +81,9 @@ class Run(RunCurve):
         self.twice, self.stored = tuple[str, ...](), np.zeros(len(self.engine.rows))
         self.impacts: tuple[results.Impact, ...] = ()
         self.projected, self.step = self._begun(start)
-        self.here = self.engine.row(float(times[0]))
-        self.table = np.zeros((len(times), len(self.here)))
-        self.table[0], self.ended = self.here, self.table[:0]
+        self.state = self.engine.row(float(times[0]))
+        self.table = np.zeros((len(times), len(self.state)))
+        self.table[0], self.ended = self.state, self.table[:0]
 
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
@@ -114,7 +114,7 @@ class Run(RunCurve):
         finally:  # for readers there are no change points
             self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN], self.ended = -math.inf, self.table[:0]
             if not self.pieces:
-                self.pieces.append((np.vstack([self.here, self.here]), self.engine.choice))
+                self.pieces.append((np.vstack([self.state, self.state]), self.engine.choice))
 
     def _integrated(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         # Bounds by the largest values so far are updated after every piece.
@@ -129,21 +129,21 @@ class Run(RunCurve):
             most = max(1, min(growth * most, _WORK // max(1, self.engine.size)))
             if ended not in (codes.DONE, codes.PAUSED) and not self._turned():
                 outcome, words = self._held() or self._reason(ended) or _ENDED[ended]
-                said = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
-                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + said
+                more = f"; constraints of {', '.join(self.twice)} and others are redundant there" if self.twice else ""
+                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s") + more
             if self._is_in_doubt() and not self._agrees():
                 outcome, words = _ENDED[codes.PARADOX]
-                return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
+                return outcome, words.format(at=f"t = {self.state[0]:.6g} s")
             misfit = self._misfit()
             if misfit:
                 return Outcome.SINGULAR, misfit
             tried = int(self.counts[0] + self.counts[1])
             since = tried if self.filled > before else since
             if tried - since > _PATIENCE:
-                said = f"{_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next stored"
-                return Outcome.STUCK, f"{said} instant: the motion is too fast"
+                message = f"{_PATIENCE:,} steps after t = {self.times[self.filled]:.6g} s do not reach the next stored"
+                return Outcome.STUCK, f"{message} instant: the motion is too fast"
             if progress is not None:
-                came = max(self.times[self.filled], self.here[0])
+                came = max(self.times[self.filled], self.state[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
             if self.limited:
                 self._keep_pace()
@@ -153,7 +153,7 @@ class Run(RunCurve):
 
     def _keep_pace(self) -> None:
         """Raise SceneError if the work so far shows that the run takes too long."""
-        t, done, duration, stalled = float(self.here[0]), self.evaluations, float(np.ptp(self.times)), False
+        t, done, duration, stalled = float(self.state[0]), self.evaluations, float(np.ptp(self.times)), False
         if done - self.seen[0] > _WINDOW:
             stalled, self.seen = t - self.seen[1] < _STALLED * duration, (done, t)
         if stalled or done > _MOST:
@@ -170,7 +170,7 @@ class Run(RunCurve):
     def _reason(self, ended: int) -> tuple[Outcome, str] | None:
         """Outcome if bushings turn too far, the damping of bristles exceeds the force that their contact can give, or,
         in space, the last state is singular or steps become too short; None otherwise."""
-        engine, stuck = self.engine, f"the motion can't continue after t = {self.here[0]:.6g} s"
+        engine, stuck = self.engine, f"the motion can't continue after t = {self.state[0]:.6g} s"
         if engine.in_space and (far := overturned(self.system.mechanism, engine.work.springs)):  # in the last attempt
             return Outcome.STUCK, f"{stuck}: {far[1]}. Limit the rotation, or use loads with laws"
         if ended == codes.TOO_SMALL and (bristles := self._bristles()):
@@ -179,7 +179,7 @@ class Run(RunCurve):
             return None
         advice = f". {BENT_FAR}" if engine.shapes.any() else ""
         try:
-            self.system.project(float(self.here[0]), *engine.state_of(self.here), engine.choice)
+            self.system.project(float(self.state[0]), *engine.state_of(self.state), engine.choice)
         except ArithmeticError as reason:
             return Outcome.SINGULAR, f"{stuck}: {reason}{advice}"
         return (Outcome.STUCK, f"{stuck}: the step size tends to zero{advice}") if ended == codes.TOO_SMALL else None
@@ -187,7 +187,7 @@ class Run(RunCurve):
     def _bristles(self) -> str:
         """Message about damping of bristles that exceeds the sliding friction; empty otherwise."""
         frictions = list(self.system.mechanism.frictions.items())
-        states = self.engine.instants(self.system.unfold(self.here[None])).touching[0]
+        states = self.engine.instants(self.system.unfold(self.state[None])).touching[0]
         states = states[len(self.engine.holds) - len(frictions) :]
         for (name, own), (_, speed, _, pressed, *_) in zip(frictions, states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
@@ -205,8 +205,8 @@ class Run(RunCurve):
         rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
         if np.count_nonzero(engine.tables.plan[first : first + engine.count(at.KEPT)] < rows) == rows:
             return ""
-        t = float(self.here[0])
-        engine.stand(self.here)
+        t = float(self.state[0])
+        engine.set_row(self.state)
         apart = abs(engine.openings(t)[:rows]) / engine.work.row_measure
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
@@ -228,14 +228,14 @@ class Run(RunCurve):
 
     def _agrees(self) -> bool:
         """True if friction is consistent with its reactions at the current state."""
-        self.engine.stand(self.here)
-        agrees = self.engine.project(float(self.here[0]))
-        self.engine.stand(self.here)
+        self.engine.set_row(self.state)
+        agrees = self.engine.project(float(self.state[0]))
+        self.engine.set_row(self.state)
         return agrees
 
     def _turned(self) -> bool:
         """True if the integration can continue with other dependent coordinates."""
-        if not self._chosen_anew() or not self.engine.project(float(self.here[0])):
+        if not self._chosen_anew() or not self.engine.project(float(self.state[0])):
             return False
         self.step, self.length = first_step(self.engine.motion[2], self.bounds.scale, self.longest), 0.0
         return True
@@ -246,27 +246,27 @@ class Run(RunCurve):
         As many rows are kept: near a singular position fewer would leave a freedom open.
         """
         engine, before = self.engine, self.engine.choice
-        engine.stand(self.here)
-        engine.choose(float(self.here[0]))
+        engine.set_row(self.state)
+        engine.choose(float(self.state[0]))
         choice, other = engine.choice, engine.choice.rows.tolist() != before.rows.tolist()
         if choice.differs(before) and len(choice.rows) == len(before.rows) and (not other or self._projected()):
             return True
         engine.choose_speeds(before)
-        engine.stand(self.here)
+        engine.set_row(self.state)
         return False
 
     def _collocation(self, rows: slice, most: int) -> int:
-        self.bounds.update(np.vstack([self.table[max(0, self.filled - _PIECE) : self.filled + 1], self.here]))
-        before, choice, most = self.here.copy(), self.engine.choice, min(most, PATIENT) if self.patient else most
+        self.bounds.update(np.vstack([self.table[max(0, self.filled - _PIECE) : self.filled + 1], self.state]))
+        before, choice, most = self.state.copy(), self.engine.choice, min(most, PATIENT) if self.patient else most
         control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient, self.sloped])
         given = self.given
         if len(given):
-            given = given[slice(*np.searchsorted(given, (self.here[0], self.times[rows][-1]), side="right"))]
+            given = given[slice(*np.searchsorted(given, (self.state[0], self.times[rows][-1]), side="right"))]
         if len(self.ended) < 2 * (int(most) + 1):
             self.ended = np.zeros((2 * (int(most) + 1), len(before)))
         method = TABLES["radau" if self.sloped == codes.DAMPED else self.method.integrator]
         ended = self.engine.integrate(
-            method, control, self.here, given, self.times[rows], self.table[rows], self.counts, self.ended
+            method, control, self.state, given, self.times[rows], self.table[rows], self.counts, self.ended
         )
         if control[4]:
             self.pieces.append((np.vstack([before, self.ended[: int(control[4])]]), choice))
@@ -286,24 +286,24 @@ class Run(RunCurve):
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
         """Part of the run up to stored instant k, where it left its branch."""
-        self.filled, self.here = k, self.table[k].copy()
+        self.filled, self.state = k, self.table[k].copy()
         self.impacts = tuple(impact for impact in self.impacts if impact.begin <= self.times[k])
         return self.trajectory(self.table[: k + 1], Outcome.SINGULAR, message, found.ns_per_step)
 
     def _rest(self) -> bool:
         """Continue after a change of resting contacts, with other dependent coordinates; False: singular."""
-        self.engine.stand(self.here)
-        self.engine.choose(float(self.here[0]))
+        self.engine.set_row(self.state)
+        self.engine.choose(float(self.state[0]))
         return self._projected()
 
     def _projected(self) -> bool:
         """Continue from the current state, with the reactions of the kept rows; False: singular."""
-        t, works = float(self.here[0]), self.engine.count(at.WORKS)
+        t, works = float(self.state[0]), self.engine.count(at.WORKS)
         if not self.engine.project(t):
             return False
-        self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
+        self.state[:-works], self.length = self.engine.row(t)[:-works], 0.0
         if self.table[self.filled, 0] == t:
-            self.table[self.filled] = self.here
+            self.table[self.filled] = self.state
         return True
 
     def trajectory(
@@ -312,10 +312,10 @@ class Run(RunCurve):
         """The rows as motion of the bodies."""
         engine, record = self.engine, self.system.unfold(rows)
         if self.touching:
-            self.system.unfold(self.here[None])
+            self.system.unfold(self.state[None])
         held = len(engine.holds)
         jams = engine.holds[held - len(self.system.mechanism.frictions) : held, at.JAMS].copy()
-        happened = self.impacts + results.lasting(self.touching, engine, self.here)
+        happened = self.impacts + results.lasting(self.touching, engine, self.state)
         energy, contacts, frictions = self.moved(rows, record, happened, jams)
         return CoupledTrajectory(
             rows, record, self.system.record, energy, int(self.counts[0]), int(self.counts[1]), outcome, message, ns,

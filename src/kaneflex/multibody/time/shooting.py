@@ -242,8 +242,8 @@ class Cycles:
             off = abs(np.diff(moduli[-3:])).max(initial=_ROUNDED) if len(moduli) > 2 else math.inf
             if moduli[-1] < _DIES:
                 return found, 0.0
-            told = abs(moduli[-1] - 1.0) > 4.0 * off or off < _EXACT
-            if told or 2 * pieces > _MOST:
+            is_clear = abs(moduli[-1] - 1.0) > 4.0 * off or off < _EXACT
+            if is_clear or 2 * pieces > _MOST:
                 return found, off
             pieces *= 2
 

@@ -133,7 +133,7 @@ class SpatialKinematics(RigidKinematics):
         """Fill in coordinates of joints that close loops, with turns counted from the start."""
         for name in self.module.closing:
             if name not in self._turning:
-                motion.values[:, self.column[f"{name}.angle"]] = self._stands(name, motion)[0]
+                motion.values[:, self.column[f"{name}.angle"]] = self._closed_coordinate(name, motion)[0]
         if self._turning:
             columns = [self.column[f"{name}.angle"] for name in self._turning]
             motion.values[:, columns] = self._counts.over(motion.times, *self._angles(motion))
@@ -155,7 +155,7 @@ class SpatialKinematics(RigidKinematics):
 
     def _angles(self, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
         """Angles of these, from -pi to pi, and their rates, (n_times, n)."""
-        angles, rates = zip(*(self._stands(name, motion) for name in self._turning), strict=True)
+        angles, rates = zip(*(self._closed_coordinate(name, motion) for name in self._turning), strict=True)
         return np.array(angles).T, np.array(rates).T
 
     @cached_property
@@ -176,7 +176,7 @@ class SpatialKinematics(RigidKinematics):
         return {name: (float(motion[f"{name}.angle"][0]), rate)
                 for name, rate in zip(self._turning, rates, strict=True)}  # fmt: skip
 
-    def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
+    def _closed_coordinate(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
         """Coordinate of a joint from its bodies' positions, an angle from -pi to pi, and its rate; a ball has none."""
         from scipy.spatial.transform import Rotation
 
@@ -205,7 +205,7 @@ class SpatialKinematics(RigidKinematics):
         from scipy.interpolate import CubicSpline
 
         system, out = self.module.system, np.full((len(times), len(self.column)), np.nan)
-        joints = np.array([seen[f"{name}.angle"] for name in system.told_joints]).reshape(-1, len(seen.times))
+        joints = np.array([seen[f"{name}.angle"] for name in system.scalar_joints]).reshape(-1, len(seen.times))
         curve = CubicSpline(seen.times, joints, axis=1)
         coordinates, speeds = curve(times).T, curve(times, 1).T
         columns = [self.column[name] for name in system.mechanism.loads]
@@ -213,7 +213,7 @@ class SpatialKinematics(RigidKinematics):
         return SpatialMotion(self, times, out)
 
     @property
-    def bare(self) -> SpatialKinematics:
+    def rigid_only(self) -> SpatialKinematics:
         """Motion without the scalars for elastic bodies."""
         module = replace(self.module, more=(), open_reactions=frozenset())
         return SpatialKinematics(module, self.parameters, self.curve)
@@ -329,9 +329,10 @@ def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
         return []
     rows = motion.curve.rows(times)
     values = least_singular_values(system, system.engine.instants(rows).q, system.engine.open_speeds)
-    at = motion.bare.at(times[[values.argmin()]])
-    told = {name: float(at[f"{name}.angle"][0]) for name in system.mechanism.drives if f"{name}.angle" in motion.column}
-    return [Closing(", ".join(system.layout.cuts), False, values, system.mechanism.written(told))]
+    at = motion.rigid_only.at(times[[values.argmin()]])
+    drives = (name for name in system.mechanism.drives if f"{name}.angle" in motion.column)
+    places = {name: float(at[f"{name}.angle"][0]) for name in drives}
+    return [Closing(", ".join(system.layout.cuts), False, values, system.mechanism.written(places))]
 
 
 class Counts:

@@ -52,13 +52,13 @@ def shares(table, i, last):
 
 
 @njit(**OPTIONS)
-def between(m, table, t, h, here, x):
+def between(m, table, t, h, state, x):
     """Evaluate the step's polynomial after a share x of the step; False: a loop doesn't close."""
     apart()
     plan, w, c, n = m.plan, m.w, table.nodes, m.plan[COORDINATES]
     a_1, of = table.a_1, plan[STAGE_A]
     for k in range(n):
-        v_0 = here[1 + n + k]
+        v_0 = state[1 + n + k]
         y, v, a = 0.0, 0.0, 0.0
         for i in range(3):
             other, third = c[(i + 1) % 3], c[(i + 2) % 3]
@@ -70,7 +70,7 @@ def between(m, table, t, h, here, x):
             y += part * rate
             v += part * w[of + n * i + k]
             a += (x - other) * (x - third) * scale * w[of + n * i + k]
-        m.y[k], m.u[k], m.du[k] = here[1 + k] + h * y, v_0 + h * v, a
+        m.y[k], m.u[k], m.du[k] = state[1 + k] + h * y, v_0 + h * v, a
     if not follow(m, t + x * h):
         return False
     meet_all(m, t + x * h)
@@ -122,7 +122,7 @@ def slowing(m, n):
 
 
 @njit(**OPTIONS)
-def dips(m, table, t, h, here, c, i, last):
+def dips(m, table, t, h, state, c, i, last):
     """Share of a step between its nodes i and i + 1 at which an open contact's gap dips below zero; else NEVER."""
     apart()
     w, k = m.w, at(m, c)
@@ -140,7 +140,7 @@ def dips(m, table, t, h, here, c, i, last):
         if least > 0.1 * (larger(p_0, p_1) - least) + tiny:
             return NEVER
         x = x_a + s * wide
-        if not between(m, table, t, h, here, x):
+        if not between(m, table, t, h, state, x):
             return NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if c < 0:

@@ -218,7 +218,7 @@ class RunCurve(Curve):
     """Motion of a run, in the plane or in space, at any of its instants.
 
     ``pieces``: for each call of compiled code rows at its first instant, at the ends of its steps and after changes of
-    contacts and frictions, and its choice of speeds; ``times``: stored instants [s]; ``here``: last row; ``counts``:
+    contacts and frictions, and its choice of speeds; ``times``: stored instants [s]; ``state``: last row; ``counts``:
     accepted and rejected steps, Newton iterations and factorisations; ``stored``: energies of contacts and frictions at
     the start.
     """
@@ -228,7 +228,7 @@ class RunCurve(Curve):
     engine: Engine
     pieces: list[tuple[np.ndarray, Choice]]
     times: np.ndarray
-    here: np.ndarray
+    state: np.ndarray
     counts: np.ndarray
     stored: np.ndarray
 
@@ -266,7 +266,7 @@ class RunCurve(Curve):
 
     def read(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows near the states at ``times`` [s], which are in their order, and their records."""
-        engine, steps, parts = self.engine, self._steps_of(times), [self.here[None, :][:0]]
+        engine, steps, parts = self.engine, self._steps_of(times), [self.state[None, :][:0]]
         records = [np.zeros((0, len(engine.work.kept)))]
         for k in np.unique(steps):
             parts.append(self._curves[k](times[steps == k]))
@@ -292,7 +292,7 @@ class RunCurve(Curve):
         end of one that stopped early."""
         for t in times[times < self.start.t].tolist():
             raise SceneError("t", t, f"the run starts at {self.start.t:.6g} s", "Choose an instant of the run")
-        end, ends = float(self.here[0]), [rows[-1, 0] for rows, _ in self.pieces]
+        end, ends = float(self.state[0]), [rows[-1, 0] for rows, _ in self.pieces]
         for t in times[times > end].tolist() if end < self.times[-1] else ():
             raise SceneError("t", t, f"the run stopped at {end:.6g} s", "Choose an instant of the run")
         return np.minimum(np.searchsorted(ends, times, side="right"), len(self.pieces) - 1)

@@ -97,7 +97,7 @@ def _rows_now(m):
 @of_holds(0)
 @njit(**OPTIONS)
 def rows_of_step(m, first, h, state):
-    """Add frictions to the rows of a step's factors, with the state halfway from ``here``, after ``first`` others;
+    """Add frictions to the rows of a step's factors, halfway through the step from ``state``, after ``first`` others;
     returns their number."""
     apart()
     plan, w, found = m.plan, m.w, 0

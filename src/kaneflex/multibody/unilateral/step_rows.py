@@ -163,7 +163,7 @@ def resist_defect(m, step, A, answer):
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
-def error_of_gaps(m, table, h, here, step, A, answer):
+def error_of_gaps(m, table, h, state, step, A, answer):
     """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
     acceleration in errors allowed: of bristles a share of the deflection before slip."""
     apart()
@@ -177,7 +177,7 @@ def error_of_gaps(m, table, h, here, step, A, answer):
             largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
             continue
         error -= 16.0 * EPS * size_of(m, n, 0) / h
-        largest = larger(largest, _bristle_error(m, n, table, h, here, step, error))
+        largest = larger(largest, _bristle_error(m, n, table, h, state, step, error))
     return largest
 
 
@@ -191,13 +191,13 @@ def _bristle_slope(m, n, step):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def _bristle_error(m, n, table, h, here, step, error):
+def _bristle_error(m, n, table, h, state, step, error):
     """Error of the bristles' deflection as a share of its largest, by that of the slip's acceleration; 0 of other
     rows."""
     w, k, j = m.w, at(m, n), law_at(m, n)
     if w[k + MODE] != BENDING:
         return 0.0
-    own = lugre.turned(table, h, step, w, k, j, here[memory_place(m, n)])
+    own = lugre.turned(table, h, step, w, k, j, state[memory_place(m, n)])
     return (error * lugre.minds(w, k, j, step) + own / (0.5 * h * h)) / w[m.plan[TOUCH] + PRECISION]
 
 
