@@ -4,7 +4,7 @@
 .PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice docs wheel lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer,cluster,docs,bench installs more beside what the tests need; without it the tests of it skip and
+# EXTRAS=test,peer,docs,bench installs more beside what the tests need; without it the tests of it skip and
 # say so, and the benchmarks name what is missing. What only runs scenes installs none of it.
 EXTRAS ?= test
 BUILD := .build

@@ -13,7 +13,7 @@ import matplotlib
 import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
-EXTRAS = {"exudyn": "peer", "distributed": "cluster", "meshio": "vtk", "playwright": "browser",
+EXTRAS = {"exudyn": "peer", "meshio": "vtk", "playwright": "browser",
           "skfem": "test", "pyyeti": "nastran", "pymoca": "test",
           "fmpy": "test"}  # fmt: skip
 """Which extra of the package brings what some tests need."""

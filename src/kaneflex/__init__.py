@@ -40,7 +40,6 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
     from kaneflex.solve.simulation import simulate as simulate
     from kaneflex.solve.solution import Solution as Solution
     from kaneflex.solve.statespace import StateSpace as StateSpace
-    from kaneflex.study.cluster import on_cluster as on_cluster
     from kaneflex.study.comparison import Comparison as Comparison
     from kaneflex.study.comparison import compare as compare
     from kaneflex.study.sensitivity.report import Sensitivities as Sensitivities

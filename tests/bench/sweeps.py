@@ -6,22 +6,20 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 
 from bench import cycles
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex import in_processes, load, on_cluster, simulate
+from kaneflex import in_processes, load, simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import solve_points
 from kaneflex.study.sweep import Solver
 
 TITLE = "Sweeps"
 ABOUT = f"""\
-Times are per point of a sweep of the engine over its speed, with 6 coordinates and 720 instants per cycle. Dask's
-workers are on the same machine. *Solving alone* is `simulate` with a loaded model. Ratios are to one process.
+Times are per point of a sweep of the engine over its speed, with 6 coordinates and 720 instants per cycle. *Solving
+alone* is `simulate` with a loaded model. Ratios are to one process.
 
 {cycles.ABOUT}"""
 STUDY = """scene = "engine"
@@ -33,14 +31,14 @@ settings = ["solve.modes=5", "solve.steps=720"]
 POINTS, ROUNDS, BUDGET = 480, 5, 60.0
 WARM = POINTS // 4
 """Points before the clock starts."""
-TWO_CORES, DASK = Target(1 / 1.8, 0.5), Target(1.1, 1.0)
+TWO_CORES = Target(1 / 1.8, 0.5)
 _AT_ONCE = 2e-3
 """Seconds between results of one chunk, at most."""
 
 
 def rows() -> Iterator[Row]:
     cores = os.cpu_count() or 1
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "speeds.toml"
         path.write_text(STUDY.format(count=POINTS))
         plan = make_plan(path)
@@ -48,23 +46,12 @@ def rows() -> Iterator[Row]:
         timed = {"one process": lambda: seconds_a_point(plan, solve_points)}
         if cores > 1:
             timed[f"{cores} processes"] = lambda: seconds_a_point(plan, in_processes(cores))
-        if cores > 1 and find_spec("distributed"):
-            from distributed import LocalCluster
-
-            cluster = stack.enter_context(LocalCluster(n_workers=cores, threads_per_worker=1, dashboard_address=None))
-            address = cluster.scheduler_address
-            timed[f"{cores} Dask workers"] = lambda: seconds_a_point(plan, on_cluster(address))
         timed["solving alone"] = lambda: simulate(model).seconds
         race = interleave(timed, ROUNDS, BUDGET)
     for name in race:
         rate = f"{1.0 / race[name].median:.0f} a second"
         target = TWO_CORES if name == "2 processes" else None
         yield Row("a point", name, race[name], race.ratio(name, "one process"), target, differs=rate)
-    dask, about = f"{cores} Dask workers", "ratio to as many processes"
-    if dask in timed:
-        yield Row("a point", dask, race[dask], race.ratio(dask, f"{cores} processes"), DASK, differs=about)
-    elif cores > 1:
-        yield Row("a point", dask, None, missing="distributed is not installed")
     yield from cycles.rows()
 
 

@@ -44,4 +44,4 @@ def test_the_table_has_every_key():
 
 def test_options_and_links_of_the_page_are_there():
     shown = cli("sweep", "--help").stdout
-    assert all(option in shown for option in set(re.findall(r"--(?:workers|scheduler|format|force)", TEXT)))
+    assert all(option in shown for option in set(re.findall(r"--(?:workers|format|force)", TEXT)))

@@ -13,9 +13,8 @@ from places import DATA, ROOT
 
 HERE = ROOT
 PROJECT = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-USERS = ("tables", "peer", "cluster", "nastran", "vtk")
+USERS = ("tables", "peer", "nastran", "vtk")
 """Extras for users; the others are for building, testing and measuring kaneflex."""
-IMPORTED = {"distributed": "dask"}
 WITHOUT = """
 import sys
 
@@ -47,8 +46,7 @@ def names(requirements: list[str]) -> set[str]:
 
 def without_extras(folder: Path, code: str) -> str:
     """What a program prints that runs where no package of an extra for users can be imported."""
-    missing = {name for extra in USERS for name in names(PROJECT["optional-dependencies"][extra])}
-    missing = {IMPORTED.get(name, name) for name in missing} | {"distributed", "rich"}
+    missing = {"rich", *(name for extra in USERS for name in names(PROJECT["optional-dependencies"][extra]))}
     program = WITHOUT.format(blocked=missing) + code
     done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -99,8 +97,7 @@ told(lambda: solution.to_dataframe())
 finished = k.sweep("study.toml", "swept")
 print(finished.total, finished.failures)
 told(lambda: finished.dataset)
-for each in (["run", "engine", "--vtk", "-o", "v"], ["compare", "engine", "--with", "exudyn", "-o", "c"],
-             ["sweep", "study.toml", "--scheduler", "tcp://localhost:1", "-o", "d"]):
+for each in (["run", "engine", "--vtk", "-o", "v"], ["compare", "engine", "--with", "exudyn", "-o", "c"]):
     kaneflex(*each)
 print("code", kaneflex("sweep", "study.toml", "-o", "pictured"))
 """)
@@ -110,14 +107,13 @@ print("code", kaneflex("sweep", "study.toml", "-o", "pictured"))
         "2 {}", f"dataset: xarray {tables}.",
         '--vtk: meshio is not installed. Run: pip install "kaneflex[vtk]", or leave it out.',
         "--with = 'exudyn': the package exudyn is not installed. Run: pip install \"kaneflex[peer]\".",
-        "--scheduler = 'tcp://localhost:1': distributed is not installed. Run: pip install \"kaneflex[cluster]\".",
     ]  # fmt: skip
     shown = said.splitlines()
     for line in expected:
         assert any(line in each for each in shown), (line, said)
     assert "code 0" in shown and (tmp_path / "pictured" / "sweep.png").is_file()
     assert "nothing was said" not in shown and "Traceback" not in said
-    assert not any((tmp_path / name).exists() for name in "svmcd")
+    assert not any((tmp_path / name).exists() for name in "svmc")
 
 
 @pytest.mark.parametrize("extra", USERS)

@@ -108,7 +108,7 @@ def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     used -= {*sys.stdlib_module_names, "kaneflex"}
     extras = PYPROJECT["project"]["optional-dependencies"]
     entries = [*PYPROJECT["project"]["dependencies"]]
-    imported = ("tables", "cluster", "vtk", "nastran")
+    imported = ("tables", "vtk", "nastran")
     entries += [entry for extra in imported for entry in extras[extra]]
     declared = {re.split(r"[^\w-]", entry)[0].replace("-", "_") for entry in entries}
     brought = {"PIL": "pillow", "mpl_toolkits": "matplotlib", "pydantic_core": "pydantic"}
@@ -124,7 +124,7 @@ def test_import_kaneflex_is_light(tmp_path):
 def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """A run of the engine, results written, leaves out what other scenes, commands and files need."""
     scipy = [f"scipy.{name}" for name in ("io", "linalg", "optimize", "sparse", "special", "stats")]
-    others = ("pandas", "dask", "distributed", "exudyn", "meshio")
+    others = ("pandas", "exudyn", "meshio")
     others += ("kaneflex.multibody.time.collocation", "kaneflex.plots", "kaneflex.study.plan", "kaneflex.study.records")
     code = f"""
 import sys

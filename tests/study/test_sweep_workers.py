@@ -1,4 +1,4 @@
-"""Sweeps point by point, in chunks, on several workers and on a Dask cluster: the same dataset bit for bit."""
+"""Sweeps point by point, in chunks and in several processes: the same dataset bit for bit."""
 
 import os
 import signal
@@ -6,19 +6,17 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
-from command_line import cli, refused
-from machines import pendulum
+from command_line import cli
 from studies import dataset, plan_of, swept_in
 
-from kaneflex import SceneError, in_processes, sweep
+from kaneflex import in_processes, sweep
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.solve import variants
 from kaneflex.solve.loading import load
@@ -145,146 +143,6 @@ def test_a_point_that_kills_its_workers_is_given_up_and_its_neighbours_are_not(s
     assert sorted(found) == list(range(20))
     assert [(point, record.reason) for point, record in found.items() if record.outcome == "failed"] == [(7, DIED)]
     assert set(pool.solved.values()) == {1} and len(pool.solved) == 17
-
-
-SCENE = pendulum(
-    'length = "100 mm", mass = "1 kg", centre = ["15 mm", "1 mm"]', 'speed = "6000 rpm", cycle = "720 deg"',
-    "arm", "main",
-    loads="""
-push = {force_on = "arm.end", direction = [-1, 0], table = "weak.csv", against = "main", period = "720 deg"}""",
-    sensors='torque = {drive_torque = "main"}\nbearing = {joint_force = "main", component = "x"}',
-)
-"""Of a structure that no shipped module serves."""
-TABLES = """
-scene = "own.toml"
-settings = ["solve.preset=rigid", "solve.steps=36"]
-
-[parameters]
-"drives.main.speed" = {from = "1000 rpm", to = "6000 rpm", count = 30}
-"loads.push.table" = ["weak.csv", "strong.csv"]
-"""
-PATIENCE = 60.0
-
-
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory) -> Iterator[Plan]:
-    folder = tmp_path_factory.mktemp("study")
-    (folder / "own.toml").write_text(SCENE)
-    for name, force in (("weak.csv", 1), ("strong.csv", 900)):
-        rows = "".join(f"{angle},{force}\n" for angle in range(0, 721, 180))
-        (folder / name).write_text("angle_deg,F_gas_N\n" + rows)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        yield plan_of(folder, TABLES)
-
-
-def until(condition: Callable[[], object]) -> object:
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        found = condition()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise TimeoutError
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
-    """Address of a scheduler, its process and those of two workers, and the cache that these have for themselves."""
-    peer("distributed")
-    folder = tmp_path_factory.mktemp("cluster")
-    file = folder / "scheduler.json"
-    environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
-
-    def start(what: str, *arguments: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", f"distributed.cli.{what}", "--scheduler-file", str(file), *arguments]
-        log = (folder / f"{what}.log").open("ab")
-        return subprocess.Popen(command, env=environment, cwd=folder, stdout=log, stderr=log)
-
-    processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
-    try:
-        until(file.exists)
-        single = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
-        processes += [start("dask_worker", *single) for _ in range(2)]
-        from distributed import Client
-
-        with Client(scheduler_file=str(file), set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=PATIENCE)
-            address = client.scheduler.address
-        yield address, processes, folder / "cache"
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
-def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one_process(tmp_path, plan, cluster):
-    from kaneflex.study.cluster import on_cluster
-
-    address, (_, *workers), cache = cluster
-    killed = []
-
-    tables = [Path(name) for name in plan.files]
-
-    def kill(progress):
-        if progress.now == 1:  # the one that is solved here: workers have only what was sent to them
-            for table in tables:
-                table.rename(table.with_suffix(".away"))
-        if progress.now >= 6 and not killed:
-            workers[0].send_signal(signal.SIGKILL)
-            killed.append(workers[0].wait())
-
-    finished = sweep(plan, tmp_path / "there", on_cluster(address), kill)
-    assert killed == [-signal.SIGKILL] and finished.failures == {} and finished.total == 60
-    for table in tables:
-        table.with_suffix(".away").rename(table)
-    sweep(plan, tmp_path / "here")
-    there, here = dataset(tmp_path / "there"), dataset(tmp_path / "here")
-    for name in here.data_vars:
-        assert (there[name].values == here[name].values).all(), name
-    assert set(there.data_vars) == set(here.data_vars) and there["point"].values.tolist() == list(range(60))
-    assert len(list(cache.rglob("format-*/*.py"))) == 1  # the module, by its hash
-    assert {path.name for path in cache.rglob("files/*/*.csv")} >= {"weak.csv", "strong.csv"}
-
-
-def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, monkeypatch):
-    from kaneflex.study import cluster as ours
-
-    monkeypatch.setattr(workers, "_maker", lambda: "9.9 format-0")
-    with pytest.raises(SceneError, match=r"it has kaneflex \d.*, not 9\.9 format-0.*Install the same kaneflex"):
-        sweep(plan, tmp_path / "out", ours.on_cluster(cluster[0]))
-    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 1  # what was solved here is kept
-
-
-def test_a_killed_scheduler_is_named_and_what_is_solved_is_kept(tmp_path, plan, cluster, monkeypatch):
-    """The last test of the cluster."""
-    from kaneflex.study import cluster as ours
-
-    monkeypatch.setattr(ours, "_CONNECTING", 3.0)  # seconds for which Dask tries to find it again
-    address, (scheduler, *_), _ = cluster
-
-    def kill(progress):
-        if progress.now >= 4 and scheduler.poll() is None:
-            scheduler.kill()
-            scheduler.wait()
-
-    began = time.monotonic()
-    with pytest.raises(SceneError, match=r"^--scheduler = .*: the connection .* is lost.*repeat the command"):
-        sweep(plan, tmp_path / "out", ours.on_cluster(address), kill)
-    assert time.monotonic() - began < PATIENCE
-    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) >= 4
-
-
-def test_where_no_scheduler_answers(tmp_path, plan, peer, monkeypatch):
-    peer("distributed")
-    from kaneflex.study import cluster
-
-    monkeypatch.setattr(cluster, "_CONNECTING", 0.2)
-    (tmp_path / "study.toml").write_text('scene = "engine"\n[parameters]\n"rod.length" = ["137 mm"]\n')
-    address = "tcp://127.0.0.1:1"
-    refused(cli("sweep", tmp_path / "study.toml", "--scheduler", address), "--scheduler", "no scheduler answers")
-    both = cli("sweep", tmp_path / "study.toml", "--scheduler", address, "--workers", 2)
-    refused(both, "--workers = 2", "its own workers")
 
 
 POINTS = """

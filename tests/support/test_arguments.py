@@ -50,7 +50,6 @@ WRONG = [
     ("load", ("scene", print, "scene"), " takes a Model as like, not Scene"),
     ("modes", (4,), SCENE + f"int: {READ}"),
     ("modes", ("scene", "4"), " takes a whole number as count, not str"),
-    ("on_cluster", (8786,), " takes a text, not int: write it in quotes"),
     ("read_scene", (5,), f" takes a path, not int: {PATH}"),
     ("read_scene", ("scene",), " takes a path, not Scene"),
     ("read_state", ("solution",), f" takes a path, not Solution: {PATH}"),

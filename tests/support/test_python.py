@@ -205,4 +205,4 @@ def test_the_page_names_what_there_is():
     verbs = set(re.findall(r"`(\w+)`", column))
     functions = {name for name in kaneflex.__all__ if name[0].islower()}
     assert verbs <= functions
-    assert functions - verbs == {"checked", "in_processes", "on_cluster", "read_state", "shipped_scenes"}
+    assert functions - verbs == {"checked", "in_processes", "read_state", "shipped_scenes"}

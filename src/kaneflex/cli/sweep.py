@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import click
 
@@ -27,51 +27,22 @@ from kaneflex.cli.scene import (
     tolerance_option,
     tolerance_options,
 )
-from kaneflex.support.errors import SceneError
 from kaneflex.support.files import write_bytes
 from kaneflex.support.terminal import echo
 
 if TYPE_CHECKING:
     from kaneflex.study.plan import Plan
-    from kaneflex.study.sweep import Finished, Progress, Solver
+    from kaneflex.study.sweep import Finished, Progress
 
 _FAILURES_SHOWN = 5
 _QUIET = 2.0
 """Time between two progress lines [s]."""
 
 
-class Workers(NamedTuple):
-    """Processes on this machine, or those of a Dask scheduler; by default this process."""
-
-    workers: int | None = None
-    scheduler: str | None = None
-
-    @property
-    def solver(self) -> Solver:
-        if self.workers is not None and self.scheduler is not None:
-            cure = "Give one of the two"
-            raise SceneError("--workers", self.workers, "a Dask scheduler has its own workers", cure)
-        if self.scheduler is not None:
-            from kaneflex.study.cluster import on_cluster
-
-            return on_cluster(self.scheduler)
-        if self.workers is not None:
-            from kaneflex.study.workers import in_processes
-
-            return in_processes(self.workers)
-        from kaneflex.study.records import solve_points
-
-        return solve_points
-
-
 @command()
 @click.argument("name", metavar="STUDY.toml")
 @output_option("DIR", "Folder of the sweep. [default: STUDY-sweep]")
 @click.option("--workers", type=Count(min=1), help="Number of processes on this machine.")
-@click.option(
-    "--scheduler", metavar="ADDRESS",
-    help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Needs pip install "kaneflex[cluster]".',
-)  # fmt: skip
 @settings_option
 @preset_option
 @tolerance_options
@@ -80,11 +51,11 @@ class Workers(NamedTuple):
     help="Draw no pictures; they need xarray, and are left out without it.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Start again and replace the results of an earlier sweep.")
-@gathered(asked=SceneArguments, choosing=Choosing, on=Workers)
+@gathered(asked=SceneArguments, choosing=Choosing)
 @click.pass_context
 def sweep(
-    ctx: click.Context, asked: SceneArguments, choosing: Choosing, on: Workers, output: Path | None, plots: bool,
-    force: bool,
+    ctx: click.Context, asked: SceneArguments, choosing: Choosing, output: Path | None, workers: int | None,
+    plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many parameter values and write one labelled dataset.
 
@@ -99,11 +70,12 @@ def sweep(
       kaneflex sweep speeds.toml --workers 4 --set rod.elements=4
     """
     from kaneflex.study.plan import make_plan
+    from kaneflex.study.records import solve_points
     from kaneflex.study.sweep import sweep as go_through
+    from kaneflex.study.workers import in_processes
 
-    study = Path(asked.name)
+    study, solver = Path(asked.name), solve_points if workers is None else in_processes(workers)
     plan = make_plan(study, asked.changes)
-    solver = on.solver
     refuse_with_tolerance(choosing.tolerance, {"--preset": asked.preset, "poincare": plan.poincare})
     demand_tolerance(choosing.tolerance, {"--sensors": ",".join(choosing.sensors)})
     plan = plan if choosing.tolerance is None else _with_chosen_model(plan, choosing)

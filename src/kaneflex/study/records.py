@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -63,12 +62,6 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Generator[Record, None, N
         except Exception as error:  # an error of one point must not stop the others
             found = Record(point, FAILED, f"{type(error).__name__}: {error}")
         yield found
-
-
-def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
-    """Records of all points of a plan, and the seconds that they took."""
-    started = time.perf_counter()
-    return list(solve_points(plan, list(plan.points))), time.perf_counter() - started
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:

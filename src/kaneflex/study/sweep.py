@@ -100,8 +100,8 @@ def sweep(
     folder : path
         New or empty folder, or that of the same sweep.
     solver : Solver
-        Solves the points, by default in this process; others: :func:`kaneflex.in_processes`,
-        :func:`kaneflex.on_cluster`. The results don't depend on it.
+        Solves the points, by default in this process; in several: :func:`kaneflex.in_processes`. The results don't
+        depend on it.
     progress : callable, optional
         Called with a Progress at the start and after each point.
     force : bool

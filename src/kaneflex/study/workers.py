@@ -1,26 +1,22 @@
-"""Distribution of points over the workers of an executor in chunks of about a second, and processes of this machine."""
+"""Distribution of points over processes of this machine, in chunks of about a second."""
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from pathlib import Path
+from dataclasses import replace
 
-from kaneflex.scene import with_settings
-from kaneflex.study.plan import Plan, file_places, names_file, setting
-from kaneflex.study.records import FAILED, Record, solve_chunk, solve_points
+from kaneflex.study.plan import Plan, names_file
+from kaneflex.study.records import FAILED, Record, solve_points
 from kaneflex.study.study import Point, number_and_unit
 from kaneflex.support.arguments import takes
-from kaneflex.support.module_cache import cache_folder, keep, sources_digest
 
 SECONDS = 1.0
 """Target duration of a chunk: long compared with sending it, short compared with what an interruption loses."""
@@ -34,53 +30,7 @@ Answer = tuple[list[Record], float]
 
 
 class Lost(Exception):
-    """The worker of a chunk died."""
-
-
-@dataclass(frozen=True)
-class Sent:
-    """A plan without its points, as workers get it with every chunk: equal ones are unpacked once.
-
-    ``maker``: version and sources of the kaneflex that sends it.
-    """
-
-    digest: str
-    maker: str
-    plan: Plan = field(compare=False)
-
-
-class Pool:
-    """Chunks of a plan in an executor, which is started again after a worker's death has broken it.
-
-    ``workers``: how many chunks it solves at a time; ``died``: error of a chunk whose worker died.
-    """
-
-    workers: int = 1
-    died: type[Exception] = BrokenExecutor
-
-    def __init__(self, plan: Plan, files: Mapping[str, bytes], start: Callable[[], Executor]) -> None:
-        self._sent = Sent(plan.digest, _maker(), replace(plan, points={}, files=files))
-        self._start, self._executor = start, start()
-
-    def submit(self, points: Points) -> Future[Answer]:
-        """Begin a chunk."""
-        try:
-            return self._executor.submit(solve_sent, self._sent, points)
-        except BrokenExecutor:
-            self._executor.shutdown()
-            self._executor = self._start()
-            return self._executor.submit(solve_sent, self._sent, points)
-
-    def answer(self, future: Future[Answer]) -> Answer:
-        """Result of a finished chunk. Raises Lost if its worker died."""
-        try:
-            return future.result()
-        except self.died as error:
-            raise Lost from error
-
-    def close(self) -> None:
-        """Stop all work."""
-        self._executor.shutdown(cancel_futures=True)
+    """The process of a chunk died."""
 
 
 def first_of_each_kind(plan: Plan, todo: Sequence[int]) -> list[int]:
@@ -98,8 +48,8 @@ def _kind(path: str, value: object) -> object:
     return None if names_file(path) else value
 
 
-def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) -> Generator[Record, None, None]:
-    """Solve points on the workers of a pool.
+def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Processes]) -> Generator[Record, None, None]:
+    """Solve points in the processes of a pool.
 
     Points that may need other equations are solved here first: each is derived and compiled once, before workers start.
     """
@@ -115,7 +65,7 @@ def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) ->
         pool.close()
 
 
-def _through(plan: Plan, todo: Sequence[int], pool: Pool) -> Generator[Record, None, None]:
+def _through(plan: Plan, todo: Sequence[int], pool: Processes) -> Generator[Record, None, None]:
     queue = Queue(todo)
     waiting: dict[Future[Answer], tuple[int, ...]] = {}
     while queue or waiting:
@@ -190,18 +140,38 @@ def in_processes(workers: int) -> Callable[[Plan, Sequence[int]], Generator[Reco
     return solve
 
 
-class Processes(Pool):
-    """A pool of processes; the death of one of them ends all."""
+class Processes:
+    """Processes that solve chunks of a plan; the death of one ends all, and the next chunk starts them again."""
 
     def __init__(self, plan: Plan, workers: int) -> None:
-        self.workers = workers
+        self.workers, self._plan = workers, replace(plan, points={}, files={})
+        self._executor = self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
         # spawn: a fork of a process with threads can deadlock
         context = multiprocessing.get_context("spawn")
-        super().__init__(plan, {}, lambda: ProcessPoolExecutor(workers, context, initializer=_prepare))
+        return ProcessPoolExecutor(self.workers, context, initializer=_prepare, initargs=(self._plan,))
 
     def submit(self, points: Points) -> Future[Answer]:
+        """Begin a chunk."""
         with _one_thread():
-            return super().submit(points)
+            try:
+                return self._executor.submit(_solve, points)
+            except BrokenExecutor:
+                self._executor.shutdown()
+                self._executor = self._start()
+                return self._executor.submit(_solve, points)
+
+    def answer(self, future: Future[Answer]) -> Answer:
+        """Result of a finished chunk. Raises Lost if its process died."""
+        try:
+            return future.result()
+        except BrokenExecutor as error:
+            raise Lost from error
+
+    def close(self) -> None:
+        """Stop all work."""
+        self._executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -216,7 +186,13 @@ def _one_thread() -> Iterator[None]:
             del os.environ[name]
 
 
-def _prepare() -> None:
+_PLANS: list[Plan] = []
+"""Plan of this process, without points; its models are reused from chunk to chunk."""
+
+
+def _prepare(plan: Plan) -> None:
+    """Begin a process: keep its plan, and end with its parent."""
+    _PLANS.append(plan)
     # Ctrl-C goes to all processes of the terminal; only the main process, which keeps the journal, handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -228,32 +204,7 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def solve_sent(sent: Sent, points: Points) -> Answer:
-    """In a worker: solve a chunk. Raises RuntimeError if the worker has another kaneflex."""
-    plan, places = _unpacked(sent)
-    return solve_chunk(plan.with_points({
-        number: {path: places.get(value, value) if names_file(path) else value for path, value in point.items()}
-        for number, point in points.items()
-    }))  # fmt: skip
-
-
-@lru_cache(1)
-def _unpacked(sent: Sent) -> tuple[Plan, dict[str, str]]:
-    """The plan with its files in the worker's cache folder, and their places there."""
-    if _maker() != sent.maker:
-        raise RuntimeError(f"it has kaneflex {_maker()}, not {sent.maker}")
-    plan, places = sent.plan, dict[str, str]()
-    for name, data in plan.files.items():
-        place = cache_folder() / "files" / hashlib.sha256(data).hexdigest()[:16] / Path(name).name
-        if not place.exists() or place.read_bytes() != data:
-            keep(place, data)
-        places[name] = str(place)
-    own = [setting(key, places[file]) for key, file in file_places(plan.scene.raw).items() if file in places]
-    return replace(plan, scene=with_settings(plan.scene, own), files={}) if own else plan, places
-
-
-def _maker() -> str:
-    """Version of kaneflex and digest of its sources."""
-    import kaneflex
-
-    return f"{kaneflex.__version__} {sources_digest()}"
+def _solve(points: Points) -> Answer:
+    """Solve a chunk in this process."""
+    started = time.perf_counter()
+    return list(solve_points(_PLANS[0].with_points(points), list(points))), time.perf_counter() - started
