@@ -64,6 +64,15 @@ def test_module_runs_as_a_program(tmp_path):
     assert kaneflex.__version__ in shown.stdout
 
 
+@pytest.mark.parametrize("given", ["", "3"])
+def test_commands_use_one_thread_of_blas_unless_told_otherwise(tmp_path, given):
+    name = "OPENBLAS_NUM_THREADS"
+    environment = {key: value for key, value in os.environ.items() if key != name} | ({name: given} if given else {})
+    program = [sys.executable, "-c", f"import kaneflex.cli, os; print(os.environ[{name!r}])"]
+    shown = subprocess.run(program, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.strip() == (given or "1"), shown.stderr
+
+
 def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
     """No file may grow beyond 3 kB: the system refuses numba's cache as a full disk does."""
     kaneflex.load("spin-up")  # so that its module is derived

@@ -1,7 +1,12 @@
 """Command line: reads arguments and writes folders; the computation is elsewhere."""
 
+import os
 import sys
 from types import ModuleType
+
+# Before numpy is imported: matrices are small, so that further threads of BLAS wait, which takes processor time.
+for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 # Else pydantic imports thirty modules, those of email included, and looks through all installed packages for plugins.
 _no_plugins = ModuleType("pydantic.plugin._loader")
