@@ -10,7 +10,7 @@ from parity import compared, planar, random_turn
 from runs import alike, changes, solved
 from scipy.linalg import expm
 
-from kaneflex import SceneError, load, read_scene, scene_of, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.integrate.system import Outcome
 from kaneflex.study.sensitivity.report import check_differentiable
 
@@ -81,6 +81,21 @@ def test_a_jump_at_a_place_is_located(integrator, text):
         assert solution["x"].values == pytest.approx(np.clip(t - 0.3137, 0, None) ** 2, abs=1e-12)
         assert solution["angular"].values == pytest.approx(np.full(9, 12.0), abs=1e-12)
         assert switched(solution) == pytest.approx([0.1, 0.3137], abs=1e-14)
+
+
+@pytest.mark.parametrize("text", [WHEEL, WHEEL_IN_SPACE], ids=["plane", "space"])
+def test_a_jump_at_the_start_is_passed_in_every_run_and_where_one_continues(text):
+    """A torque of 3 N m for half a second of every second: runs of one model are alike, and the next second, where
+    sin(2 pi) is -2e-16, begins with it, too."""
+    scene = with_settings(scene_of(text), ["loads.torque.law=3*step(sin(2*pi*t))"])
+    model = load(scene)
+    for _ in range(50):
+        found = simulate(model)
+    for after in (found, simulate(load(scene), after=found)):
+        t, angle, speed = motion(after)
+        on = t // 1 * 0.5 + np.minimum(t % 1, 0.5)
+        assert speed == pytest.approx(10 + 3 / J * on, abs=1e-9)
+    assert angle[0] == pytest.approx(10 + 3 / J * (0.125 + 0.25), abs=1e-9)
 
 
 @METHODS

@@ -93,6 +93,9 @@ def _check(node: ast.expr, names: Collection[str]) -> None:
         case ast.Name(id=name):
             if name not in names:
                 raise Fault(f"unknown name {name!r}", nearest(name, names))
+        case ast.Attribute():  # like the path main.speed in place of main_speed
+            name = ast.unparse(node)
+            raise Fault(f"unknown name {name!r}", nearest(name.replace(".", "_"), names))
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             _check(operand, names)
         case ast.BinOp(op=op, left=left, right=right) if type(op) in BINARY:

@@ -268,10 +268,11 @@ def _pass_zero(m, t, A):
             k, j = at(m, n) if turn == 0 else meet(m, n), argument(m, n)
             if turn == 0:
                 w[k + PEAK] = w[k + GAP_RATE]
-                w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(m.sizes[j]) + ROUNDING * w[k + LARGEST])
                 if w[k + MEMORY] == STAYS:
-                    w[k + MEMORY] = ABOVE if m.sizes[j] > 0.0 or (m.sizes[j] == 0.0 and m.sizes[j + 1] > 0.0) else BELOW
+                    rate = m.sizes[j + 1]  # the sign of the value itself is rounding
+                    w[k + MEMORY] = ABOVE if (rate if abs(rate) > 0.0 else m.sizes[j]) > 0.0 else BELOW
                 else:
+                    w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(m.sizes[j]) + ROUNDING * w[k + LARGEST])
                     w[k + MEMORY] = -w[k + MEMORY]
             elif turn == 1 and w[k + GAP_RATE] < 0.0:
                 back += 1
