@@ -124,8 +124,10 @@ def _weigh(
     else:
         echo(text(found))
     echo(f"Written to {target.folder}", err=as_json)
-    for thing, reason in found.left_out.items():
-        echo(f"Left out: {thing}: {reason}", err=True)
+    for reason in dict.fromkeys(found.left_out.values()):
+        first, *others = [thing for thing, own in found.left_out.items() if own == reason]
+        more = f" and {len(others)} others" if len(others) > 1 else "".join(f"; {thing}" for thing in others)
+        echo(f"Left out: {first}{more}: {reason}", err=True)
 
 
 def trade_table(found: Trade) -> str:
