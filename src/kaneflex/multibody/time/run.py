@@ -88,10 +88,10 @@ class Run(RunCurve):
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
         engine, t = self.engine, float(self.times[0])
-        if len(engine.holds):
-            engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
-        if self.touching:
-            engine.take_impacts()
+        # nothing of an earlier run: its records decide what counts as zero
+        engine.rows[:], engine.numbers(at.TOUCH, at.SHARED)[at.FLIGHT :] = 0.0, 0.0
+        engine.holds[:, at.JAMS] = math.nan
+        engine.take_impacts()
         engine.set(start)
         if engine.in_space:
             engine.choose_speeds(start.choice)
