@@ -46,8 +46,9 @@ def through(interpolation, x, y):
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
-def test_every_interpolation_is_the_one_of_scipy(knots, interpolation):
-    x, y = knots
+@pytest.mark.parametrize("rows", [2, 3, 30])
+def test_every_interpolation_is_the_one_of_scipy(knots, rows, interpolation):
+    x, y = (each[:rows] for each in knots)
     block = Table(x, y).coefficients(None, interpolation)
     inside = np.linspace(x[0], x[-1], 501)
     assert evaluate_block(block, inside) == pytest.approx(through(interpolation, x, y)(inside), abs=1e-13)
@@ -238,7 +239,7 @@ GOOD = ["x,F", "0,1", "90,3", "180,5", "360,1"]
     ([], "t.csv is empty"),
     (["# only a comment"], "t.csv is empty"),
     (GOOD[1:], "t.csv has no header line"),
-    (GOOD[:4], "t.csv has 3 rows of numbers"),
+    (GOOD[:2], "t.csv has 1 row of numbers"),
     (["x", "1", "2", "3", "4"], "t.csv has one column"),
     ([line.replace(",", ";") for line in GOOD], "t.csv has one column"),
     ([*GOOD[:2], "90,nan", *GOOD[3:]], "t.csv, line 3: 'nan' is not a finite number"),

@@ -31,7 +31,7 @@ _ASSUMED = {ANGLE: "deg", TIME: "s"}
 """Default units of abscissae without a unit in the heading."""
 _OTHER_X = "Give the first column's quantity, like against = 'NAME_speed' for a joint's speed, or correct its heading"
 _OTHER_Y = "Choose another column, give bore or area for a pressure, or correct the heading"
-_FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
+_FEWEST_ROWS = 2  # a line
 _CLOSEST = 1e-12
 """Smallest distance of rows as a share of a table's span; below it slopes are rounding errors."""
 _SPAN = 1e-6  # relative tolerance of the period that the table covers
