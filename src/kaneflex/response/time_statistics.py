@@ -184,8 +184,8 @@ def _unseen(
     share, t = missed.max() / max(largest, np.finfo(float).tiny), times[int(missed.argmax())]
     if share > _UNSEEN:
         yield (
-            f"{thing} changes and returns within a step, by {share:.0%} of its largest value at t = {t:.4g} s: "
-            f"use more than solve.steps = {options.steps}"
+            f"{thing} is not resolved: within a step, at t = {t:.4g} s, it differs by {share:.0%} of its largest value "
+            f"from the line between its ends: use more than solve.steps = {options.steps}"
         )
 
 
