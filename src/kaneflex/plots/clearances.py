@@ -23,7 +23,6 @@ from kaneflex.solve.touching import eccentricity, record_of, worn
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
-    from kaneflex.scene import Scene
     from kaneflex.scene.clearances import LooseJoint
     from kaneflex.solve.solution import Solution
 
@@ -47,7 +46,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for name, loose in solution.model.scene.loose.items():
         found[f"clearance_{name}"] = _figure(shown, name, loose)
         rubs = loose.clearance.friction
-        if _is_pin(solution.model.scene, loose) and rubs is not None and rubs.wear is not None:
+        if _is_pin(loose, solution.model.scene.is_spatial) and rubs is not None and rubs.wear is not None:
             found[f"wear_{name}"] = _wear(shown, name, loose)
     return found
 
@@ -63,7 +62,7 @@ def _figure(shown: View, name: str, loose: LooseJoint) -> Figure:
     over, path = [figure.add_subplot(grid[0, 1])], figure.add_subplot(grid[:, 0])
     over.append(figure.add_subplot(grid[1, 1], sharex=over[0]))
     ends = dict(zip(_ENDS, loose.contacts, strict=False))
-    body = ("pin" if _is_pin(shown.solution.model.scene, loose) else "ball") if bearing else "block"
+    body = ("pin" if _is_pin(loose, shown.solution.model.scene.is_spatial) else "ball") if bearing else "block"
     parts = {body if tilts else f"{body}'s middle": (name, loose.contacts)}
     if loose.axis:
         parts = {end: (key, (key,)) for end, key in [*ends.items()][:2]}
@@ -135,14 +134,14 @@ def _tilts(loose: LooseJoint) -> bool:
     return loose.direction is not None and len(loose.direction) == 2
 
 
-def _is_pin(scene: Scene, loose: LooseJoint) -> bool:
+def _is_pin(loose: LooseJoint, in_space: bool) -> bool:
     """True for a pin in the plane or in space."""
-    return loose.direction is None and bool(loose.axis or not scene.is_spatial)
+    return loose.direction is None and bool(loose.axis or not in_space)
 
 
 def _picture(motion: Motion, loose: LooseJoint) -> tuple[Callable[[np.ndarray], np.ndarray], str, str, str]:
     """Projection of global vectors, (2 or 3, n_times), on a picture, and names of its axes and of their directions."""
-    view, axis = view_of(motion.model.scene), loose.axis or loose.direction
+    view, axis = view_of(motion.model.scene.is_spatial), loose.axis or loose.direction
     if _tilts(loose):  # its place and tilt, see Motion.clearance
         return lambda way: way[[2, 1]], "", "", ""
     if axis is None:

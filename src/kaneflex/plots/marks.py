@@ -43,7 +43,7 @@ class Standing:
 
     def __init__(self, scene: Scene, placed: Rigid) -> None:
         self.scene, self.placed = scene, placed
-        self.view = view_of(scene)
+        self.view = view_of(scene.is_spatial)
 
     @property
     def drives(self) -> Mapping[str, float]:

@@ -47,7 +47,7 @@ def rigid_scenery(scene: Scene, rigid: Rigid, view: np.ndarray | None = None) ->
 
     Instants at which the rigid mechanism has no place are left out. ``view``: projection, by default the scene's.
     """
-    view = view_of(scene) if view is None else view
+    view = view_of(scene.is_spatial) if view is None else view
     lines = np.concatenate([_places(rigid, name, used_points(scene, name)) for name in ("ground", *scene.bodies)])
     lines = lines[..., np.isfinite(lines).all(axis=(0, 1))]
     swept = _in_picture(lines, view).reshape(-1, 2)

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kaneflex.mechanism.body_frame import normal
-from kaneflex.scene import Scene
 
 ALONG_LINK = 33
 """Points along an elastic link."""
@@ -132,15 +131,15 @@ def name_axes(axes: Axes, view: np.ndarray, label: str) -> None:
         axes.set(xlabel=label.format(across), ylabel=label.format(up))
 
 
-def view_of(scene: Scene) -> np.ndarray:
-    """Projection of a scene onto the picture's plane, (2, 2 or 3)."""
-    *_, view = views_of(scene).values()
+def view_of(in_space: bool) -> np.ndarray:
+    """Projection of a mechanism onto the picture's plane, (2, 2 or 3)."""
+    *_, view = views_of(in_space).values()
     return view
 
 
-def views_of(scene: Scene) -> dict[str, np.ndarray]:
-    """Views of a scene by their names: in space along each axis, and at an angle."""
-    if not scene.is_spatial:
+def views_of(in_space: bool) -> dict[str, np.ndarray]:
+    """Views of a mechanism by their names: in space along each axis, and at an angle."""
+    if not in_space:
         return {"": np.eye(2)}
     return {f" {name}": view for name, view in (FLAT | {"at an angle": VIEW}).items()}
 

@@ -39,7 +39,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     shown, size = view(solution), scenery(solution).size
     curves = _together(shown, points, _ONE * size)
     note = "" if len(curves) <= len(PALETTE) else f", the first {len(PALETTE)} of {len(curves)}"
-    views, start = views_of(scene), f", starting at the ring, {dotted(shown)}"
+    views, start = views_of(scene.is_spatial), f", starting at the ring, {dotted(shown)}"
     figure = new_figure(11.8, 5.0, f"Paths and hodographs{start * (len(views) > 1)}{shown.note}{note}")
     grid, shapes = figure.add_gridspec(len(views), 2), list[float]()
     drawn = [*zip(curves.items(), PALETTE, strict=False)]

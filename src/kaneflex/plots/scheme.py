@@ -30,6 +30,7 @@ from kaneflex.plots.mechanism import Rigid, body_lines, joint_axes, rigid_outlin
 from kaneflex.plots.outlines import FLAT, Scenery, name_axes, seen
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError, counted
@@ -72,7 +73,7 @@ def scheme(scene: Scene, placed: Rigid) -> Figure:
     bodies = (*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values())
     labels = Labels(axes, [*(MM * part[0] for part in bodies), *ground])
     if not fixed.flat:
-        _draw_flat_views(figure, scene, placed, below)
+        _draw_flat_views(figure, scene.bodies, body_lines(scene, placed), below)
     _Parts(stand, fixed, axes, labels).draw()
     mark_sensors(axes, labels, sensors)
     labels.place()
@@ -106,10 +107,11 @@ def refuse_places(at: Mapping[str, float]) -> None:
         raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn at its start", cure)
 
 
-def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float) -> None:
-    """The bodies seen along the three axes, side by side below the drawing, in that share of the figure's height."""
+def _draw_flat_views(
+    figure: Figure, bodies: Mapping[str, Body], lines: Mapping[str, np.ndarray], height: float
+) -> None:
+    """Lines of bodies, seen along the three axes, side by side below the drawing, in that share of its height."""
     width, inches = figure.get_size_inches()
-    lines = body_lines(scene, placed)
     placed_at = np.concatenate([each[:, :, 0] for each in lines.values()])
     margin = 0.1 * np.ptp(placed_at, axis=0).max()  # or an axis could have a range of zero
     corners = np.array([placed_at.min(axis=0) - margin, placed_at.max(axis=0) + margin])
@@ -120,7 +122,7 @@ def _draw_flat_views(figure: Figure, scene: Scene, placed: Rigid, height: float)
         axes.set_title(title)
         axes.locator_params(nbins=5)
         for name, points in lines.items():
-            colour = ELASTIC if scene.bodies[name].elastic else "black"
+            colour = ELASTIC if bodies[name].elastic else "black"
             axes.plot(*(MM * seen(points[:, :, 0], view)).T, color=colour, marker="o", markersize=2.5, linewidth=1.6)
         axes.update_datalim(MM * seen(corners, view))
         axes.autoscale_view()

@@ -22,6 +22,7 @@ from kaneflex.solve.touching import sticks
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
+    from kaneflex.scene.parts import Joint
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
@@ -122,9 +123,9 @@ def accelerations(solution: Solution) -> list[str]:
     return [name for name, each in sensors if each.kind == "acceleration" and not each.component.startswith("angle")]
 
 
-def _is_axial(scene: Scene, sensor: Sensor) -> bool:
+def _is_axial(sensor: Sensor, joints: Mapping[str, Joint]) -> bool:
     """True for axial forces of links and forces on guides."""
-    on_guide = sensor.joint_force is not None and scene.joints[sensor.joint_force].kind == "prismatic"
+    on_guide = sensor.joint_force is not None and joints[sensor.joint_force].kind == "prismatic"
     return sensor.unit == "N" and (sensor.kind == "axial_force" or on_guide)
 
 
@@ -200,7 +201,7 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
         if f"{name}_rigid" in series:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)
-        if on_bench and _is_axial(scene, scene.sensors[name]):
+        if on_bench and _is_axial(scene.sensors[name], scene.joints):
             at = np.interp(reversals(shown.times, values[name]), shown.times, shown.x)
             axes.plot(
                 at, np.zeros(len(at)), "v", color=colour, markersize=5, markerfacecolor="white",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,7 +77,7 @@ def write_vtk(solution: Solution, folder: Path, frames: int | None = None) -> Pa
         data = {"displacement": displacement, "velocity": velocity, "acceleration": acceleration}
         meshio.Mesh(place, blocks, point_data=data, cell_data={"body": numbers}).write(folder / name)
     index = folder / INDEX
-    text = "\n".join(_index(scene, shown, names)) + "\n"
+    text = "\n".join(_index(scene.bodies, shown, names)) + "\n"
     index.write_text(text, encoding="utf-8", newline="\n")
     return index
 
@@ -111,11 +111,11 @@ def _blocks(cells: list[tuple[int, ...]], of_body: list[int]) -> tuple[list[tupl
     return blocks, numbers
 
 
-def _index(scene: Scene, shown: View, files: list[str]) -> Iterator[str]:
+def _index(bodies: Iterable[str], shown: View, files: list[str]) -> Iterator[str]:
     yield '<?xml version="1.0"?>'
     if shown.note:
         yield xml_comment(f"frames:{shown.note}")
-    yield xml_comment(f"body: {', '.join(f'{number} {name}' for number, name in enumerate(scene.bodies))}")
+    yield xml_comment(f"body: {', '.join(f'{number} {name}' for number, name in enumerate(bodies))}")
     yield '<VTKFile type="Collection" version="0.1">'
     yield "  <Collection>"
     for t, file in zip(shown.times.tolist(), files, strict=True):
