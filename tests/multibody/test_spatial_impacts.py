@@ -172,10 +172,12 @@ def test_a_ball_slides_in_a_bowl_as_by_quadrature():
 
     y = solve_ivp(rates, (0.0, 0.3), [*at, *velocity, 0, 0, 0], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     text = BOWL.replace("AT", str(at.tolist())).replace("VELOCITY", str(velocity.tolist()))
-    found = solved(scene_of(text + f"""
+    model = load(scene_of(text + f"""
 contacts.c = {{circle_in_circle = ["ball", "ground.origin"], radii = [0.1, 1], contact = {{law = "newton", restitution = 0}}, friction = {{mu = {mu}}}}}
 """))  # noqa: E501
-    assert found.trajectory.v[-1] == pytest.approx(y[3:], abs=1e-9)
+    for _ in range(2):  # nothing of a run is left for the next
+        found = simulate(model)
+        assert found.trajectory.v[-1] == pytest.approx(y[3:], abs=1e-9)
     lost = 0.5 * m * (1.0 - y[3:6] @ y[3:6]) - 0.5 * J * y[6:] @ y[6:] + m * G * (at[2] - y[2])
     assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(lost, rel=1e-9)
 
