@@ -66,7 +66,7 @@ def _number(section: str, text: str) -> float:
     help="Normal of the plane of motion; with --space, direction of the body's z axis. [default: 0 0 1]",
 )  # fmt: skip
 @click.option("--space", is_flag=True, help="Import for scenes in space; the body needs no mirror plane.")
-@click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Damping ratio of every shape.")
+@click.option("--damping", type=Real(0.0, 1.0), default=0.0, help="Damping ratio of every mode of the free link.")
 @output_option("FILE.npz", required=True)
 @force_option
 @json_option

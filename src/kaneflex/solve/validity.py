@@ -13,7 +13,7 @@ from kaneflex.response.time_statistics import at_least, between_steps
 from kaneflex.solve.linear_warnings import lost_stiffness, near_resonance
 from kaneflex.solve.one_way_run import run_of, run_one_way, storing
 from kaneflex.solve.run_result import RunResult, nominal_seconds
-from kaneflex.support.errors import UserError
+from kaneflex.support.errors import UserError, counted
 
 ADDED_UP = 0.01
 """Share of a sensor's peak up to which the sum of step errors, each as large as the worst, is accepted without a
@@ -178,7 +178,8 @@ def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
     if not worth:
         return []
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
-    more = f", and {len(worth) - 1} other sensors by more than {LARGEST_COUPLING:.0%}" if len(worth) > 1 else ""
+    others = counted(len(worth) - 1, "other sensor")
+    more = f", and {others} by more than {LARGEST_COUPLING:.0%}" if len(worth) > 1 else ""
     return [
         f"{link} deflects by {share:.1%} of its length: preset {model.options.preset} neglects the effect on the "
         f"motion, which changes {worst} by about {worth[worst]:.0%} of its peak{more}; compare with preset coupled"

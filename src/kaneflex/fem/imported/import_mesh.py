@@ -63,7 +63,7 @@ def import_mesh(
     coupling : {"rigid", "averaged"}
         Whether the nodes of a point move as one rigid body, or the point moves as their mean.
     damping : float
-        Damping ratio of every shape.
+        Damping ratio of every mode of the free link; a clamped one is damped less in its lowest modes.
     **options
         Fields of :class:`kaneflex.fem.imported.import_mesh.MeshOptions`.
 

@@ -38,7 +38,7 @@ def imported_data(link: ImportedMesh, modes: int, rigid: bool = True, damping: f
     rigid : bool
         True: the nodes of a point move as one body; False: the point moves as their mean.
     damping : float
-        Damping ratio of every shape.
+        Damping ratio of every mode of the free link.
 
     Raises
     ------
