@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from machines import machine
+from machines import changed, machine
 from scipy.integrate import solve_ivp
 
 from kaneflex import SceneError, linearise, load, scene_of, with_settings
@@ -46,6 +46,36 @@ def solved(text, *settings):
     found = solve(load(with_settings(scene_of(text), settings)))
     assert found.outcome.name == "COMPLETED", found.trajectory.message
     return found
+
+
+@pytest.mark.parametrize("steps", [100, 1000])
+def test_an_impact_pressed_to_three_times_its_speed_has_a_new_one_from_there(steps):
+    """Hunt and Crossley's law integrated by itself between the instants at which its compression triples."""
+    K, e, v_0, force, times = 1e6, 0.6, 0.02, 3000.0, np.linspace(0, 0.02, steps + 1)
+    press = f'loads.press = {{force_on = "ball", direction = [0, -1], law = "{force} * step(t - 3e-4)"}}\n'
+    text = changed(BALL, ('"-9.81 m/s^2"', "0"), ('"1 m"', f"0, initial_speed = {-v_0}"),
+                   ("{stiffness = 1e9, restitution = 0.7}",
+                    f'{{law = "hunt-crossley", stiffness = {K}, restitution = {e}}}'), ("", press))  # fmt: skip
+    found = solved(text, "solve.duration=0.02", f"solve.steps={steps}")
+
+    def rates(t, y):
+        depth, rate = max(y[0], 0.0), y[1]
+        return rate, force - K * depth**1.5 * (1 + 1.5 * (1 - e) * rate / v_0)
+
+    def tripled(t, y):
+        return y[1] - 3 * v_0
+
+    tripled.terminal, tripled.direction = True, 1
+    free = solve_ivp(lambda t, y: (y[1], rates(t, y)[1] - force), (0, 3e-4), (0.0, v_0), rtol=1e-12, atol=1e-15)
+    t, y, depth = 3e-4, free.y[:, -1], np.zeros(steps + 1)
+    while t < times[-1]:
+        part = solve_ivp(rates, (t, times[-1]), y, "DOP853", rtol=1e-12, atol=1e-15, events=tripled, dense_output=True)
+        inside = (times >= t) & (times <= part.t[-1])
+        depth, t, y = np.where(inside, part.sol(times)[0], depth), part.t[-1], part.y[:, -1]
+        v_0 = max(v_0, y[1]) if part.status == 1 else v_0
+    assert v_0 > 0.5
+    pressed = times > 3e-4
+    assert -found["height"].values[pressed] == pytest.approx(depth[pressed], abs=1e-6 * depth.max())
 
 
 def own(solution, name):

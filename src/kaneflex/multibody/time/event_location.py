@@ -48,6 +48,8 @@ _FIRST_HYSTERETIC = 2
 """First law, by number, that divides by an approach speed."""
 _FAR_FASTER = 3.0
 """Increase of an impact's speed that requires a new approach speed: pressing loads increase it at most 1.4 times."""
+_SAME_SPEED = 1e-9
+"""Share of the approach speed up to which its increase is located."""
 
 
 @of_changes(False)
@@ -229,7 +231,7 @@ def look(m, table, t, h, state, searched):
         return AT_ONCE
     if which == _NONE:
         if not searched:
-            return CHANGED if _harden(m, last) else PASSED
+            return PASSED
         which, how = int(w[shared + TARGET]), int(w[shared + FOUND_AT])
         if not _due(m, t, which, how, last):
             if high - h > finest:
@@ -272,7 +274,8 @@ def _first_change(m, table, t, h, state, n, last):
     """First change of a row in the step, as a share of it, and its kind.
 
     The gap of an open contact, or the speed of slipping friction, falls to zero; the gap of a closed contact rises to
-    zero; the force of a closed contact, the reserve of sticking friction, or the pull of a released contact ends.
+    zero, or its approach speed to that which replaces the first one; the force of a closed contact, the reserve of
+    sticking friction, or the pull of a released contact ends.
     """
     apart()
     w, mode = m.w, m.w[at(m, n) + MODE]
@@ -305,9 +308,23 @@ def _first_change(m, table, t, h, state, n, last):
             share = x_a + wide * (f_0 / (f_0 - f_1) if f_0 > 0.0 else 0.0)
             if share < x:
                 x, how = share, SHIFTS if n < 0 else LETS_GO if mode == CLOSED else PUSHES
+        if n >= 0 and _slower(m, n, w[b + 1]) < 0.0:
+            v_0, v_1 = _slower(m, n, w[a + 1]), _slower(m, n, w[b + 1])
+            share = x_a + wide * (v_0 / (v_0 - v_1) if v_0 > 0.0 else 0.0)
+            if share < x:
+                x, how = share, HARDENS
         if how:
             return x, how
     return NEVER, 0
+
+
+@njit(**OPTIONS)
+def _slower(m, n, rate):
+    """Approach speed missing to that which replaces a contact's first one [m/s]; 1 if its law divides by none."""
+    k = at(m, n)
+    if m.w[k + MODE] == CLOSED and _FIRST_HYSTERETIC <= m.acts[act_of(m, n), LAW] < NEWTON:
+        return _FAR_FASTER * m.w[k + MEMORY] + rate
+    return 1.0
 
 
 @njit(**OPTIONS)
@@ -318,6 +335,8 @@ def _due(m, t, n, how, last):
         return abs(w[j]) <= w[j + 2] and (w[at(m, n) + MODE] == STICKING or w[j + 1] < 0.0)
     if how == CLOSES or how == OPENS:
         return abs(w[j]) <= near(m, n, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
+    if how == HARDENS:
+        return abs(_slower(m, n, w[j + 1])) <= _SAME_SPEED * w[at(m, n) + MEMORY]
     return abs(w[j + 3]) <= no_force(m, n)
 
 
@@ -336,18 +355,8 @@ def _ahead(m, table, h, n, how, last):
     w, j = m.w, at(m, n) + NODES + 4 * last
     if how == CLOSES or how == OPENS or w[at(m, n) + MODE] == SLIPPING:
         return -w[j] / w[j + 1] if w[j + 1] != 0.0 else 0.0
-    slope = (w[j + 3] - w[j - 1]) / (h * (1.0 - table.nodes[last - 2]))
-    return -w[j + 3] / slope if slope != 0.0 else 0.0
-
-
-@njit(**OPTIONS)
-def _harden(m, last):
-    """Mark contacts whose speed at the step's end far exceeds the approach speed by which their law divides."""
-    apart()
-    w, found = m.w, False
-    for n in range(contacts(m)):
-        k = at(m, n)
-        if w[k + MODE] == CLOSED and _FIRST_HYSTERETIC <= m.acts[act_of(m, n), LAW] < NEWTON:
-            if -w[k + NODES + 4 * last + 1] > _FAR_FASTER * w[k + MEMORY]:
-                w[k + DUE], found = HARDENS, True
-    return found
+    before, value = w[j - 1], w[j + 3]
+    if how == HARDENS:
+        before, value = _slower(m, n, w[j - 3]), _slower(m, n, w[j + 1])
+    slope = (value - before) / (h * (1.0 - table.nodes[last - 2]))
+    return -value / slope if slope != 0.0 else 0.0
