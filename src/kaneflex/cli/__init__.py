@@ -4,7 +4,7 @@ import os
 import sys
 from types import ModuleType
 
-# Before numpy is imported: matrices are small, so that further threads of BLAS wait, which takes processor time.
+# Before numpy is imported. Matrices are small: further threads of BLAS only wait, which takes processor time.
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 

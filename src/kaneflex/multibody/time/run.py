@@ -88,7 +88,7 @@ class Run(RunCurve):
     def _begun(self, start: State) -> tuple[bool, float]:
         """Set the tables to the start; returns whether it is regular, and the first step [s]."""
         engine, t = self.engine, float(self.times[0])
-        # nothing of an earlier run: its records decide what counts as zero
+        # Else records of an earlier run decide which contacts are closed, and what counts as zero.
         engine.rows[:], engine.numbers(at.TOUCH, at.SHARED)[at.FLIGHT :] = 0.0, 0.0
         engine.holds[:, at.JAMS] = math.nan
         engine.take_impacts()
