@@ -162,8 +162,9 @@ class ImportedMesh:
         speed = math.sqrt(max(float(stretched @ (self.K @ stretched)), 0.0) / mass)
         if not _SPEEDS[0] < speed < _SPEEDS[1]:
             found.append(f"the speed of sound would be {speed:.3g} m/s, outside the range of materials")
-        around = float(np.prod(np.ptp(self.nodes, axis=0)))
-        if around > 0.0 and self.axes == 3 and not mass < _DENSEST * around:
+        extents = np.ptp(self.nodes, axis=0)
+        around, solid = float(np.prod(extents)), extents.min() > OPPOSITE * extents.max()
+        if solid and self.axes == 3 and not mass < _DENSEST * around:
             found.append(f"the density would be at least {mass / around:.3g} kg/m^3, outside the range of materials")
         return found
 
