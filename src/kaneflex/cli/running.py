@@ -286,6 +286,8 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
         drawn = _draw_all(solution, folder, target, waiting)
     for path in drawn:
         echo(f"Written to {path}")
+    if not drawn:
+        echo("Nothing drawn: the run has no values for these pictures.", err=True)
 
 
 def _demand_same(solution: Solution, folder: Path) -> None:
