@@ -313,6 +313,19 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2
 
 
+def test_an_interrupt_while_pictures_are_drawn_tells_of_the_dataset(tmp_path, monkeypatch):
+    file = tmp_path / "study.toml"
+    file.write_text('scene = "engine"\nsettings = ["solve.preset=rigid"]\n[parameters]\n"piston.mass" = [1, 2]\n')
+
+    def draw(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kaneflex.plots.draw", draw)
+    result = cli("sweep", file, "-o", tmp_path / "out")
+    assert result.exit_code == 130 and "finished points are kept" in result.stderr
+    assert (tmp_path / "out" / "sweep.nc").is_file()
+
+
 # ---- Poincare sections -------------------------------------------------------------------------------------------
 
 SECTION = HEAD + """

@@ -82,9 +82,16 @@ def sweep(
     folder = output or Path(f"{study.stem}-sweep")
     try:
         finished = go_through(plan, folder, solver, _reporter(), force)
+        _show(finished, plan, plots)
     except KeyboardInterrupt:
         echo(f"Interrupted; finished points are kept in {folder}. The same command continues.", err=True)
         ctx.exit(INTERRUPTED)
+    if len(finished.failures) == finished.total:
+        ctx.exit(STOPPED_EARLY)
+
+
+def _show(finished: Finished, plan: Plan, plots: bool) -> None:
+    """Print the failures and the file of a finished sweep, and draw its pictures if they are wanted."""
     for point, reason in list(finished.failures.items())[:_FAILURES_SHOWN]:
         echo(f"Point {point}: {reason}", err=True)
     if len(finished.failures) > _FAILURES_SHOWN:
@@ -93,8 +100,6 @@ def sweep(
     echo(f"Written to {finished.path}")
     for path in _drawn(finished, plan) if plots else ():
         echo(f"Drawn: {path}")
-    if len(finished.failures) == finished.total:
-        ctx.exit(STOPPED_EARLY)
 
 
 def _with_chosen_model(plan: Plan, choosing: Choosing) -> Plan:
