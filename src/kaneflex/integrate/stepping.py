@@ -38,12 +38,12 @@ def stepper(name: str) -> Callable[..., int]:
     return ctypes.CFUNCTYPE(ctypes.c_int64, *_ARGUMENTS)(addresses[_STEPPERS.index(name)])
 
 
-def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
-    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the matrix are stored, too."""
+def layout_of(system: AffineSystem, copies: int) -> Layout:
+    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the profile are stored, too."""
+    n, half_bandwidth = system.n, system.half_bandwidth
     rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
     width = (2 * half_bandwidth + 1) * copies
-    first = np.maximum(blocks - half_bandwidth, 0) * copies
-    last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
+    first, last = (each[blocks] * copies for each in system.profile)
     places = (each.astype(np.int64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
     return Layout(n * copies, n * copies * width, *places)
 
@@ -106,7 +106,7 @@ class Setup:
 
     def layout(self, copies: int) -> Layout:
         """Layout of the matrices of as many copies of all coordinates."""
-        return layout_of(self.system.n, self.system.half_bandwidth, copies)
+        return layout_of(self.system, copies)
 
     @cached_property
     def layouts(self) -> tuple[np.ndarray, np.ndarray]:

@@ -89,6 +89,18 @@ class AffineSystem:
         return matrix
 
     @cached_property
+    def profile(self) -> tuple[np.ndarray, np.ndarray]:
+        """First column of each row in the factors of M, C and K, and the one after the last: elimination fills no
+        others (Jennings 1966)."""
+        last = np.arange(self.n) + 1
+        for name in _MATRICES:
+            matrix = getattr(self, name)
+            rows, columns = self._places(rows_of(matrix)[matrix.data != 0.0])
+            np.maximum.at(last, np.minimum(rows, columns), np.maximum(rows, columns) + 1)
+        last = np.maximum.accumulate(last)
+        return np.searchsorted(last, np.arange(self.n), side="right"), last
+
+    @cached_property
     def stacked(self) -> SparseRows:
         """Rows of M, then C, then K, then F."""
         matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
